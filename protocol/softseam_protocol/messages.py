@@ -1,0 +1,410 @@
+"""Every message of softseam, declared once.
+
+Each message is a frozen dataclass. `codec` derives its protobuf form from the annotations: a field's number is
+its place in the class, so fields are only ever appended. Arrays are validated tensors: `Array("f8", None, 3)`
+is a float64 array of shape (n, 3) for any n.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+SCHEMA_VERSION = 1
+
+
+class Array:
+    """Shape and dtype that a tensor field must have; None leaves an axis free."""
+
+    __slots__ = ("dtype", "shape")
+
+    def __init__(self, dtype: str, *shape: int | None) -> None:
+        self.dtype = np.dtype("<" + dtype)
+        self.shape = shape
+
+
+Vectors = Annotated[NDArray[np.float64], Array("f8", None, 3)]
+Scalars = Annotated[NDArray[np.float64], Array("f8", None)]
+Vector3 = Annotated[NDArray[np.float64], Array("f8", 3)]
+Matrix = Annotated[NDArray[np.float64], Array("f8", None, None)]
+Wrenches = Annotated[NDArray[np.float64], Array("f8", None, 6)]
+Quaternions = Annotated[NDArray[np.float64], Array("f8", None, 4)]
+Ids = Annotated[NDArray[np.int32], Array("i4", None)]
+Labels = Annotated[NDArray[np.int8], Array("i1", None)]
+Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
+
+
+def _none(*shape: int) -> Any:
+    return field(default_factory=lambda: np.zeros(shape))
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Names a message: a request with the same header and kind is the same request."""
+
+    schema: int
+    session: str
+    participant: str
+    epoch: int
+    step: int
+    exchange: int
+    time: float
+    """simulation time at the start of the step [s]"""
+
+
+# ---- orchestrator to participant, and back ---------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """A scene and the files it names, so that a participant needs no shared file system."""
+
+    scene: str
+    """the scene as JSON"""
+    files: dict[str, bytes]
+    """file contents by the path the scene gives them"""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """State of the whole body (N nodes, P surface points) as it is handed over at a region switch."""
+
+    x: Vectors
+    """positions (N, 3) [m]"""
+    v: Vectors
+    """velocities (N, 3) [m/s]"""
+    contact_force: Vectors
+    """contact force on each surface point, world frame (P, 3) [N]"""
+    contact_tool: Ids
+    """tool that each surface point touches, -1 for none (P,)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Configure:
+    """Build a region: these cells of the body, with this model, in this state (rest if absent)."""
+
+    header: Header
+    bundle: Bundle
+    model: str
+    cells: Ids
+    seam_nodes: Ids
+    """global node ids tied to the other side, ascending, clamped nodes left out (s,)"""
+    state: BodyState | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Configured:
+    header: Header
+    n_nodes: int
+    n_cells: int
+    substeps: int
+    """substeps a step that the participant takes (1 for FEM)"""
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMotion:
+    """Poses of all tools at the start and the end of the step, in the scene's order (t tools)."""
+
+    position: Vectors
+    orientation: Quaternions
+    """unit quaternions w, x, y, z (t, 4)"""
+    position_next: Vectors
+    orientation_next: Quaternions
+
+
+@dataclass(frozen=True, slots=True)
+class Advance:
+    """Advance tentatively by one step; a new step number commits the tentative step before it.
+
+    The same step with a higher exchange number rolls back and redoes the step with the new seam force.
+    """
+
+    header: Header
+    dt: float
+    seam_force: Vectors
+    """force on this side's seam nodes, constant over the step (s, 3) [N]"""
+    tools: ToolMotion
+    compliance: bool = False
+    """also return d(seam_x)/d(seam_force)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Advanced:
+    header: Header
+    status: str
+    """'converged', or the text of a failure that names the remedy"""
+    seam_x: Vectors
+    """seam positions at the end of the step (s, 3) [m]"""
+    compliance: Matrix
+    """(3s, 3s) [m/N], or empty (0, 0)"""
+    wrench: Wrenches
+    """force and torque about each tool's centre that the body exerts on the tool (t, 6) [N, N m]"""
+    kinetic: float
+    strain: float
+    gravity: float
+    """potential energy of gravity relative to the rest position [J]"""
+    tool_work: float
+    """work of the tools on this region in the step [J]"""
+    seam_work: float
+    """work of the seam force on this region in the step [J]"""
+    momentum: Vector3
+    angular_momentum: Vector3
+    """about the world's origin [kg m^2/s]"""
+    penetration: float
+    """deepest penetration of a surface point into a tool [m]"""
+    slip: float
+    """largest accumulated slip of a touching point on a moving tool [m]"""
+    n_contacts: int
+    iterations: int
+    """Newton iterations, or sweeps"""
+    seconds: float
+    """wall time spent [s]; diagnostics only"""
+    cell_distance: Scalars
+    """least distance of each of the region's cells to a tool that makes cells near (n_cells,) [m]"""
+    bounds: Matrix
+    """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Commit:
+    """Accept the tentative step (done by the next Advance otherwise)."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Committed:
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Observe:
+    """Ask for the fields of the last advanced step."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """Fields of one region: its nodes, cells and surface points in ascending global order."""
+
+    header: Header
+    nodes: Ids
+    x: Vectors
+    v: Vectors
+    cauchy: Stresses
+    """Cauchy stress xx yy zz yz xz xy per octant of each cell (n_cells, 8, 6) [Pa]"""
+    points: Ids
+    point_x: Vectors
+    """positions of the region's surface points (p, 3) [m]"""
+    contact_force: Vectors
+    """contact force on each of them (p, 3) [N]"""
+    contact_tool: Ids
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Commit, then return everything that the participant's future depends on."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class SnapshotTaken:
+    header: Header
+    state: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Restore:
+    header: Header
+    state: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Restored:
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Forget a session's participant."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Released:
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """The answer to a request that cannot be served."""
+
+    kind: str
+    """'not_configured', 'stale', 'schema', 'invalid', 'internal'"""
+    message: str
+    """what is wrong and the remedy"""
+
+
+Request = Configure | Advance | Commit | Observe | Snapshot | Restore | Release
+Reply = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored | Released | Failure
+
+
+# ---- orchestrator to clients and recorders ---------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SeamReport:
+    """How well the two sides agree."""
+
+    gap: float
+    """largest position gap at commit [m]"""
+    exchanges: int
+    n_nodes: int
+    force: float
+    """largest multiplier [N]"""
+    work: float
+    """work of the seam, both sides together, in this step [J]"""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionReport:
+    """One region's size and energies [J]."""
+
+    model: str
+    n_cells: int
+    n_nodes: int
+    kinetic: float
+    strain: float
+    gravity: float
+    iterations: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class StepReport:
+    """What happened in one committed step; one is published for every step."""
+
+    header: Header
+    phase: int
+    """index of the motion phase, or -1"""
+    tool_position: Vectors
+    tool_orientation: Quaternions
+    wrench: Wrenches
+    quantities: dict[str, float]
+    seam: SeamReport
+    regions: dict[str, RegionReport]
+    energy: dict[str, float]
+    """ledger of the step: kinetic, strain, gravity, tool_work, seam_work, dissipation, switch [J]"""
+    momentum: Vector3
+    angular_momentum: Vector3
+    penetration: float
+    seconds: dict[str, float]
+    """wall seconds of the step by fem, pbd, coupling, bus, record, total"""
+    done: bool
+    command: Vectors
+    """tool velocities that were applied (t, 3) [m/s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The whole body at the end of a step: what a replay draws."""
+
+    header: Header
+    x: Vectors
+    """positions (N, 3) [m]; seam nodes are the near side's"""
+    cauchy: Stresses
+    """(n_cells, 8, 6) [Pa]"""
+    cell_near: Labels
+    """1 where a cell is near, 0 where far (n_cells,)"""
+    point_x: Vectors
+    contact_force: Vectors
+    """(P, 3) [N]"""
+    contact_tool: Ids
+    seam_nodes: Ids
+    multiplier: Vectors
+    """seam force on the near side (s, 3) [N]"""
+    tool_position: Vectors
+    tool_orientation: Quaternions
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something worth telling: a region switch, a phase, a fallback, an alarm, a recovery."""
+
+    header: Header
+    kind: str
+    message: str
+
+
+# ---- client to orchestrator, and back --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Open:
+    """Open a session on a scene."""
+
+    header: Header
+    bundle: Bundle
+    record: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    header: Header
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Take `count` steps with these tool velocities, or with the scene's motion where `program` is set."""
+
+    header: Header
+    count: int
+    program: bool
+    velocities: dict[str, Vector3]
+    fields: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Save:
+    """Return the state of the whole simulation."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    header: Header
+    state: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    header: Header
+    state: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """The answer to Open, Reset, Step and Load: the last step's report, its frame if asked for, and events since."""
+
+    header: Header
+    report: StepReport
+    frame: Frame | None
+    events: list[Event]

@@ -1,0 +1,114 @@
+"""The body in cells: what both models share, built once from a scene and never changed.
+
+Local order. A cell has 27 nodes on a 3 x 3 x 3 lattice, a = i + 3 j + 9 k with i, j, k in {0, 1, 2} along x, y, z, and
+8 octants, o = i + 2 j + 4 k with i, j, k in {0, 1}. Octant (i, j, k) has the 8 corner nodes
+(i + ci) + 3 (j + cj) + 9 (k + ck). FEM takes a cell as one hex27; PBD takes it as 8 hex8 blocks, one an octant:
+same nodes, same masses, same energy density.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Material:
+    """Elastic constants. kind: 'neo_hookean' or 'linear'."""
+
+    kind: str
+    mu: float
+    """shear modulus [Pa]"""
+    lambda_: float
+    """first Lame constant [Pa]"""
+    density: float
+    """at rest [kg/m^3]"""
+
+    @property
+    def wave_speed(self) -> float:
+        """P-wave speed sqrt((lambda + 2 mu)/rho) [m/s]."""
+        return float(np.sqrt((self.lambda_ + 2.0 * self.mu) / self.density))
+
+    @property
+    def young(self) -> float:
+        """Young's modulus mu (3 lambda + 2 mu)/(lambda + mu) [Pa]."""
+        return self.mu * (3.0 * self.lambda_ + 2.0 * self.mu) / (self.lambda_ + self.mu)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Points of the true surface: contact, display and stress read-out happen here (P points, T triangles).
+
+    On a block the points are the lattice nodes of the surface (each weight is one node).
+    """
+
+    cell: Ints
+    """cell that carries each point (P,)"""
+    local: Floats
+    """coordinates in that cell, each in [-1, 1] (P, 3)"""
+    area: Floats
+    """rest area that the point stands for in contact [m^2]; 0 where it is for display only (P,)"""
+    normal: Floats
+    """outward unit normal at rest (P, 3)"""
+    triangles: Ints
+    """counter-clockwise from outside (T, 3)"""
+
+
+@dataclass(frozen=True)
+class Body:
+    """N nodes, C cells."""
+
+    x_rest: Floats
+    """(N, 3) [m]"""
+    cell_nodes: Ints
+    """global node ids in local order (C, 27)"""
+    cell_grid: Ints
+    """indices of each cell in the grid (C, 3)"""
+    edges: Floats
+    """edge lengths of a cell (3,) [m]; a PBD block is half of that"""
+    fill: Floats
+    """filled fraction of each octant, in (0, 1], or 0 (C, 8)"""
+    cell_mass: Floats
+    """mass that each cell gives to each of its nodes, all > 0 where a filled octant touches the node (C, 27) [kg]"""
+    fixed: NDArray[np.bool_]
+    """clamped nodes (N,)"""
+    material: Material
+    surface: Surface
+    gravity: Floats
+    """(3,) [m/s^2]"""
+    v_initial: Floats
+    """(N, 3) [m/s]"""
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.x_rest)
+
+    @property
+    def n_cells(self) -> int:
+        return len(self.cell_nodes)
+
+
+@dataclass(frozen=True)
+class Region:
+    """Some cells of a body, numbered on their own: what a participant computes with (n nodes, c cells, p points)."""
+
+    cells: Ints
+    """global cell ids, ascending (c,)"""
+    nodes: Ints
+    """global node ids, ascending (n,)"""
+    cell_nodes: Ints
+    """local node ids (c, 27)"""
+    mass: Floats
+    """mass of this region's cells only (n,) [kg]"""
+    fixed: NDArray[np.bool_]
+    seam: Ints
+    """local ids of the seam nodes, in the order of the request (s,)"""
+    points: Ints
+    """global ids of the surface points carried by these cells, ascending (p,)"""
+    point_cell: Ints
+    """local cell ids (p,)"""

@@ -1,0 +1,39 @@
+"""What the orchestrator may ask of a participant, whatever its model and wherever it runs.
+
+States: (configure) -> [advance -> commit]* -> release. `advance` is tentative and idempotent: the header names it, the
+last reply is kept, a repeated request gets the same reply. An `Advance` for step n + 1 commits the tentative step n;
+one for the same step with a higher exchange number starts again from the committed state. `snapshot` commits first and
+drops every cache that could change later bits (stale factors, warm starts), so that a run that was restored and one
+that was not are bit-identical from there on.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from softseam_protocol.messages import (
+    Advance,
+    Advanced,
+    Configure,
+    Configured,
+    Fields,
+)
+
+
+class Solver(Protocol):
+    """One region with one model: `FemSolver` and `PbdSolver`. Knows no bus, no header, no clock."""
+
+    def advance(self, request: Advance) -> Advanced: ...
+
+    def commit(self) -> None:
+        """Accept the tentative step; does nothing if there is none."""
+
+    def fields(self, request_header: object) -> Fields: ...
+
+    def snapshot(self) -> bytes: ...
+
+    def restore(self, state: bytes) -> None: ...
+
+
+class SolverFactory(Protocol):
+    def __call__(self, request: Configure) -> tuple[Solver, Configured]: ...
