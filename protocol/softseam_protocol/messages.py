@@ -35,6 +35,8 @@ Quaternions = Annotated[NDArray[np.float64], Array("f8", None, 4)]
 Ids = Annotated[NDArray[np.int32], Array("i4", None)]
 Labels = Annotated[NDArray[np.int8], Array("i1", None)]
 Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
+Octants = Annotated[NDArray[np.float64], Array("f8", None, 8)]
+Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3)]
 
 
 def _none(*shape: int) -> Any:
@@ -408,3 +410,56 @@ class Observation:
     report: StepReport
     frame: Frame | None
     events: list[Event]
+
+
+# ---- to recorders and viewers, once a session; and back -----------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceMesh:
+    """What a viewer needs to draw a body's frames (C cells, P surface points, T triangles)."""
+
+    header: Header
+    point_rest: Vectors
+    """surface points at rest (P, 3) [m]"""
+    triangles: Triangles
+    """counter-clockwise from outside (T, 3)"""
+    cell_center: Vectors
+    """centres of the cells at rest (C, 3) [m]"""
+    edges: Vector3
+    """edge lengths of a cell [m]"""
+    fill: Octants
+    """filled fraction of each octant (C, 8)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """A session begins: what its recording must hold to be drawn and simulated again."""
+
+    header: Header
+    bundle: Bundle
+    seed: int
+    facts: dict[str, str]
+    """versions and machine of the process that simulates"""
+    surface: SurfaceMesh
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """A session has ended: its recording can be closed."""
+
+    header: Header
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """Progress of a recorder: everything up to here is in the file, but for `lost` messages."""
+
+    header: Header
+    path: str
+    messages: int
+    lost: int
+    bytes: int
+    note: str
+    """'recording', 'closed', or why messages are lost"""
