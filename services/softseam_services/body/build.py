@@ -1,0 +1,96 @@
+"""A scene's body spec -> the body in cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from softseam_protocol.scene import BlockShape, BodySpec, BoxRegion, Scene
+
+from softseam_services.body.block import block_surface
+from softseam_services.body.body import Body, Floats, Ints, Surface
+from softseam_services.body.lattice import SIMPSON, divide, number_nodes
+from softseam_services.body.materials import build_material
+
+_CLAMP_TOLERANCE = 1e-9
+
+
+def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
+    """Build the body; the same scene and files give the same bits in every process.
+
+    files: contents by the path that the scene gives them; raises MeshError where a shape cannot be simulated.
+    """
+    spec = scene.body
+    if isinstance(spec.shape, BlockShape):
+        return _block(scene, spec.shape)
+    raise ValueError("mesh shapes are read by the importer")
+
+
+def _block(scene: Scene, shape: BlockShape) -> Body:
+    spec = scene.body
+    size = np.array(shape.size)
+    counts, edges = divide(size, cell_edges(spec))
+    cell_grid, cell_nodes, node_grid = number_nodes(np.ones(counts, dtype=np.bool_))
+    corner = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * size
+    x_rest = corner + size * (node_grid / (2.0 * counts))
+    mass = spec.material.density * edges.prod() * SIMPSON
+    return assemble(
+        scene,
+        x_rest=x_rest,
+        cell_nodes=cell_nodes,
+        cell_grid=cell_grid,
+        edges=edges,
+        fill=np.ones((len(cell_nodes), 8)),
+        cell_mass=np.tile(mass, (len(cell_nodes), 1)),
+        surface=block_surface(counts, edges, cell_nodes, node_grid),
+    )
+
+
+def cell_edges(spec: BodySpec) -> Floats | None:
+    """Wanted cell edges (3,) [m], or None where the scene leaves them open."""
+    if spec.cell is None:
+        return None
+    return np.array(spec.cell) if isinstance(spec.cell, tuple) else np.full(3, spec.cell)
+
+
+def assemble(
+    scene: Scene,
+    *,
+    x_rest: Floats,
+    cell_nodes: Ints,
+    cell_grid: Ints,
+    edges: Floats,
+    fill: Floats,
+    cell_mass: Floats,
+    surface: Surface,
+) -> Body:
+    """Add what every shape has alike: material, clamped nodes, initial velocities, gravity."""
+    spec = scene.body
+    fixed = _clamped(x_rest, spec.fixed)
+    mass = np.zeros(len(x_rest))
+    np.add.at(mass, cell_nodes, cell_mass)
+    centre = mass @ x_rest / mass.sum()
+    v_initial = np.array(spec.velocity) + np.cross(np.array(spec.spin), x_rest - centre)
+    v_initial[fixed] = 0.0
+    return Body(
+        x_rest=np.ascontiguousarray(x_rest),
+        cell_nodes=cell_nodes,
+        cell_grid=cell_grid,
+        edges=edges,
+        fill=fill,
+        cell_mass=cell_mass,
+        fixed=fixed,
+        material=build_material(spec.material),
+        surface=surface,
+        gravity=np.array(scene.gravity),
+        v_initial=v_initial,
+    )
+
+
+def _clamped(x_rest: Floats, boxes: tuple[BoxRegion, ...]) -> NDArray[np.bool_]:
+    slack = _CLAMP_TOLERANCE * float(np.ptp(x_rest, axis=0).max())
+    fixed = np.zeros(len(x_rest), dtype=np.bool_)
+    for box in boxes:
+        fixed |= np.all((x_rest >= np.array(box.min) - slack) & (x_rest <= np.array(box.max) + slack), axis=1)
+    return fixed

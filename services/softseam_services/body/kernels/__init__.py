@@ -1,0 +1,1 @@
+"""Loops over cells, triangles and surface points of the body."""

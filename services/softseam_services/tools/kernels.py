@@ -1,0 +1,106 @@
+"""Signed distance to a tool, for every participant's contact loop.
+
+Quaternions are unit, w x y z, and turn the tool's frame into the world's: y_world = position + R y_tool.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.tools.tool_set import BOX, PLANE
+
+
+@njit(cache=True, error_model="numpy")
+def rotate(q, x, y, z):
+    """R(q) (x, y, z): from the tool's frame to the world's. v + w t + q x t with t = 2 q x v."""
+    tx = 2.0 * (q[2] * z - q[3] * y)
+    ty = 2.0 * (q[3] * x - q[1] * z)
+    tz = 2.0 * (q[1] * y - q[2] * x)
+    return (
+        x + q[0] * tx + q[2] * tz - q[3] * ty,
+        y + q[0] * ty + q[3] * tx - q[1] * tz,
+        z + q[0] * tz + q[1] * ty - q[2] * tx,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def rotate_back(q, x, y, z):
+    """R(q)^T (x, y, z): from the world's frame to the tool's."""
+    tx = 2.0 * (q[3] * y - q[2] * z)
+    ty = 2.0 * (q[1] * z - q[3] * x)
+    tz = 2.0 * (q[2] * x - q[1] * y)
+    return (
+        x + q[0] * tx - q[2] * tz + q[3] * ty,
+        y + q[0] * ty - q[3] * tx + q[1] * tz,
+        z + q[0] * tz - q[1] * ty + q[2] * tx,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def tool_gap(kind, shape, position, orientation, point):
+    """Signed distance of a point to a tool and the tool's outward unit normal at the nearest point: gap, nx, ny, nz.
+
+    gap < 0 inside. A box is exact outside, edges and corners included; inside, the nearest face counts. At a sphere's
+    centre, and nowhere else, the normal is an arbitrary choice (+z).
+
+    kind         PLANE, BOX or SPHERE
+    shape        (3,)  unit normal, half edges [m], or (radius, ., .) [m], in the tool's frame
+    position     (3,)  a point of the plane, or the centre [m]
+    orientation  (4,)  unit quaternion w, x, y, z
+    point        (3,)  [m]
+    """
+    dx = point[0] - position[0]
+    dy = point[1] - position[1]
+    dz = point[2] - position[2]
+    if kind == PLANE:
+        nx, ny, nz = rotate(orientation, shape[0], shape[1], shape[2])
+        return dx * nx + dy * ny + dz * nz, nx, ny, nz
+    if kind == BOX:
+        x, y, z = rotate_back(orientation, dx, dy, dz)
+        ox, oy, oz = abs(x) - shape[0], abs(y) - shape[1], abs(z) - shape[2]
+        sx = 1.0 if x >= 0.0 else -1.0
+        sy = 1.0 if y >= 0.0 else -1.0
+        sz = 1.0 if z >= 0.0 else -1.0
+        mx, my, mz = max(ox, 0.0), max(oy, 0.0), max(oz, 0.0)
+        gap = np.sqrt(mx * mx + my * my + mz * mz)
+        if gap > 0.0:
+            nx, ny, nz = rotate(orientation, sx * mx / gap, sy * my / gap, sz * mz / gap)
+            return gap, nx, ny, nz
+        if ox >= oy and ox >= oz:
+            nx, ny, nz = rotate(orientation, sx, 0.0, 0.0)
+            return ox, nx, ny, nz
+        if oy >= oz:
+            nx, ny, nz = rotate(orientation, 0.0, sy, 0.0)
+            return oy, nx, ny, nz
+        nx, ny, nz = rotate(orientation, 0.0, 0.0, sz)
+        return oz, nx, ny, nz
+    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+    if distance == 0.0:
+        return -shape[0], 0.0, 0.0, 1.0
+    return distance - shape[0], dx / distance, dy / distance, dz / distance
+
+
+@njit(cache=True, error_model="numpy")
+def cell_distances(x, cell_nodes, kind, shape, position, orientation, near, node_gap, distance):
+    """Least gap of each cell's 27 nodes to any near tool [m]; infinite without a near tool.
+
+    x            (n, 3)   node positions [m]
+    cell_nodes   (c, 27)  local node ids
+    kind, shape, position, orientation  (t,), (t, 3), (t, 3), (t, 4)  as in `tool_gap`
+    near         (t,)     tools that count
+    node_gap     (n,)     workspace, overwritten
+    distance     (c,)     updated in place
+    """
+    for node in range(len(x)):
+        least = np.inf
+        for tool in range(len(kind)):
+            if near[tool]:
+                gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], x[node])[0]
+                least = min(least, gap)
+        node_gap[node] = least
+    for cell in range(len(cell_nodes)):
+        least = np.inf
+        for a in range(27):
+            least = min(least, node_gap[cell_nodes[cell, a]])
+        distance[cell] = least
