@@ -1,0 +1,58 @@
+# softseam: `make demo` and `make test` need Python >= 3.11 and make, nothing else.
+
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint types lock clean
+
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
+VENV := .venv
+PY := $(VENV)/bin/python
+SOURCES := protocol coupling services clients tests
+PIP := $(PY) -m pip --disable-pip-version-check --quiet
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
+
+demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recording, report and pictures in out/
+	@$(VENV)/bin/softseam demo
+
+test: $(VENV)/.dev ## every gate: format, lint, types, layers, tests (fast ones first)
+	@sh .ci/gates $(PY)
+
+lint: $(VENV)/.dev ## format and lint the sources in place
+	@$(PY) -m ruff format $(SOURCES)
+	@$(PY) -m ruff check --fix $(SOURCES)
+
+types: $(VENV)/.dev ## strict type check
+	@$(PY) -m mypy
+
+lock: ## resolve requirements.lock and requirements-dev.lock anew
+	@sh .ci/lock "$(PYTHON)"
+
+clean: ## remove the environment, caches and outputs
+	rm -rf $(VENV) build dist out .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find $(SOURCES) -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(PY):
+	@test -n "$(PYTHON)" || { echo "softseam needs Python 3.11 or newer: install it, or say where it is: make PYTHON=/path/to/python3" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "$(PYTHON) is not Python 3.11 or newer: make PYTHON=/path/to/python3" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import ensurepip, venv' 2>/dev/null || { \
+		echo "$(PYTHON) cannot make virtual environments: its distribution ships ensurepip apart." >&2; \
+		echo "On Debian and Ubuntu: apt-get install python3-venv" >&2; exit 1; }
+	@echo "creating $(VENV) with $$($(PYTHON) --version)"
+	@"$(PYTHON)" -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
+
+# A stamp is newer than its lock once the lock is installed; pyproject.toml names the entry points.
+$(VENV)/.run: requirements.lock pyproject.toml | $(PY)
+	@echo "installing what $< pins (some 250 MB the first time)"
+	@$(PIP) install --require-hashes -r $<
+	@$(PIP) install --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.dev: requirements-dev.lock pyproject.toml | $(PY)
+	@echo "installing what $< pins (some 300 MB the first time)"
+	@$(PIP) install --require-hashes -r $<
+	@$(PIP) install --no-deps --no-build-isolation -e .
+	@touch $@ $(VENV)/.run
