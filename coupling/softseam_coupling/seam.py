@@ -1,0 +1,282 @@
+"""The seam: one multiplier a macro step holds the shared nodes of two regions together.
+
+Sign convention, fixed here and nowhere else. At the s shared nodes
+
+    gap g = x_near - x_far                  (s, 3) [m], at the end of the step, absolute
+    multiplier lambda                       (s, 3) [N], the force on the NEAR side; the far side feels -lambda
+
+so a positive multiplier pushes the near side along the positive axis. In matrix form A u = f + B^T lambda, B u = g
+with B = (+1 on near, -1 on far). With the compliances H = d(seam x)/d(seam force), both positive semidefinite, the dual
+system of a round is
+
+    (H_near + H_far) dlambda = -g                                             (1)
+
+`SeamSolver` is the configuration and never changes; `SeamState` is everything that evolves; `SeamRound` is the answer of
+one round. A step of the orchestrator:
+
+    lambda_ = solver.predict(state)
+    while True:
+        gap = <advance near with +lambda_ and far with -lambda_>
+        answer = solver.update(state, lambda_, gap)
+        if answer.outcome is Outcome.ACCEPT: break
+        if answer.outcome is Outcome.REBUILD: <ask for compliances with the next exchange>, solver.reset(state, H)
+        lambda_ = answer.lambda_
+    solver.commit(state, lambda_)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from softseam_coupling.kernels.extrapolate import LENGTHS, NAMES, WEIGHTS, extrapolate, remember
+from softseam_coupling.kernels.quasi_newton import exchange_round
+
+Floats = NDArray[np.float64]
+
+__all__ = ["Outcome", "SeamRound", "SeamSolver", "SeamState", "carry_multiplier"]
+
+
+class Outcome(Enum):
+    """What to do after a round; the text is fit for a person."""
+
+    ACCEPT = "the two sides agree"
+    AGAIN = "the gap shrinks: exchange once more"
+    REBUILD = "the gap hardly shrinks: ask both sides for their compliance and reset the seam"
+    NOT_FINITE = "a side answered with NaN or infinity: go back to the committed state and cut the step"
+
+
+@dataclass(frozen=True, slots=True)
+class SeamRound:
+    """Answer of one round."""
+
+    outcome: Outcome
+    lambda_: Floats
+    """multiplier to try next (s, 3) [N]; the last committed one where the gap was not finite"""
+    gap: float
+    """largest nodal gap of the multiplier just tried [m]"""
+    kappa: float
+    """norm of the residual over that of the round before [1]; infinite in the first round"""
+
+
+@dataclass(slots=True)
+class SeamState:
+    """Everything that evolves; n = 3 s unknowns."""
+
+    inverse: Floats
+    """approximate inverse of the compliance, with all corrections so far (n, n) [N/m]"""
+    history: Floats
+    """last committed multipliers, newest first (4, n) [N]"""
+    tried: Floats
+    """this step's last and best multiplier, each followed by its residual (4, n)"""
+    scale: Floats
+    """diagonal of the compliance (n,) [m/N]"""
+    errors: Floats
+    """mean square error of each way to predict (5,) [m^2]"""
+    n_history: int = 0
+    n_tried: int = 0
+    """rounds of this step since the last reset"""
+    rank: int = 0
+    """independent constraints, at most n; 0 before the first reset"""
+    spring: float = 0.0
+    """compliance of the seam spring in this step [m/N]"""
+    predictor: int = -1
+    """row of the way of predicting last used, -1 for none"""
+    _work: Floats = field(default_factory=lambda: np.zeros((4, 0)), repr=False)
+
+    @property
+    def n_nodes(self) -> int:
+        return self.inverse.shape[0] // 3
+
+    @property
+    def predictor_name(self) -> str:
+        return NAMES[self.predictor] if self.predictor >= 0 else "zero"
+
+    def to_arrays(self) -> dict[str, Floats]:
+        """Copies for a checkpoint; `from_arrays` restores them bit for bit."""
+        numbers = [self.n_history, self.n_tried, self.rank, self.spring, self.predictor]
+        return {
+            "inverse": self.inverse.copy(),
+            "history": self.history.copy(),
+            "tried": self.tried.copy(),
+            "scale": self.scale.copy(),
+            "errors": self.errors.copy(),
+            "numbers": np.array(numbers, dtype=np.float64),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Floats]) -> SeamState:
+        n_history, n_tried, rank, spring, predictor = (float(number) for number in arrays["numbers"])
+        n = arrays["inverse"].shape[0]
+        return cls(
+            inverse=np.array(arrays["inverse"], order="C"),
+            history=np.array(arrays["history"], order="C"),
+            tried=np.array(arrays["tried"], order="C"),
+            scale=np.array(arrays["scale"], order="C"),
+            errors=np.array(arrays["errors"], order="C"),
+            n_history=int(n_history),
+            n_tried=int(n_tried),
+            rank=int(rank),
+            spring=spring,
+            predictor=int(predictor),
+            _work=np.zeros((4, n)),
+        )
+
+
+@dataclass(frozen=True)
+class SeamSolver:
+    """Dual seam solver: exact compliance, then good-Broyden corrections kept across steps."""
+
+    tolerance: float
+    """largest nodal gap that is accepted [m]"""
+    slack: float = 1.0
+    """a round that cut the residual to kappa_accept may leave slack * tolerance: the gap does not accumulate [1]"""
+    kappa_accept: float = 0.1
+    kappa_rebuild: float = 0.5
+    """a round that leaves more than this fraction asks for a new compliance [1]"""
+    predictor: str = "auto"
+    """'auto' (the one that would have left the smallest gap lately) or a name of `extrapolate.NAMES`"""
+    regularisation: float = 0.0
+    """compliance of an implicit spring in the seam, in mean diagonals of H; damps a sawtooth in lambda [1]"""
+    spring_gap: float = 0.0
+    """most gap that the spring may open [m]: its compliance is cut to spring_gap / max |lambda|"""
+    truncation: float = 1e-8
+    """eigenvalues of H below truncation * largest are redundant constraints and dropped [1]"""
+    noise: float = 0.0
+    """a pair of rounds whose gaps differ by less at every node is not learned from [m]"""
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0.0:
+            raise ValueError(f"the seam's tolerance must be positive, not {self.tolerance}")
+        if self.predictor not in ("auto", *NAMES):
+            raise ValueError(f"unknown predictor {self.predictor!r}: use 'auto' or one of {', '.join(NAMES)}")
+        if not 0.0 <= self.regularisation <= 1.0:
+            raise ValueError(f"regularisation must lie in [0, 1] mean diagonals of H, not {self.regularisation}")
+
+    def init(self, n_nodes: int, lambda_: Floats | None = None) -> SeamState:
+        """A state without compliance; call `reset` before the first `update`.
+
+        lambda_  (s, 3) [N]  first prediction (zero if absent), for instance from `carry_multiplier`
+        """
+        n = 3 * n_nodes
+        state = SeamState(
+            inverse=np.zeros((n, n)),
+            history=np.zeros((4, n)),
+            tried=np.zeros((4, n)),
+            scale=np.ones(n),
+            errors=np.full(len(NAMES), np.inf),
+            _work=np.zeros((4, n)),
+        )
+        if lambda_ is not None:
+            state.history[0] = lambda_.reshape(n)
+            state.n_history = 1
+        return state
+
+    def reset(self, state: SeamState, compliance: Floats) -> int:
+        """Take a new compliance H_near + H_far and forget all corrections; history of multipliers stays.
+
+        compliance  (3s, 3s) [m/N]; its symmetric part is used
+        Returns the rank: fewer than 3 s where constraints are redundant (two regions clamp the same node, cross points)
+        or where neither side yields. Raises ValueError for a compliance that is not finite or nowhere positive.
+        """
+        n = 3 * state.n_nodes
+        if compliance.shape != (n, n):
+            raise ValueError(f"compliance has shape {compliance.shape}, the seam wants {(n, n)}")
+        h = 0.5 * (compliance + compliance.T)
+        if not np.isfinite(h).all():
+            raise ValueError("the seam compliance holds NaN or infinity: rebuild the regions from the last checkpoint")
+        state.n_tried = 0
+        if n == 0:
+            return 0
+        diagonal = np.diagonal(h).copy()
+        mean = float(diagonal.mean())
+        if not mean > 0.0:
+            raise ValueError("neither side of the seam yields to a force: are all seam nodes clamped?")
+        state.scale[:] = diagonal
+        if self.regularisation > 0.0:
+            h[np.diag_indices(n)] += self.regularisation * mean
+        state.rank = _invert(h, self.truncation, state.inverse)
+        return state.rank
+
+    def predict(self, state: SeamState) -> Floats:
+        """Multiplier for the first exchange of a step (s, 3) [N]; a new array."""
+        out = np.empty(3 * state.n_nodes)
+        fixed = -1 if self.predictor == "auto" else NAMES.index(self.predictor)
+        state.predictor = extrapolate(state.history, state.n_history, WEIGHTS, LENGTHS, state.errors, fixed, out)
+        state.n_tried = 0
+        state.spring = 0.0
+        if self.regularisation > 0.0 and out.size:
+            largest = float(np.abs(out).max())
+            nominal = self.regularisation * float(state.scale.mean())
+            state.spring = min(nominal, self.spring_gap / largest) if largest > 0.0 else nominal
+        return out.reshape(-1, 3)
+
+    def update(self, state: SeamState, lambda_: Floats, gap: Floats) -> SeamRound:
+        """Take the gap (s, 3) [m] that lambda_ (s, 3) [N] left and say what to do next."""
+        out = np.empty(3 * state.n_nodes)
+        largest, residual, kappa, _ = exchange_round(
+            state.inverse,
+            state.tried,
+            state._work,
+            np.ascontiguousarray(lambda_).reshape(-1),
+            np.ascontiguousarray(gap).reshape(-1),
+            state.spring,
+            state.n_tried,
+            self.noise,
+            out,
+        )
+        if np.isnan(largest):
+            return SeamRound(Outcome.NOT_FINITE, state.history[0].copy().reshape(-1, 3), float("nan"), float("inf"))
+        first = state.n_tried == 0
+        state.n_tried += 1
+        if residual <= self.tolerance or (kappa <= self.kappa_accept and residual <= self.slack * self.tolerance):
+            outcome = Outcome.ACCEPT
+        elif first or kappa <= self.kappa_rebuild:
+            outcome = Outcome.AGAIN
+        else:
+            outcome = Outcome.REBUILD
+        return SeamRound(outcome, out.reshape(-1, 3), largest, kappa)
+
+    def commit(self, state: SeamState, lambda_: Floats) -> None:
+        """Accept the multiplier of the step: it enters the history, and every way to predict is scored on it."""
+        flat = np.ascontiguousarray(lambda_).reshape(-1)
+        state.n_history = remember(state.history, state.n_history, WEIGHTS, LENGTHS, state.scale, flat, state.errors)
+        state.n_tried = 0
+
+
+def _invert(h: Floats, truncation: float, out: Floats) -> int:
+    """Inverse of a symmetric (n, n) matrix into `out`, without the eigenvectors below truncation * largest; the rank.
+
+    Cholesky where LAPACK's condition estimate allows it; else the eigenvectors, about twenty times dearer.
+    """
+    n = h.shape[0]
+    norm = float(np.abs(h).sum(axis=0).max())
+    factor, info = lapack.dpotrf(h, lower=1, clean=1)
+    if info == 0:
+        rcond, _ = lapack.dpocon(factor, norm, uplo="L")
+        if rcond > truncation:
+            lower, _ = lapack.dpotri(factor, lower=1)
+            out[:] = lower
+            upper = np.triu_indices(n, 1)
+            out[upper] = out.T[upper]
+            return n
+    values, vectors = np.linalg.eigh(h)
+    kept = values > truncation * values[-1]
+    out[:] = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    return int(kept.sum())
+
+
+def carry_multiplier(nodes_old: NDArray[np.int32], lambda_: Floats, nodes_new: NDArray[np.int32]) -> Floats:
+    """First guess for the multipliers of a new seam: the old ones at nodes that stay on it, zero elsewhere.
+
+    nodes_old, nodes_new  (s,), (t,) global node ids, ascending
+    """
+    out = np.zeros((len(nodes_new), 3))
+    _, old, new = np.intersect1d(nodes_old, nodes_new, assume_unique=True, return_indices=True)
+    out[new] = lambda_[old]
+    return out
