@@ -1,14 +1,14 @@
 """Every message of softseam, declared once.
 
 Each message is a frozen dataclass. `codec` derives its protobuf form from the annotations: a field's number is
-its place in the class, so fields are only ever appended. Arrays are validated tensors: `Array("f8", None, 3)`
-is a float64 array of shape (n, 3) for any n.
+its place in the class plus one (number 1 names the message), so fields are only ever appended. Arrays are validated
+tensors: `Array("f8", None, 3)` is a float64 array of shape (n, 3) for any n.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,38 @@ SCHEMA_VERSION = 1
 
 
 class Array:
-    """Shape and dtype that a tensor field must have; None leaves an axis free."""
+    """Shape and dtype that a tensor field must have; None leaves an axis free.
 
-    __slots__ = ("dtype", "shape")
+    `least` is the smallest value allowed; `unbounded` lets +inf through (NaN never).
+    """
 
-    def __init__(self, dtype: str, *shape: int | None) -> None:
+    __slots__ = ("dtype", "least", "name", "shape", "unbounded")
+
+    def __init__(self, dtype: str, *shape: int | None, least: int | None = None, unbounded: bool = False) -> None:
+        self.name = dtype
         self.dtype = np.dtype("<" + dtype)
         self.shape = shape
+        self.least = least
+        self.unbounded = unbounded
+
+
+class Least:
+    """The smallest value that an integer field may have."""
+
+    __slots__ = ("value",)
+
+    def __init__(self, value: int) -> None:
+        self.value = value
+
+
+class Name:
+    """Marks a text that may stand in a key expression or a file name: letters, digits, _ and -, or empty."""
+
+    __slots__ = ()
+
+
+Count = Annotated[int, Least(0)]
+NameText = Annotated[str, Name()]
 
 
 Vectors = Annotated[NDArray[np.float64], Array("f8", None, 3)]
@@ -32,27 +57,25 @@ Vector3 = Annotated[NDArray[np.float64], Array("f8", 3)]
 Matrix = Annotated[NDArray[np.float64], Array("f8", None, None)]
 Wrenches = Annotated[NDArray[np.float64], Array("f8", None, 6)]
 Quaternions = Annotated[NDArray[np.float64], Array("f8", None, 4)]
-Ids = Annotated[NDArray[np.int32], Array("i4", None)]
+Distances = Annotated[NDArray[np.float64], Array("f8", None, unbounded=True)]
+Ids = Annotated[NDArray[np.int32], Array("i4", None, least=0)]
+ToolIds = Annotated[NDArray[np.int32], Array("i4", None, least=-1)]
 Labels = Annotated[NDArray[np.int8], Array("i1", None)]
 Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
 Octants = Annotated[NDArray[np.float64], Array("f8", None, 8)]
-Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3)]
-
-
-def _none(*shape: int) -> Any:
-    return field(default_factory=lambda: np.zeros(shape))
+Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3, least=0)]
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
     """Names a message: a request with the same header and kind is the same request."""
 
-    schema: int
-    session: str
-    participant: str
-    epoch: int
-    step: int
-    exchange: int
+    schema: Count
+    session: NameText
+    participant: NameText
+    epoch: Count
+    step: Count
+    exchange: Count
     time: float
     """simulation time at the start of the step [s]"""
 
@@ -80,7 +103,7 @@ class BodyState:
     """velocities (N, 3) [m/s]"""
     contact_force: Vectors
     """contact force on each surface point, world frame (P, 3) [N]"""
-    contact_tool: Ids
+    contact_tool: ToolIds
     """tool that each surface point touches, -1 for none (P,)"""
 
 
@@ -100,9 +123,9 @@ class Configure:
 @dataclass(frozen=True, slots=True)
 class Configured:
     header: Header
-    n_nodes: int
-    n_cells: int
-    substeps: int
+    n_nodes: Count
+    n_cells: Count
+    substeps: Count
     """substeps a step that the participant takes (1 for FEM)"""
 
 
@@ -159,13 +182,13 @@ class Advanced:
     """deepest penetration of a surface point into a tool [m]"""
     slip: float
     """largest accumulated slip of a touching point on a moving tool [m]"""
-    n_contacts: int
-    iterations: int
+    n_contacts: Count
+    iterations: Count
     """Newton iterations, or sweeps"""
     seconds: float
     """wall time spent [s]; diagnostics only"""
-    cell_distance: Scalars
-    """least distance of each of the region's cells to a tool that makes cells near (n_cells,) [m]"""
+    cell_distance: Distances
+    """least distance of each of the region's cells to a tool that makes cells near, inf without one (n_cells,) [m]"""
     bounds: Matrix
     """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
 
@@ -204,7 +227,7 @@ class Fields:
     """positions of the region's surface points (p, 3) [m]"""
     contact_force: Vectors
     """contact force on each of them (p, 3) [N]"""
-    contact_tool: Ids
+    contact_tool: ToolIds
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,8 +289,8 @@ class SeamReport:
 
     gap: float
     """largest position gap at commit [m]"""
-    exchanges: int
-    n_nodes: int
+    exchanges: Count
+    n_nodes: Count
     force: float
     """largest multiplier [N]"""
     work: float
@@ -279,12 +302,12 @@ class RegionReport:
     """One region's size and energies [J]."""
 
     model: str
-    n_cells: int
-    n_nodes: int
+    n_cells: Count
+    n_nodes: Count
     kinetic: float
     strain: float
     gravity: float
-    iterations: int
+    iterations: Count
     seconds: float
 
 
@@ -327,7 +350,7 @@ class Frame:
     point_x: Vectors
     contact_force: Vectors
     """(P, 3) [N]"""
-    contact_tool: Ids
+    contact_tool: ToolIds
     seam_nodes: Ids
     multiplier: Vectors
     """seam force on the near side (s, 3) [N]"""
@@ -367,7 +390,7 @@ class Step:
     """Take `count` steps with these tool velocities, or with the scene's motion where `program` is set."""
 
     header: Header
-    count: int
+    count: Count
     program: bool
     velocities: dict[str, Vector3]
     fields: bool = True
@@ -458,8 +481,27 @@ class Recorded:
 
     header: Header
     path: str
-    messages: int
-    lost: int
-    bytes: int
+    messages: Count
+    lost: Count
+    bytes: Count
     note: str
     """'recording', 'closed', or why messages are lost"""
+
+
+# ---- operations --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """A service's heartbeat; `requests` stands still while `busy` grows when its solver hangs."""
+
+    service: NameText
+    instance: NameText
+    """names the process: differs after a restart"""
+    session: NameText
+    """session of the last request, or empty"""
+    step: Count
+    requests: Count
+    """requests answered since the service started"""
+    busy: float
+    """wall time spent in the request at hand, 0 when idle [s]"""

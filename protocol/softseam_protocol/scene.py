@@ -10,9 +10,7 @@ Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 ModelKind = Literal["fem", "pbd"]
-Quantity = Literal[
-    "grip_force", "lift_height", "slip", "peak_von_mises", "sag", "compression", "tip_deflection"
-]
+Quantity = Literal["grip_force", "lift_height", "slip", "peak_von_mises", "sag", "compression", "tip_deflection"]
 
 
 class Spec(BaseModel):
