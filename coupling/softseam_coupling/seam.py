@@ -11,8 +11,8 @@ system of a round is
 
     (H_near + H_far) dlambda = -g                                             (1)
 
-`SeamSolver` is the configuration and never changes; `SeamState` is everything that evolves; `SeamRound` is the answer of
-one round. A step of the orchestrator:
+`SeamSolver` is the configuration and never changes; `SeamState` is everything that evolves; `SeamRound` is the answer
+of one round. A step of the orchestrator:
 
     lambda_ = solver.predict(state)
     while True:
@@ -91,7 +91,7 @@ class SeamState:
 
     @property
     def n_nodes(self) -> int:
-        return self.inverse.shape[0] // 3
+        return len(self.scale) // 3
 
     @property
     def predictor_name(self) -> str:
@@ -254,7 +254,7 @@ def _invert(h: Floats, truncation: float, out: Floats) -> int:
 
     Cholesky where LAPACK's condition estimate allows it; else the eigenvectors, about twenty times dearer.
     """
-    n = h.shape[0]
+    n = len(h)
     norm = float(np.abs(h).sum(axis=0).max())
     factor, info = lapack.dpotrf(h, lower=1, clean=1)
     if info == 0:
@@ -268,7 +268,7 @@ def _invert(h: Floats, truncation: float, out: Floats) -> int:
     values, vectors = np.linalg.eigh(h)
     kept = values > truncation * values[-1]
     out[:] = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    return int(kept.sum())
+    return int(np.count_nonzero(kept))
 
 
 def carry_multiplier(nodes_old: NDArray[np.int32], lambda_: Floats, nodes_new: NDArray[np.int32]) -> Floats:
