@@ -1,0 +1,1 @@
+"""What replays and pictures draw: arrays in, arrays out. Needs numpy only."""

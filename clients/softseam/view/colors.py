@@ -1,0 +1,58 @@
+"""Colours: one palette for replays and pictures, and a perceptual scale for stress."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+NEAR = (232, 121, 74)
+"""warm coral: the near region (usually FEM)"""
+FAR = (108, 148, 196)
+"""slate blue: the far region (usually PBD)"""
+TOOL = (166, 172, 184)
+GROUND = (52, 56, 66)
+CONTACT = (255, 209, 92)
+MULTIPLIER = (93, 211, 158)
+SERIES = ((232, 121, 74), (108, 148, 196), (93, 211, 158), (255, 209, 92), (190, 132, 214), (226, 96, 128), (150, 158, 170))
+
+# Viridis-like knots lifted at the dark end, so that an unstressed body still shows its shading: sRGB, equal steps.
+_KNOTS = np.array(
+    [
+        (46, 44, 104),
+        (62, 73, 137),
+        (49, 104, 142),
+        (38, 130, 142),
+        (31, 158, 137),
+        (53, 183, 121),
+        (110, 206, 88),
+        (181, 222, 43),
+        (253, 231, 37),
+    ],
+    dtype=np.float64,
+)
+
+
+def stress_colors(values: Floats, top: float) -> NDArray[np.uint8]:
+    """RGB of each value on the scale from 0 to `top` (n, 3)."""
+    at = np.clip(values / top if top > 0.0 else np.zeros_like(values), 0.0, 1.0) * (len(_KNOTS) - 1)
+    low = np.minimum(at.astype(np.int64), len(_KNOTS) - 2)
+    part = (at - low)[..., None]
+    return np.asarray(np.rint(_KNOTS[low] * (1.0 - part) + _KNOTS[low + 1] * part), dtype=np.uint8)
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10 times a power of ten: the end of a scale that people can read."""
+    if not value > 0.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(s * power for s in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if s * power >= value * (1 - 1e-9)))
+
+
+def engineering(value: float, unit: str) -> str:
+    """A value with the prefix that suits it: 4500 Pa -> '4.5 kPa'."""
+    for factor, prefix in ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")):
+        if abs(value) >= factor:
+            return f"{value / factor:.3g} {prefix}{unit}"
+    return f"{value:.3g} {unit}"

@@ -1,0 +1,148 @@
+"""The body's true surface, ready to draw: crisp edges, region of each triangle, stress at each vertex.
+
+Notation: P surface points, V display vertices (points, split where the surface has an edge), T triangles, C cells.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import SurfaceMesh
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CREASE = 40.0
+"""angle between triangles from which on their edge is drawn sharp [degrees]"""
+
+
+class DisplaySurface:
+    """Built once from the rest state, then asked for every frame."""
+
+    def __init__(self, mesh: SurfaceMesh) -> None:
+        triangles = mesh.triangles.astype(np.int64)
+        self.vertex_point, self.triangles = _split_creases(mesh.point_rest, triangles)
+        """surface point of each display vertex (V,); corners as display vertices (T, 3)"""
+        self._octant_ids, self._octant_weights = _octant_stencil(mesh)
+        self._triangle_cell = _cells_of(mesh, mesh.point_rest[triangles].mean(axis=1))
+        self.extent = float(np.ptp(mesh.point_rest, axis=0).max()) if len(mesh.point_rest) else 1.0
+        """longest side of the bounding box at rest [m]"""
+
+    def vertices(self, point_x: Floats) -> Floats:
+        """Positions of the display vertices (V, 3) [m]."""
+        return np.asarray(point_x[self.vertex_point])
+
+    def normals(self, vertices: Floats) -> Floats:
+        """Outward unit normals of the display vertices, weighted by area (V, 3)."""
+        a, b, c = (vertices[self.triangles[:, i]] for i in range(3))
+        face = np.cross(b - a, c - a)
+        normal = np.zeros_like(vertices)
+        for axis in range(3):
+            spread = np.repeat(face[:, axis], 3)
+            normal[:, axis] = np.bincount(self.triangles.ravel(), weights=spread, minlength=len(vertices))
+        return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
+
+    def near(self, cell_near: NDArray[np.int8]) -> NDArray[np.bool_]:
+        """Which triangles belong to the near region (T,)."""
+        return np.asarray(cell_near[self._triangle_cell] != 0)
+
+    def at_points(self, octant_values: Floats) -> Floats:
+        """A value per octant (C, 8), interpolated to the surface points (P,)."""
+        flat = octant_values.reshape(-1)
+        return np.asarray((flat[self._octant_ids] * self._octant_weights).sum(axis=1))
+
+
+def von_mises(cauchy: Floats) -> Floats:
+    """sqrt(3/2 s:s), s the deviator of Cauchy stress xx yy zz yz xz xy (..., 6) [Pa]."""
+    xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy, -1, 0)
+    normal = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
+    return np.asarray(np.sqrt(0.5 * normal + 3.0 * (yz * yz + xz * xz + xy * xy)))
+
+
+def _split_creases(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
+    """Give each point one vertex for every smooth patch of triangles around it.
+
+    Corners of triangles are joined when their triangles share an edge at that point that is not sharp.
+    """
+    n = len(triangles)
+    face = np.cross(
+        points[triangles[:, 1]] - points[triangles[:, 0]], points[triangles[:, 2]] - points[triangles[:, 0]]
+    )
+    face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-300)
+    # half edges, brought together in pairs
+    start, stop = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    triangle = np.repeat(np.arange(n), 3)
+    key = np.minimum(start, stop) * (len(points) + 1) + np.maximum(start, stop)
+    order = np.argsort(key, kind="stable")
+    pair = np.flatnonzero(key[order][1:] == key[order][:-1])
+    first, second = order[pair], order[pair + 1]
+    smooth = np.einsum("ij,ij->i", face[triangle[first]], face[triangle[second]]) > np.cos(np.radians(CREASE))
+    first, second = first[smooth], second[smooth]
+    # a half edge h of triangle t runs from corner h to the next; both ends are corners of both triangles
+    following = np.arange(3 * n).reshape(n, 3)[:, [1, 2, 0]].ravel()
+    same = start[first] == start[second]
+    joined = np.concatenate(
+        [
+            np.stack([first, np.where(same, second, following[second])], axis=1),
+            np.stack([following[first], np.where(same, following[second], second)], axis=1),
+        ]
+    )
+    label = _components(3 * n, joined)
+    _, corner, vertex = np.unique(label, return_index=True, return_inverse=True)
+    return start[corner], vertex.reshape(n, 3)
+
+
+def _components(n: int, edges: Ints) -> Ints:
+    """Smallest member of each node's connected component, by repeated minimum over edges (n,)."""
+    label = np.arange(n)
+    while True:
+        low = np.minimum(label[edges[:, 0]], label[edges[:, 1]])
+        lowered = label.copy()
+        np.minimum.at(lowered, edges[:, 0], low)
+        np.minimum.at(lowered, edges[:, 1], low)
+        lowered = lowered[lowered]
+        if np.array_equal(lowered, label):
+            return label
+        label = lowered
+
+
+def _octant_stencil(mesh: SurfaceMesh) -> tuple[Ints, Floats]:
+    """Trilinear weights of the filled octants around each surface point: ids (P, 8), weights (P, 8) that sum to 1."""
+    if not len(mesh.cell_center):
+        return np.zeros((len(mesh.point_rest), 8), dtype=np.int64), np.zeros((len(mesh.point_rest), 8))
+    step = 0.5 * mesh.edges
+    origin = mesh.cell_center.min(axis=0) - mesh.edges
+    cell = np.rint((mesh.cell_center - origin) / mesh.edges - 1.0).astype(np.int64)
+    local = np.array([[o & 1, o >> 1 & 1, o >> 2 & 1] for o in range(8)])
+    octant = (2 * cell[:, None, :] + local + 1).reshape(-1, 3)  # one empty layer all around
+    counts = octant.max(axis=0) + 3
+    table = np.full(counts, -1, dtype=np.int64)
+    filled = mesh.fill.reshape(-1) > 0.0
+    table[tuple(octant[filled].T)] = np.flatnonzero(filled)
+    # centre of octant index i lies at origin + edges / 2 + (i - 1/2) step
+    at = (mesh.point_rest - origin - 0.5 * mesh.edges) / step + 0.5
+    low = np.clip(np.floor(at).astype(np.int64), 0, counts - 2)
+    part = np.clip(at - low, 0.0, 1.0)
+    corner = low[:, None, :] + local
+    ids = table[corner[..., 0], corner[..., 1], corner[..., 2]]
+    weights = np.where(local == 1, part[:, None, :], 1.0 - part[:, None, :]).prod(axis=2)
+    weights = np.where(ids >= 0, np.maximum(weights, 1e-9), 0.0)
+    total = weights.sum(axis=1, keepdims=True)
+    return np.maximum(ids, 0), weights / np.where(total > 0.0, total, 1.0)
+
+
+def _cells_of(mesh: SurfaceMesh, at: Floats) -> Ints:
+    """The cell that holds, or else is nearest to, each position at rest (n,)."""
+    if not len(mesh.cell_center):
+        return np.zeros(len(at), dtype=np.int64)
+    origin = mesh.cell_center.min(axis=0)
+    grid = np.rint((mesh.cell_center - origin) / mesh.edges).astype(np.int64)
+    counts = grid.max(axis=0) + 1
+    table = np.full(counts, -1, dtype=np.int64)
+    table[tuple(grid.T)] = np.arange(len(grid))
+    index = np.clip(np.rint((at - origin) / mesh.edges).astype(np.int64), 0, counts - 1)
+    found = table[tuple(index.T)]
+    for lost in np.flatnonzero(found < 0):
+        found[lost] = int(np.argmin(((mesh.cell_center - at[lost]) ** 2).sum(axis=1)))
+    return np.asarray(found)

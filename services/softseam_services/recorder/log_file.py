@@ -1,0 +1,104 @@
+"""The only writer of MCAP files: one session, protobuf messages verbatim, readable up to the last flush at any time.
+
+`log_time` is simulation time after a fixed epoch, `publish_time` is wall time. The scene and the files that it names
+are attachments; seed, versions and machine are metadata.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import DataEnd, Footer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+
+from softseam_protocol import codec
+from softseam_protocol.messages import SCHEMA_VERSION, Begin, SurfaceMesh
+from softseam_services.recorder.whole_file import Existing, RecordError, WholeFile
+
+EPOCH = 946_684_800
+"""simulation time 0 in the log: 2000-01-01T00:00:00Z [s]"""
+CHUNK = 1 << 20
+"""uncompressed bytes a chunk"""
+TOPIC = "/softseam/"
+
+
+class LogFile:
+    """One recording, written by one thread."""
+
+    def __init__(self, path: Path, begin: Begin, *, existing: Existing = "error") -> None:
+        if path.suffix != ".mcap":
+            raise RecordError(f"{path}: a recording's name ends in .mcap")
+        self._file = WholeFile(path, existing)
+        self.path = self._file.path
+        self._writer = Writer(self._file, chunk_size=CHUNK, compression=CompressionType.ZSTD, enable_crcs=True)  # type: ignore[arg-type]
+        self._channels: dict[type, int] = {}
+        self._sequence = 0
+        try:
+            self._start(begin)
+        except OSError as error:
+            self._file.close()
+            self.path.unlink(missing_ok=True)
+            raise RecordError(f"cannot write {self.path}: {error.strerror or error}") from error
+
+    @property
+    def bytes(self) -> int:
+        """Size of the file up to the last flush [B]."""
+        return self._file.size
+
+    def _start(self, begin: Begin) -> None:
+        writer, now = self._writer, time.time_ns()
+        writer.start(profile="softseam", library=f"softseam {begin.facts.get('softseam', '')}".strip())
+        started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(now // 1_000_000_000))
+        about = {"schema": str(SCHEMA_VERSION), "session": begin.header.session, "seed": str(begin.seed)}
+        writer.add_metadata("softseam", {**about, "epoch": str(EPOCH), "started": started})
+        writer.add_metadata("facts", dict(begin.facts))
+        writer.add_attachment(now, log_time(0.0), "scene.json", "application/json", begin.bundle.scene.encode())
+        for name, data in begin.bundle.files.items():
+            writer.add_attachment(now, log_time(0.0), f"files/{name}", "application/octet-stream", data)
+        self.add(SurfaceMesh, begin.surface.header.time, codec.encode(begin.surface), now)
+        self.flush()
+
+    def add(self, kind: type, sim_time: float, data: bytes, wall_ns: int) -> None:
+        """Append an encoded message of type `kind`; it is safe after the next flush."""
+        channel = self._channels.get(kind)
+        if channel is None:
+            schema = self._writer.register_schema(codec.full_name(kind), "protobuf", codec.file_descriptor_set(kind))
+            channel = self._writer.register_channel(TOPIC + kind.__name__, "protobuf", schema)
+            self._channels[kind] = channel
+        self._sequence += 1
+        self._writer.add_message(channel, log_time(sim_time), data, wall_ns, self._sequence)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system: what was added survives the death of this process.
+
+        Raises OSError where the disk does not take it; the file then ends at the last record that it took.
+        """
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Write the index and close; after a failed write only an end mark, so that readers scan instead."""
+        try:
+            if not self._file.failed:
+                self._writer.finish()
+                self._file.flush()
+        finally:
+            try:
+                if self._file.failed:
+                    self._file.finish_with(_end_mark())
+            finally:
+                self._file.close()
+
+
+def log_time(sim_time: float) -> int:
+    """Nanoseconds since 1970 of a simulation time [s]."""
+    return EPOCH * 1_000_000_000 + round(sim_time * 1e9)
+
+
+def _end_mark() -> bytes:
+    """End of a file without a summary."""
+    builder = RecordBuilder()
+    DataEnd(0).write(builder)
+    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
+    return bytes(builder.end()) + MCAP0_MAGIC
