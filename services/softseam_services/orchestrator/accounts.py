@@ -1,0 +1,138 @@
+"""Energy, momentum and time of every step, summed over the sides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import Advanced, Header, RegionReport, Reply, SeamReport, StepReport
+from softseam_services.orchestrator.sides import Sides
+
+Floats = NDArray[np.float64]
+
+
+class Accounts:
+    """What a step did to the energy, and where its wall time went.
+
+    dissipation = tool work + seam work + switch - d(kinetic + strain + gravity)
+
+    Seam work is that of both sides together: zero where the gap stays zero. Dissipation is what the integrators and
+    friction took; it closes the balance by definition, so its sign is the check: a gain is an alarm for the reader.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        self._energy: tuple[float, float, float] | None = None
+        self._pending_switch = 0.0
+        self.begin(perf_counter())
+
+    def begin(self, now: float) -> None:
+        """A step begins."""
+        self._began = now
+        self._seconds = {"fem": 0.0, "pbd": 0.0, "bus": 0.0}
+
+    def spent(self, model: str, seconds: float) -> None:
+        """A participant worked this long on an exchange."""
+        self._seconds[model] += seconds
+
+    def exchanged(self, wall: float, replies: Mapping[str, Reply]) -> None:
+        """An exchange took this long altogether; what exceeds the slowest participant's work is the bus's."""
+        work = [reply.seconds for reply in replies.values() if isinstance(reply, Advanced)]
+        self._seconds["bus"] += max(0.0, wall - max(work, default=0.0))
+
+    def report(
+        self,
+        *,
+        header: Header,
+        sides: Sides,
+        replies: Mapping[str, Advanced],
+        phase: int,
+        tool_position: Floats,
+        tool_orientation: Floats,
+        wrench: Floats,
+        quantities: dict[str, float],
+        gap: float,
+        exchanges: int,
+        lambda_: Floats,
+        switch: float,
+        done: bool,
+        command: Floats,
+    ) -> StepReport:
+        kinetic = strain = gravity = tool_work = seam_work = penetration = 0.0
+        momentum, angular = np.zeros(3), np.zeros(3)
+        regions = {}
+        for name, reply in replies.items():
+            kinetic += reply.kinetic
+            strain += reply.strain
+            gravity += reply.gravity
+            tool_work += reply.tool_work
+            seam_work += reply.seam_work
+            momentum += reply.momentum
+            angular += reply.angular_momentum
+            penetration = max(penetration, reply.penetration)
+            regions[name] = RegionReport(
+                sides.models[name],
+                len(sides.cells[name]),
+                sides.n_nodes[name],
+                reply.kinetic,
+                reply.strain,
+                reply.gravity,
+                reply.iterations,
+                reply.seconds,
+            )
+        dissipation = 0.0
+        if self._energy is not None:
+            change = kinetic + strain + gravity - sum(self._energy)
+            dissipation = tool_work + seam_work + self._pending_switch - change
+        self._energy = (kinetic, strain, gravity)
+        self._pending_switch = switch
+        total = perf_counter() - self._began
+        seconds = dict(self._seconds)
+        seconds["total"] = total
+        seconds["coupling"] = max(0.0, total - seconds["bus"] - max(seconds["fem"], seconds["pbd"]))
+        return StepReport(
+            header,
+            phase,
+            tool_position,
+            tool_orientation,
+            wrench,
+            quantities,
+            SeamReport(
+                gap,
+                exchanges,
+                len(lambda_),
+                float(np.sqrt((lambda_ * lambda_).sum(axis=1).max())) if len(lambda_) else 0.0,
+                seam_work,
+            ),
+            regions,
+            {
+                "kinetic": kinetic,
+                "strain": strain,
+                "gravity": gravity,
+                "tool_work": tool_work,
+                "seam_work": seam_work,
+                "dissipation": dissipation,
+                "switch": switch,
+            },
+            momentum,
+            angular,
+            penetration,
+            seconds,
+            done,
+            command,
+        )
+
+    def to_array(self) -> Floats:
+        """What evolves, for a snapshot."""
+        energy = self._energy or (0.0, 0.0, 0.0)
+        return np.array([float(self._energy is not None), *energy, self._pending_switch])
+
+    def from_array(self, values: NDArray[np.generic]) -> None:
+        known, kinetic, strain, gravity, pending = (float(v) for v in values.astype(np.float64))
+        self._energy = (kinetic, strain, gravity) if known else None
+        self._pending_switch = pending

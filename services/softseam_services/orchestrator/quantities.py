@@ -1,0 +1,71 @@
+"""The quantities of interest of a step, from the participants' replies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import Advanced, Frame
+from softseam_services.body.body import Body
+from softseam_services.orchestrator.program import Program
+
+Floats = NDArray[np.float64]
+
+NEEDS_FIELDS = frozenset({"peak_von_mises", "tip_deflection"})
+"""quantities that cost a look at the fields"""
+
+
+def von_mises(cauchy: Floats) -> Floats:
+    """von Mises stress sqrt(3/2 s:s) of Cauchy stresses xx yy zz yz xz xy (..., 6) [Pa]."""
+    xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy, -1, 0)
+    return np.asarray(
+        np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz * yz + xz * xz + xy * xy))
+    )
+
+
+class Quantities:
+    """Measures a body in its tools' hands."""
+
+    def __init__(self, body: Body, program: Program) -> None:
+        self._program = program
+        low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
+        self._top = float(high[2])
+        self._bottom = float(low[2])
+        centre = 0.5 * (low + high)
+        clamped = body.x_rest[body.fixed]
+        away = np.array([1.0, 0.0, 0.0])
+        if len(clamped):
+            away = centre - clamped.mean(axis=0)
+        far_end = body.x_rest @ away
+        end = np.flatnonzero(far_end >= far_end.max() - 1e-9 * np.ptp(far_end))
+        middle = body.x_rest[end].mean(axis=0)
+        self._tip = int(end[np.argmin(np.linalg.norm(body.x_rest[end] - middle, axis=1))])
+        self._tip_rest = body.x_rest[self._tip, 2]
+
+    def grip_force(self, wrench: Floats) -> float:
+        """Mean force of the body on the gripping tools along the line between them [N]."""
+        if self._program.grip is None:
+            return 0.0
+        first, second = self._program.grip
+        axis = self._program.grip_axis()
+        return float(0.5 * (wrench[second, :3] - wrench[first, :3]) @ axis)
+
+    def measure(
+        self, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, frame: Frame | None, lift_base: float
+    ) -> dict[str, float]:
+        """All quantities of the step; those that need fields only where there is a frame."""
+        low = min(float(reply.bounds[0, 2]) for reply in replies.values())
+        high = max(float(reply.bounds[1, 2]) for reply in replies.values())
+        found = {
+            "grip_force": self.grip_force(wrench),
+            "lift_height": low - lift_base,
+            "slip": max(reply.slip for reply in replies.values()),
+            "sag": self._top - high,
+            "compression": self._program.compression(position),
+        }
+        if frame is not None:
+            found["peak_von_mises"] = float(von_mises(frame.cauchy).max())
+            found["tip_deflection"] = float(frame.x[self._tip, 2] - self._tip_rest)
+        return found

@@ -1,0 +1,114 @@
+"""Brings a lost participant back to where it was, bit for bit.
+
+Every request since the participant's last checkpoint is kept. When the participant is lost and has come back (a
+supervisor restarts it), it is configured and restored, the kept requests are sent again in their order, and the pending
+one is repeated. Participants drop their caches at a checkpoint, so what follows does not depend on whether one
+was restored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from softseam_protocol.messages import (
+    Advance,
+    Commit,
+    Configure,
+    Release,
+    Reply,
+    Request,
+    Restore,
+    Snapshot,
+    SnapshotTaken,
+)
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
+
+
+@dataclass
+class _Log:
+    configure: Configure
+    checkpoint: SnapshotTaken | None = None
+    since: list[Request] = field(default_factory=list)
+
+
+class RecoveringTransport:
+    """A transport that survives the death of participants.
+
+    patience      longest wait for a participant to come back [s]
+    attempts      recoveries of one request before giving up
+    on_event      called with (kind, message)
+    """
+
+    def __init__(
+        self,
+        inner: Transport,
+        *,
+        patience: float = 60.0,
+        attempts: int = 3,
+        on_event: Callable[[str, str], None] = lambda kind, message: None,
+    ) -> None:
+        self._inner = inner
+        self._patience = patience
+        self._attempts = attempts
+        self.on_event = on_event
+        self._logs: dict[str, _Log] = {}
+
+    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        for attempt in range(self._attempts + 1):
+            try:
+                replies = self._inner.exchange(requests)
+            except (ParticipantLost, ParticipantFailed) as error:
+                if not _recoverable(error) or attempt == self._attempts:
+                    raise
+                self._recover(error)
+            else:
+                for name, request in requests.items():
+                    self._remember(name, request, replies[name])
+                return replies
+        raise AssertionError("unreachable")
+
+    def wait_alive(self, participant: str, timeout: float) -> bool:
+        return self._inner.wait_alive(participant, timeout)
+
+    def close(self) -> None:
+        self._inner.close()
+
+    def _remember(self, name: str, request: Request, reply: Reply) -> None:
+        if isinstance(request, Configure):
+            self._logs[name] = _Log(request)
+        elif isinstance(request, Release):
+            self._logs.pop(name, None)
+        elif isinstance(request, Snapshot):
+            assert isinstance(reply, SnapshotTaken)
+            log = self._logs[name]
+            log.checkpoint = reply
+            log.since.clear()
+        elif isinstance(request, Restore):
+            log = self._logs[name]
+            log.checkpoint = SnapshotTaken(request.header, request.state)
+            log.since.clear()
+        elif isinstance(request, Advance | Commit):
+            self._logs[name].since.append(request)
+
+    def _recover(self, error: ParticipantLost | ParticipantFailed) -> None:
+        name = error.participant
+        log = self._logs.get(name)
+        self.on_event("participant_lost", f"{error}; waiting for it to come back")
+        if not self._inner.wait_alive(name, self._patience):
+            raise ParticipantLost(
+                name, f"it did not come back within {self._patience:g} s: is its service running and supervised?"
+            ) from error
+        if log is None:
+            return
+        self._inner.exchange({name: log.configure})
+        if log.checkpoint is not None:
+            header = log.checkpoint.header
+            self._inner.exchange({name: Restore(header, log.checkpoint.state)})
+        for request in log.since:
+            self._inner.exchange({name: request})
+        self.on_event("participant_restored", f"participant {name!r} is back; {len(log.since)} requests were repeated")
+
+
+def _recoverable(error: ParticipantLost | ParticipantFailed) -> bool:
+    return isinstance(error, ParticipantLost) or error.failure.kind == "not_configured"

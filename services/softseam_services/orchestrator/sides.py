@@ -1,0 +1,78 @@
+"""The one or two regions that a body is cut into at the moment, and the messages that build them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import BodyState, Fields
+from softseam_services.body.body import Body
+from softseam_services.body.region import shared_nodes
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Mask = NDArray[np.bool_]
+
+NEAR, FAR = "near", "far"
+
+
+@dataclass(frozen=True)
+class Sides:
+    """A cut of the body's cells; one side may be empty and is then left out."""
+
+    models: dict[str, str]
+    """model of each participant"""
+    cells: dict[str, Ints]
+    """global ids of each participant's cells, ascending"""
+    n_nodes: dict[str, int]
+    seam: Ints
+    """global ids of the nodes that both own, clamped ones left out (s,)"""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.cells)
+
+
+def cut(body: Body, near: Mask, near_model: str, far_model: str) -> Sides:
+    """Cut the body into the near cells (C,) and the rest."""
+    cells = {NEAR: np.flatnonzero(near).astype(np.int32), FAR: np.flatnonzero(~near).astype(np.int32)}
+    models = {NEAR: near_model, FAR: far_model}
+    kept = [name for name in (NEAR, FAR) if len(cells[name])]
+    seam = np.zeros(0, dtype=np.int32)
+    if len(kept) == 2:
+        seam = shared_nodes(body, cells[NEAR], cells[FAR])
+    return Sides(
+        {name: models[name] for name in kept},
+        {name: cells[name] for name in kept},
+        {name: len(np.unique(body.cell_nodes[cells[name]])) for name in kept},
+        seam,
+    )
+
+
+def side_mass(body: Body, cells: Ints) -> Floats:
+    """Mass that these cells give to every node of the body (N,) [kg]."""
+    mass = np.zeros(body.n_nodes)
+    np.add.at(mass, body.cell_nodes[cells].reshape(-1), body.cell_mass[cells].reshape(-1))
+    return mass
+
+
+def contact_state(body: Body, fields: Mapping[str, Fields]) -> tuple[Floats, Ints]:
+    """Contact force (P, 3) [N] and tool (P,) of all surface points."""
+    n_points = len(body.surface.cell)
+    force = np.zeros((n_points, 3))
+    tool = np.full(n_points, -1, dtype=np.int32)
+    for side in fields.values():
+        force[side.points] = side.contact_force
+        tool[side.points] = side.contact_tool
+    return force, tool
+
+
+def resting_state(body: Body) -> BodyState:
+    """The body at rest in shape, with the scene's initial velocities."""
+    n_points = len(body.surface.cell)
+    return BodyState(
+        body.x_rest.copy(), body.v_initial.copy(), np.zeros((n_points, 3)), np.full(n_points, -1, dtype=np.int32)
+    )

@@ -1,0 +1,463 @@
+"""One simulation: the clock, the tools, the seam and the regions, over any transport."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.handover import Side, merge_sides
+from softseam_coupling.regions import CellGrid, RegionRule, RegionState
+from softseam_coupling.seam import Outcome, SeamSolver, SeamState, carry_multiplier
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Advance,
+    Advanced,
+    BodyState,
+    Bundle,
+    Commit,
+    Configure,
+    Event,
+    Fields,
+    Frame,
+    Header,
+    Observe,
+    Release,
+    Reply,
+    Request,
+    Restore,
+    Snapshot,
+    SnapshotTaken,
+    StepReport,
+    ToolMotion,
+)
+from softseam_services.orchestrator.accounts import Accounts
+from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.program import Program, Progress
+from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
+from softseam_services.orchestrator.recovery import RecoveringTransport
+from softseam_services.orchestrator.sides import FAR, NEAR, Sides, contact_state, cut, resting_state, side_mass
+from softseam_services.orchestrator.transport import Transport
+from softseam_services.server import build_setup
+from softseam_services.tools.kernels import cell_distances
+from softseam_services.tools.motion import tool_motion
+
+Floats = NDArray[np.float64]
+Emit = Callable[[StepReport | Frame | Event], None]
+
+_CHECKPOINT_STEPS = 50
+_REBUILDS = 2
+"""most new compliances a step"""
+
+
+class StepFailed(RuntimeError):
+    """A step could not be taken; the simulation stands at the last committed step and can be stepped again."""
+
+
+class Simulation:
+    """Steps one scene. Owns the clock, the tools' motion, the multipliers, the regions and the checkpoints.
+
+    bundle     the scene and its files
+    transport  how to reach the participants; closed with the simulation
+    session    names this simulation among others on the same bus
+    emit       receives every StepReport and Event, and a Frame a step where `fields` are asked for
+    """
+
+    def __init__(
+        self, bundle: Bundle, transport: Transport, *, session: str = "local", emit: Emit | None = None
+    ) -> None:
+        setup = build_setup(bundle)
+        self.scene, self.body, self.tools = setup.scene, setup.body, setup.tools
+        self._bundle = bundle
+        self._session = session
+        self._emit = emit
+        if isinstance(transport, EmbeddedTransport):
+            transport.adopt(bundle, setup)
+        self._transport = RecoveringTransport(transport, on_event=self._event)
+        self._program = Program(self.scene, self.tools, self.body.x_rest)
+        self._quantities = Quantities(self.body, self._program)
+        self._wants_fields = not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
+        self._duration = self.scene.duration
+        near = self.scene.regions.near
+        boxes = [] if near is None else [(box.min, box.max) for box in near.boxes]
+        self._grid = CellGrid.build(
+            self.body.cell_grid,
+            self.body.x_rest[self.body.cell_nodes[:, 13]],
+            np.asarray(boxes, dtype=np.float64).reshape(-1, 2, 3),
+        )
+        self._rule = RegionRule(0.0) if near is None else RegionRule(near.within or 0.0, near.release, near.patience)
+        self._near_model = "fem" if near is None else near.model
+        self._fixed_regions = near is None or near.within is None
+        self._seam = SeamSolver(tolerance=self.scene.seam.tolerance * float(self.body.edges.min()))
+        self._accounts = Accounts()
+        self._epoch = -1
+        self.events: list[Event] = []
+        """events since the last reset, oldest first"""
+        self.reset(self.scene.seed)
+
+    # ---- state of the run
+
+    @property
+    def time(self) -> float:
+        """Simulation time [s]."""
+        return self._step * self.scene.step
+
+    @property
+    def done(self) -> bool:
+        """Whether the scene's duration, or without one its motion, is over."""
+        if self._duration is not None:
+            return self._step >= round(self._duration / self.scene.step)
+        return self._program.done(self._progress)
+
+    @property
+    def expected_steps(self) -> int | None:
+        """Steps of the whole run, where that can be foreseen."""
+        length = self._duration if self._duration is not None else self._program.duration()
+        return None if length is None else round(length / self.scene.step)
+
+    @property
+    def report(self) -> StepReport | None:
+        """The last committed step's report; None before the first step."""
+        return self._report
+
+    def reset(self, seed: int | None = None) -> None:
+        """Back to the start of the scene."""
+        self._seed = self.scene.seed if seed is None else seed
+        self._step = 0
+        self._progress = Progress()
+        self._position = self.tools.position.copy()
+        self._orientation = self.tools.orientation.copy()
+        self._lift_base = float(self.body.x_rest[:, 2].min())
+        self._lifting = False
+        self._report: StepReport | None = None
+        self._frame: Frame | None = None
+        self.events.clear()
+        self._accounts.reset()
+        self._regions: RegionState = self._rule.init(self._grid, self._rest_distance())
+        if self.scene.regions.near is None:
+            self._regions.near[:] = False
+        self._configure(resting_state(self.body), None)
+
+    # ---- stepping
+
+    def step(self, velocities: Mapping[str, Sequence[float]] | None = None, fields: bool = False) -> StepReport:
+        """Advance by one step of the scene.
+
+        velocities  tool velocities [m/s]; tools left out stand still. None follows the scene's motion.
+        fields      also make a Frame (see `frame`)
+        Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
+        """
+        began = perf_counter()
+        command = self._command(velocities)
+        motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
+        self._accounts.begin(began)
+        replies, lambda_, gap, exchanges = self._solve(motion)
+        wrench = sum((reply.wrench for reply in replies.values()), np.zeros((len(self.tools.names), 6)))
+        self._position = motion.position_next
+        phase = -1 if self._program.done(self._progress) else self._progress.phase
+        self._step += 1
+        grip_force = self._quantities.grip_force(wrench)
+        if velocities is None:
+            self._progress = self._program.after(self._progress, self._position, grip_force)
+        self._follow_lift(command, replies)
+        frame = None
+        self._frame = None
+        if fields or self._wants_fields:
+            frame = self.frame()
+        quantities = self._quantities.measure(replies, wrench, self._position, frame, self._lift_base)
+        switch = self._account_and_switch(replies)
+        if self._step % _CHECKPOINT_STEPS == 0:
+            self._snapshot()
+        report = self._accounts.report(
+            header=self._header("", self._step - 1),
+            sides=self._sides_before,
+            replies=replies,
+            phase=phase,
+            tool_position=self._position,
+            tool_orientation=self._orientation,
+            wrench=wrench,
+            quantities=quantities,
+            gap=gap,
+            exchanges=exchanges,
+            lambda_=lambda_,
+            switch=switch,
+            done=self.done,
+            command=command,
+        )
+        self._report = report
+        if self._emit is not None:
+            self._emit(report)
+            if frame is not None:
+                self._emit(frame)
+        return report
+
+    def frame(self) -> Frame:
+        """The whole body as it stands."""
+        if self._frame is None:
+            self._frame = self._gather(self._observe(), self._sides)
+        return self._frame
+
+    # ---- snapshots
+
+    def save(self) -> bytes:
+        """State of the whole simulation; `load` continues from it bit for bit."""
+        snapshots = self._snapshot()
+        numbers = [self._step, self._progress.phase, self._progress.elapsed, self._lift_base, self._lifting, self._seed]
+        entries: dict[str, NDArray[np.generic] | bytes] = {
+            "scene": self._bundle.scene.encode(),
+            "numbers": np.array(numbers, dtype=np.float64),
+            "position": self._position,
+            "orientation": self._orientation,
+            "ledger": self._accounts.to_array(),
+        }
+        entries.update({f"regions.{k}": v for k, v in self._regions.to_arrays().items()})
+        entries.update({f"seam.{k}": v for k, v in self._seam_state.to_arrays().items()})
+        entries.update({f"participant.{name}": snapshot.state for name, snapshot in snapshots.items()})
+        return pack(entries)
+
+    def load(self, state: bytes) -> None:
+        """Continue from `save`. Raises ArchiveError where the state is not one of this scene."""
+        entries = unpack(state)
+        try:
+            if entries["scene"].tobytes() != self._bundle.scene.encode():
+                raise ArchiveError("this state was saved from another scene: open that scene to restore it")
+            numbers = entries["numbers"]
+            regions = RegionState.from_arrays({k[8:]: v for k, v in entries.items() if k.startswith("regions.")})
+            seam = SeamState.from_arrays({k[5:]: v for k, v in entries.items() if k.startswith("seam.")})
+            position, orientation = entries["position"], entries["orientation"]
+            ledger = entries["ledger"]
+        except (KeyError, ValueError, IndexError) as error:
+            if isinstance(error, ArchiveError):
+                raise
+            raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
+        self._step, phase = int(numbers[0]), int(numbers[1])
+        self._progress = Progress(phase, float(numbers[2]))
+        self._lift_base, self._lifting, self._seed = float(numbers[3]), bool(numbers[4]), int(numbers[5])
+        self._position, self._orientation = np.array(position), np.array(orientation)
+        self._regions = regions
+        self._report, self._frame = None, None
+        self._accounts.from_array(ledger)
+        self._configure(None, None)
+        self._seam_state, self._fresh = seam, False
+        restores: dict[str, Request] = {
+            name: Restore(self._header(name), entries[f"participant.{name}"].tobytes()) for name in self._sides.names
+        }
+        self._exchange(restores)
+
+    def close(self) -> None:
+        """Release the participants and the transport."""
+        self._release(self._sides.names)
+        self._transport.close()
+
+    # ---- one step
+
+    def _solve(self, motion: ToolMotion) -> tuple[dict[str, Advanced], Floats, float, int]:
+        """Exchange until the sides agree: replies by participant, multipliers (s, 3), gap [m], number of exchanges."""
+        sides = self._sides
+        coupled = len(sides.names) == 2 and len(sides.seam) > 0
+        lambda_ = self._seam.predict(self._seam_state) if coupled else np.zeros((0, 3))
+        rebuilds = 0
+        limit = self.scene.seam.exchanges
+        exchange = 0
+        while True:
+            compliance = coupled and self._fresh
+            requests: dict[str, Request] = {
+                name: Advance(
+                    self._header(name, self._step, exchange),
+                    self.scene.step,
+                    lambda_ if name == NEAR else -lambda_,
+                    motion,
+                    compliance,
+                )
+                for name in sides.names
+            }
+            replies = self._advanced(self._exchange(requests))
+            if not coupled:
+                return replies, lambda_, 0.0, 1
+            gap = replies[NEAR].seam_x - replies[FAR].seam_x
+            if compliance:
+                self._seam.reset(self._seam_state, replies[NEAR].compliance + replies[FAR].compliance)
+                self._fresh = False
+            answer = self._seam.update(self._seam_state, lambda_, gap)
+            exchange += 1
+            if answer.outcome is Outcome.NOT_FINITE:
+                raise StepFailed(f"step {self._step}: {answer.outcome.value}")
+            last = exchange >= limit
+            if answer.outcome is Outcome.ACCEPT or last:
+                if last and answer.outcome is not Outcome.ACCEPT:
+                    self._event(
+                        "seam", f"step {self._step}: gap {1e6 * answer.gap:.3g} um after {exchange} exchanges is kept"
+                    )
+                self._seam.commit(self._seam_state, lambda_)
+                return replies, lambda_, answer.gap, exchange
+            if answer.outcome is Outcome.REBUILD and rebuilds < _REBUILDS:
+                self._fresh = True
+                rebuilds += 1
+            lambda_ = answer.lambda_
+
+    def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
+        found = {}
+        for name, reply in replies.items():
+            assert isinstance(reply, Advanced)
+            if reply.status != "converged":
+                if not np.isfinite(reply.kinetic):
+                    raise StepFailed(f"step {self._step}, {name} ({self._sides.models[name]}): {reply.status}")
+                self._event("solver", f"step {self._step}, {name} ({self._sides.models[name]}): {reply.status}")
+            found[name] = reply
+            self._accounts.spent(self._sides.models[name], reply.seconds)
+        return found
+
+    def _command(self, velocities: Mapping[str, Sequence[float]] | None) -> Floats:
+        if velocities is None:
+            return self._program.velocities(self._progress, self._position)
+        command = np.zeros((len(self.tools.names), 3))
+        for name, velocity in velocities.items():
+            if name not in self.tools.names:
+                raise ValueError(f"no tool is called {name!r}; the scene has: {', '.join(self.tools.names) or 'none'}")
+            value = np.asarray(velocity, dtype=np.float64)
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise ValueError(f"the velocity of {name!r} must be three finite numbers [m/s], not {velocity!r}")
+            command[self.tools.names.index(name)] = value
+        return command
+
+    def _follow_lift(self, command: Floats, replies: Mapping[str, Advanced]) -> None:
+        """The lift is measured from the body's lowest point before a tool first rises."""
+        self._lifting = self._lifting or bool((command[:, 2] > 0.0).any())
+        if not self._lifting:
+            self._lift_base = min(float(reply.bounds[0, 2]) for reply in replies.values())
+
+    # ---- regions
+
+    def _account_and_switch(self, replies: Mapping[str, Advanced]) -> float:
+        """Let the regions follow the tools; the energy that a switch costs [J]."""
+        self._sides_before = self._sides
+        if self._fixed_regions:
+            return 0.0
+        distance = np.empty(self.body.n_cells)
+        for name, cells in self._sides.cells.items():
+            distance[cells] = replies[name].cell_distance
+        choice = self._rule.choose(self._regions, self._grid, distance)
+        if not choice.switches:
+            return 0.0
+        self._rule.accept(self._regions, choice)
+        change = self._switch()
+        self._event("regions", f"{choice.reason}; {int(choice.near.sum())} of {self.body.n_cells} cells are near")
+        return change
+
+    def set_near(self, near: NDArray[np.bool_]) -> float:
+        """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
+        self._regions.near = np.array(near, dtype=np.bool_)
+        return self._switch()
+
+    def _switch(self) -> float:
+        fields = self._observe()
+        empty = Side(np.zeros(0, np.int32), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+        parts = {
+            name: Side(side.nodes, side_mass(self.body, self._sides.cells[name])[side.nodes], side.x, side.v)
+            for name, side in fields.items()
+        }
+        merged = merge_sides(parts.get(NEAR, empty), parts.get(FAR, empty), self.body.n_nodes, self.body.fixed)
+        force, tool = contact_state(self.body, fields)
+        old = self._sides
+        history = self._seam_state.history[0].reshape(-1, 3) if self._seam_state.n_history else None
+        self._configure(BodyState(merged.x, merged.v, force, tool), None if history is None else (old.seam, history))
+        self._release(set(old.names) - set(self._sides.names))
+        self._frame = None
+        return merged.kinetic_change
+
+    def _configure(self, state: BodyState | None, carried: tuple[NDArray[np.int32], Floats] | None) -> None:
+        """Build both sides for the present cut in a new epoch."""
+        self._epoch += 1
+        self._sides: Sides = cut(self.body, self._regions.near, self._near_model, self.scene.regions.default)
+        self._sides_before = self._sides
+        sides = self._sides
+        self._exchange(
+            {
+                name: Configure(
+                    self._header(name), self._bundle, sides.models[name], sides.cells[name], sides.seam, state
+                )
+                for name in sides.names
+            }
+        )
+        first = None if carried is None else carry_multiplier(*carried, sides.seam)
+        self._seam_state: SeamState = self._seam.init(len(sides.seam), first)
+        self._fresh = True
+
+    def _release(self, names: Sequence[str] | set[str]) -> None:
+        if names:
+            self._exchange({name: Release(self._header(name)) for name in sorted(names)})
+
+    def _rest_distance(self) -> Floats:
+        distance = np.empty(self.body.n_cells)
+        cell_distances(
+            self.body.x_rest,
+            self.body.cell_nodes,
+            self.tools.kind,
+            self.tools.shape,
+            self.tools.position,
+            self.tools.orientation,
+            self.tools.near,
+            np.empty(self.body.n_nodes),
+            distance,
+        )
+        return distance
+
+    # ---- messages
+
+    def _header(self, participant: str, step: int | None = None, exchange: int = 0) -> Header:
+        at = self._step if step is None else step
+        return Header(SCHEMA_VERSION, self._session, participant, self._epoch, at, exchange, at * self.scene.step)
+
+    def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        began = perf_counter()
+        replies = self._transport.exchange(requests)
+        self._accounts.exchanged(perf_counter() - began, replies)
+        return replies
+
+    def _observe(self) -> dict[str, Fields]:
+        replies = self._exchange({name: Observe(self._header(name)) for name in self._sides.names})
+        return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+
+    def _snapshot(self) -> dict[str, SnapshotTaken]:
+        replies = self._exchange({name: Snapshot(self._header(name)) for name in self._sides.names})
+        return {name: reply for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
+
+    def commit(self) -> None:
+        """Make participants commit the last step (the next step does so by itself)."""
+        self._exchange({name: Commit(self._header(name)) for name in self._sides.names})
+
+    def _gather(self, fields: Mapping[str, Fields], sides: Sides) -> Frame:
+        body = self.body
+        x = np.empty((body.n_nodes, 3))
+        cauchy = np.empty((body.n_cells, 8, 6))
+        point_x = np.empty((len(body.surface.cell), 3))
+        for name in reversed(sides.names):
+            side = fields[name]
+            x[side.nodes] = side.x
+            cauchy[sides.cells[name]] = side.cauchy
+            point_x[side.points] = side.point_x
+        force, tool = contact_state(body, fields)
+        coupled = self._seam_state.n_history > 0
+        multiplier = self._seam_state.history[0].reshape(-1, 3).copy() if coupled else np.zeros((len(sides.seam), 3))
+        return Frame(
+            self._header("", max(self._step - 1, 0)),
+            x,
+            cauchy,
+            self._regions.near.astype(np.int8),
+            point_x,
+            force,
+            tool,
+            sides.seam,
+            multiplier,
+            self._position.copy(),
+            self._orientation.copy(),
+        )
+
+    def _event(self, kind: str, message: str) -> None:
+        event = Event(self._header("", max(getattr(self, "_step", 0), 0)), kind, message)
+        self.events.append(event)
+        if self._emit is not None:
+            self._emit(event)

@@ -1,0 +1,205 @@
+"""The participant's state machine: one `handle` for every transport, several sessions a process.
+
+A request is answered once; the same request again gets the same reply; a request from the past is refused and changes
+nothing. See `participant` for the states.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Advance,
+    Bundle,
+    Commit,
+    Committed,
+    Configure,
+    Configured,
+    Failure,
+    Fields,
+    Observe,
+    Release,
+    Released,
+    Reply,
+    Request,
+    Restore,
+    Restored,
+    Snapshot,
+    SnapshotTaken,
+)
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_file import scene_from_bundle
+from softseam_services.body.body import Body
+from softseam_services.body.build import build_body
+from softseam_services.body.region import build_region
+from softseam_services.participant import Solver
+from softseam_services.tools.build import build_tools
+from softseam_services.tools.tool_set import ToolSet
+
+_BODIES_KEPT = 4
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a bundle describes, built once a process."""
+
+    scene: Scene
+    body: Body
+    tools: ToolSet
+
+
+def build_setup(bundle: Bundle) -> Setup:
+    """Scene, body and tools of a bundle. Raises SceneError, MeshError or ToolError."""
+    scene = scene_from_bundle(bundle)
+    body = build_body(scene, bundle.files)
+    return Setup(scene, body, build_tools(scene))
+
+
+def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
+    """The solver that a Configure asks for. Imports only the model that is asked for."""
+    region = build_region(setup.body, request.cells, request.seam_nodes)
+    solver: Solver
+    substeps = 1
+    if request.model == "fem":
+        from softseam_services.fem.solver import FemSolver
+
+        solver = FemSolver(setup.scene, setup.body, region, setup.tools, request.state)
+    elif request.model == "pbd":
+        from softseam_services.pbd.solver import PbdSolver
+
+        pbd = PbdSolver(setup.scene, setup.body, region, setup.tools, request.state)
+        solver, substeps = pbd, pbd.substeps
+    else:
+        raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
+    return solver, Configured(request.header, len(region.nodes), len(region.cells), substeps)
+
+
+@dataclass
+class _Seat:
+    """One participant of one session."""
+
+    solver: Solver
+    epoch: int
+    committed: int
+    """steps committed"""
+    exchange: int = -1
+    """exchange of the tentative step `committed`, -1 where there is none"""
+    replies: dict[type, tuple[Request, Reply]] = field(default_factory=dict)
+    """last request and reply of each kind, for repeats"""
+
+
+class ParticipantServer:
+    """Answers requests for any number of sessions; not thread-safe: one thread owns it."""
+
+    def __init__(self) -> None:
+        self._seats: dict[tuple[str, str], _Seat] = {}
+        self._setups: dict[bytes, Setup] = {}
+
+    def adopt(self, bundle: Bundle, setup: Setup) -> None:
+        """Share a set-up that the same process has built already."""
+        self._setups[_digest(bundle)] = setup
+
+    def handle(self, request: Request) -> Reply:
+        """Serve one request; every failure is a `Failure`, never an exception."""
+        header = request.header
+        if header.schema != SCHEMA_VERSION:
+            return Failure(
+                "schema",
+                f"the request has schema version {header.schema}, this participant speaks {SCHEMA_VERSION}: "
+                "install the same version of softseam on both sides",
+            )
+        try:
+            return self._serve(request)
+        except MemoryError:
+            return Failure("internal", "out of memory: use larger cells or give the participant more")
+        except Exception as error:  # a service must answer; the text names the cause
+            return Failure("invalid", f"{type(error).__name__}: {error}")
+
+    def _serve(self, request: Request) -> Reply:
+        key = (request.header.session, request.header.participant)
+        seat = self._seats.get(key)
+        if isinstance(request, Configure):
+            if seat is not None:
+                kept = seat.replies.get(Configure)
+                if kept is not None and kept[0].header == request.header and seat.committed == request.header.step:
+                    return kept[1]
+                if request.header.epoch < seat.epoch:
+                    return _stale(request, seat)
+            return self._configure(key, request)
+        if isinstance(request, Release):
+            self._seats.pop(key, None)
+            return Released(request.header)
+        if seat is None:
+            return Failure("not_configured", f"participant {key[1]!r} of session {key[0]!r} has no region yet")
+        kept = seat.replies.get(type(request))
+        if kept is not None and kept[0].header == request.header:
+            return kept[1]
+        reply = self._answer(seat, request)
+        if not isinstance(reply, Failure | Fields):
+            seat.replies[type(request)] = (request, reply)
+        return reply
+
+    def _configure(self, key: tuple[str, str], request: Configure) -> Reply:
+        digest = _digest(request.bundle)
+        setup = self._setups.get(digest)
+        if setup is None:
+            setup = build_setup(request.bundle)
+            while len(self._setups) >= _BODIES_KEPT:
+                self._setups.pop(next(iter(self._setups)))
+            self._setups[digest] = setup
+        solver, reply = build_solver(setup, request)
+        self._seats[key] = _Seat(solver, request.header.epoch, request.header.step, -1, {Configure: (request, reply)})
+        return reply
+
+    def _answer(self, seat: _Seat, request: Request) -> Reply:
+        header = request.header
+        if header.epoch != seat.epoch:
+            return _stale(request, seat)
+        if isinstance(request, Advance):
+            if header.step == seat.committed + 1 and seat.exchange >= 0:
+                _commit(seat)
+            if header.step != seat.committed or header.exchange <= seat.exchange:
+                return _stale(request, seat)
+            reply = seat.solver.advance(request)
+            seat.exchange = header.exchange
+            return reply
+        if isinstance(request, Observe):
+            return seat.solver.fields(header)
+        if isinstance(request, Commit | Snapshot):
+            if header.step == seat.committed + 1 and seat.exchange >= 0:
+                _commit(seat)
+            if header.step != seat.committed:
+                return _stale(request, seat)
+            if isinstance(request, Commit):
+                return Committed(header)
+            return SnapshotTaken(header, seat.solver.snapshot())
+        if isinstance(request, Restore):
+            seat.solver.restore(request.state)
+            seat.committed, seat.exchange = header.step, -1
+            seat.replies = {Configure: seat.replies[Configure]}
+            return Restored(header)
+        return Failure("invalid", f"a participant does not answer {type(request).__name__}")
+
+
+def _commit(seat: _Seat) -> None:
+    seat.solver.commit()
+    seat.committed += 1
+    seat.exchange = -1
+
+
+def _digest(bundle: Bundle) -> bytes:
+    digest = hashlib.sha256(bundle.scene.encode())
+    for path, data in sorted(bundle.files.items()):
+        digest.update(path.encode() + b"\0" + data)
+    return digest.digest()
+
+
+def _stale(request: Request, seat: _Seat) -> Failure:
+    header = request.header
+    return Failure(
+        "stale",
+        f"{type(request).__name__} of epoch {header.epoch}, step {header.step}, exchange {header.exchange} does not "
+        f"follow epoch {seat.epoch}, {seat.committed} committed steps, exchange {seat.exchange}",
+    )
