@@ -293,11 +293,16 @@ def _form_reader(field: Field) -> Callable[[Any], Any]:
     return lambda wire: _form(of).read(wire)
 
 
-@functools.cache
+_FORMS: dict[type, _Form] = {}
+
+
 def _form(cls: type) -> _Form:
-    if cls not in FIELDS:
-        raise EncodeError(f"{cls.__name__} is not a message")
-    return _Form(cls)
+    form = _FORMS.get(cls)
+    if form is None:
+        if cls not in FIELDS:
+            raise EncodeError(f"{cls.__name__} is not a message")
+        form = _FORMS[cls] = _Form(cls)
+    return form
 
 
 # ---- public ----------------------------------------------------------------------------------------------

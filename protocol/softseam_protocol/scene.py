@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 ModelKind = Literal["fem", "pbd"]
 Quantity = Literal["grip_force", "lift_height", "slip", "peak_von_mises", "sag", "compression", "tip_deflection"]
+
+LARGEST_BODY = 100.0
+"""a body's edge above this is taken for wrong units [m]"""
+SMALLEST_BODY = 1e-4
+"""a body's edge below this is taken for wrong units [m]"""
+MOST_CELLS = 200_000
+MOST_STEPS = 10_000_000
+
+
+def _wrong(message: str, *at: str | int) -> PydanticCustomError:
+    """An error about the entry `at` (a path from the spec that raises it); `scene_file` finds its line."""
+    return PydanticCustomError("scene", "{message}", {"message": message, "at": at})
 
 
 class Spec(BaseModel):
@@ -25,13 +39,26 @@ class BlockShape(Spec):
     kind: Literal["block"] = "block"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
 
+    @model_validator(mode="after")
+    def _plausible(self) -> BlockShape:
+        for i, edge in enumerate(self.size):
+            if edge > LARGEST_BODY:
+                raise _wrong(
+                    f"an edge of {edge:g} m is longer than {LARGEST_BODY:g} m: lengths are in metres", "size", i
+                )
+            if edge < SMALLEST_BODY:
+                raise _wrong(
+                    f"an edge of {edge:g} m is shorter than {SMALLEST_BODY:g} m: lengths are in metres", "size", i
+                )
+        return self
+
 
 class MeshShape(Spec):
     """A closed surface or tetrahedral mesh, embedded in cells."""
 
     kind: Literal["mesh"] = "mesh"
-    path: str = Field(description="file read through meshio, relative to the scene file")
-    scale: Positive = Field(1.0, description="metres per unit of the file")
+    path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
+    scale: Positive = Field(default=1.0, description="metres per unit of the file")
 
 
 Shape = Annotated[BlockShape | MeshShape, Field(discriminator="kind")]
@@ -42,49 +69,69 @@ class MaterialSpec(Spec):
 
     kind: Literal["neo_hookean", "linear"] = "neo_hookean"
     young: Positive = Field(description="Young's modulus [Pa]")
-    poisson: float = Field(gt=-1.0, lt=0.5, description="Poisson's ratio [1]")
+    poisson: float = Field(gt=-1.0, lt=0.5, description="Poisson's ratio, below 0.5: use 0.49 for rubber or gel [1]")
     density: Positive = Field(description="mass density at rest [kg/m^3]")
 
 
 class BoxRegion(Spec):
     """An axis-aligned box in rest coordinates [m]."""
 
-    min: Vector
-    max: Vector
+    min: Vector = Field(description="lower corner [m]")
+    max: Vector = Field(description="upper corner [m]")
 
     @model_validator(mode="after")
     def _ordered(self) -> BoxRegion:
-        if any(a > b for a, b in zip(self.min, self.max, strict=True)):
-            raise ValueError("min must not exceed max in any coordinate")
+        for i, (low, high) in enumerate(zip(self.min, self.max, strict=True)):
+            if low > high:
+                raise _wrong(f"min {low:g} exceeds max {high:g} along {'xyz'[i]}", "min", i)
         return self
+
+
+def _cell_tag(value: Any) -> str:
+    return "three edges" if isinstance(value, list | tuple) else "one edge"
 
 
 class BodySpec(Spec):
     """The deformable body; its bounding box stands with the base's centre at `position`."""
 
     shape: Shape
-    position: Vector = Field((0.0, 0.0, 0.0), description="base centre of the bounding box [m]")
-    cell: Positive | tuple[Positive, Positive, Positive] | None = Field(
-        None, description="cell edge, or edges along x, y, z [m]; default: a third of the least extent"
-    )
+    position: Vector = Field(default=(0.0, 0.0, 0.0), description="base centre of the bounding box [m]")
+    cell: (
+        Annotated[
+            Annotated[Positive, Tag("one edge")] | Annotated[tuple[Positive, Positive, Positive], Tag("three edges")],
+            Discriminator(_cell_tag),
+        ]
+        | None
+    ) = Field(default=None, description="cell edge, or edges along x, y, z [m]; default: a third of the least extent")
     material: MaterialSpec
-    fixed: tuple[BoxRegion, ...] = Field((), description="nodes at rest inside these boxes are clamped")
-    velocity: Vector = Field((0.0, 0.0, 0.0), description="initial velocity [m/s]")
-    spin: Vector = Field((0.0, 0.0, 0.0), description="initial angular velocity about the centre of mass [rad/s]")
+    fixed: tuple[BoxRegion, ...] = Field(default=(), description="nodes at rest inside these boxes are clamped")
+    velocity: Vector = Field(default=(0.0, 0.0, 0.0), description="initial velocity [m/s]")
+    spin: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="initial angular velocity about the centre of mass [rad/s]"
+    )
+
+    @model_validator(mode="after")
+    def _countable(self) -> BodySpec:
+        if isinstance(self.shape, BlockShape) and self.cell is not None:
+            edges = self.cell if isinstance(self.cell, tuple) else (self.cell,) * 3
+            n_cells = math.prod(max(1, round(size / edge)) for size, edge in zip(self.shape.size, edges, strict=True))
+            if n_cells > MOST_CELLS:
+                raise _wrong(f"{n_cells:,} cells, more than {MOST_CELLS:,}: give a longer cell edge", "cell")
+        return self
 
 
 class PlaneTool(Spec):
     """A half-space; the body stays on the side of `normal`."""
 
     kind: Literal["plane"] = "plane"
-    point: Vector = (0.0, 0.0, 0.0)
-    normal: Vector = (0.0, 0.0, 1.0)
-    friction: NonNegative = Field(0.0, description="Coulomb coefficient [1]")
+    point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the plane [m]")
+    normal: Vector = Field(default=(0.0, 0.0, 1.0), description="points towards the body; any length")
+    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
     @model_validator(mode="after")
     def _direction(self) -> PlaneTool:
-        if sum(c * c for c in self.normal) == 0.0:
-            raise ValueError("normal must not be zero")
+        if math.hypot(*self.normal) < 1e-12:
+            raise _wrong("the normal must not be zero", "normal")
         return self
 
 
@@ -94,75 +141,112 @@ class BoxTool(Spec):
     kind: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
     position: Vector = Field(description="centre at time 0 [m]")
-    friction: NonNegative = 0.0
+    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
 
 class SphereTool(Spec):
     """A rigid sphere."""
 
     kind: Literal["sphere"] = "sphere"
-    radius: Positive
+    radius: Positive = Field(description="[m]")
     position: Vector = Field(description="centre at time 0 [m]")
-    friction: NonNegative = 0.0
+    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
 
 ToolSpec = Annotated[PlaneTool | BoxTool | SphereTool, Field(discriminator="kind")]
+ToolName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]{0,63}$")]
 
 
 class Until(Spec):
     """When a closing phase ends; the first condition met ends it."""
 
-    compression: float | None = Field(None, gt=0.0, lt=1.0, description="of the body between the tools [1]")
-    force: Positive | None = Field(None, description="mean normal force per tool [N]")
-    time: Positive | None = Field(None, description="length of the phase [s]")
+    compression: float | None = Field(default=None, gt=0.0, lt=1.0, description="of the body between the tools [1]")
+    force: Positive | None = Field(default=None, description="mean normal force per tool [N]")
+    time: Positive | None = Field(default=None, description="length of the phase [s]")
 
     @model_validator(mode="after")
     def _some(self) -> Until:
         if self.compression is None and self.force is None and self.time is None:
-            raise ValueError("say when to stop: compression, force or time")
+            raise _wrong("say when to stop: compression, force or time")
         return self
 
 
 class ClosePhase(Spec):
     """Two tools approach each other at `close` [m/s] each."""
 
-    tools: tuple[str, str]
+    tools: tuple[str, str] = Field(description="the two tools, by name")
     close: Positive = Field(description="speed of each tool [m/s]")
     until: Until
+
+    @model_validator(mode="after")
+    def _two(self) -> ClosePhase:
+        if self.tools[0] == self.tools[1]:
+            raise _wrong(f"{self.tools[0]!r} cannot close on itself: name two tools", "tools", 1)
+        return self
 
 
 class MovePhase(Spec):
     """Tools move together by `move` [m] at `speed` [m/s]."""
 
-    tools: tuple[str, ...] = Field(min_length=1)
-    move: Vector
-    speed: Positive
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    move: Vector = Field(description="displacement [m]")
+    speed: Positive = Field(description="[m/s]")
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> MovePhase:
+        if math.hypot(*self.move) < 1e-12:
+            raise _wrong("a move of zero length: use hold to wait", "move")
+        return self
 
 
 class HoldPhase(Spec):
     """All tools stand still for `hold` [s]."""
 
-    hold: NonNegative
+    hold: NonNegative = Field(description="[s]")
 
 
-Phase = ClosePhase | MovePhase | HoldPhase
+def _phase_tag(value: Any) -> str | None:
+    keys = value if isinstance(value, dict) else getattr(type(value), "model_fields", ())
+    for key in ("close", "move", "hold"):
+        if key in keys:
+            return f"{key} phase"
+    return None
+
+
+# the tag follows from the key that names the phase, so that an error speaks of one phase, not of all three
+Phase = Annotated[
+    Annotated[ClosePhase, Tag("close phase")]
+    | Annotated[MovePhase, Tag("move phase")]
+    | Annotated[HoldPhase, Tag("hold phase")],
+    Discriminator(
+        _phase_tag,
+        custom_error_type="phase",
+        custom_error_message="a phase says what happens: close (with tools, until), move (with tools, speed) or hold",
+    ),
+]
 
 
 class NearSpec(Spec):
     """The near region: cells close to tools, or inside boxes, get a model (and participant) of their own."""
 
     model: ModelKind = "fem"
-    within: Positive | None = Field(None, description="distance to a tool that makes a cell near [m]")
-    tools: tuple[str, ...] | None = Field(None, description="default: the tools that move")
-    boxes: tuple[BoxRegion, ...] = Field((), description="cells with their centre in a box are always near")
-    release: float = Field(1.5, ge=1.0, description="a near cell is released beyond release * within [1]")
-    patience: int = Field(20, ge=1, description="steps a cell stays near after its last reason to be [1]")
+    within: Positive | None = Field(default=None, description="distance to a tool that makes a cell near [m]")
+    tools: tuple[str, ...] | None = Field(default=None, description="default: the tools that move")
+    boxes: tuple[BoxRegion, ...] = Field(default=(), description="cells with their centre in a box are always near")
+    release: float = Field(default=1.5, ge=1.0, description="a near cell is released beyond release * within [1]")
+    patience: int = Field(default=20, ge=1, description="steps a cell stays near after its last reason to be [1]")
+
+    @model_validator(mode="after")
+    def _some(self) -> NearSpec:
+        if self.within is None and not self.boxes:
+            raise _wrong("say which cells are near: within (a distance to tools) or boxes")
+        return self
 
 
 class RegionsSpec(Spec):
     """Which cells get which model."""
 
-    default: ModelKind = "pbd"
+    default: ModelKind = Field(default="pbd", description="model of every cell that is not near")
     near: NearSpec | None = None
 
 
@@ -171,16 +255,25 @@ class FemSpec(Spec):
 
     element: Literal["hex27"] = "hex27"
     integrator: Literal["implicit_euler"] = "implicit_euler"
-    tolerance: Positive = Field(1e-7, description="Newton stops when no node moves more, relative to a cell edge [1]")
-    iterations: int = Field(30, ge=1, description="Newton iterations before the step is cut")
+    tolerance: Positive = Field(
+        default=1e-7, description="Newton stops when no node moves more, relative to a cell edge [1]"
+    )
+    iterations: int = Field(default=30, ge=1, description="Newton iterations before the step is cut")
+
+
+def _substeps_tag(value: Any) -> str:
+    return "automatic" if isinstance(value, str) else "a count"
 
 
 class PbdSpec(Spec):
     """Settings of the XPBD participant."""
 
     method: Literal["xpbd"] = "xpbd"
-    substeps: int | Literal["auto"] = Field("auto", description="substeps a step; auto: wave-speed rule")
-    sweeps: int = Field(1, ge=1, description="Gauss-Seidel sweeps a substep")
+    substeps: Annotated[
+        Annotated[int, Field(ge=1), Tag("a count")] | Annotated[Literal["auto"], Tag("automatic")],
+        Discriminator(_substeps_tag),
+    ] = Field(default="auto", description="substeps a step; auto: wave-speed rule")
+    sweeps: int = Field(default=1, ge=1, description="Gauss-Seidel sweeps a substep")
     hourglass: Literal["physical", "fitted"] = "physical"
 
 
@@ -194,40 +287,50 @@ class ModelsSpec(Spec):
 class SeamSpec(Spec):
     """When the two sides of the seam agree well enough."""
 
-    tolerance: Positive = Field(1e-4, description="largest position gap at commit, in cell edges [1]")
-    exchanges: int = Field(8, ge=1, description="most exchanges a step")
+    tolerance: Positive = Field(default=1e-4, description="largest position gap at commit, in cell edges [1]")
+    exchanges: int = Field(default=8, ge=1, description="most exchanges a step")
 
 
 class Scene(Spec):
     """One scene: a body, tools, their motion, and how to simulate them."""
 
     softseam: Literal[1] = Field(description="version of the scene format")
-    name: str = Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9_\-]+$")
-    gravity: Vector = (0.0, 0.0, -9.81)
-    step: Positive = Field(0.01, le=1.0, description="macro step [s]")
-    duration: Positive | None = Field(None, description="simulated time [s]; default: the end of the motion")
-    seed: int = 0
+    name: str = Field(
+        min_length=1,
+        max_length=64,
+        pattern=r"^[A-Za-z0-9_\-]+$",
+        description="names recordings: letters, digits, _ and -",
+    )
+    gravity: Vector = Field(default=(0.0, 0.0, -9.81), description="[m/s^2]")
+    step: Positive = Field(default=0.01, le=1.0, description="macro step [s]")
+    duration: Positive | None = Field(default=None, description="simulated time [s]; default: the end of the motion")
+    seed: int = Field(default=0, ge=0)
     body: BodySpec
-    tools: dict[str, ToolSpec] = {}
-    motion: tuple[Phase, ...] = ()
+    tools: dict[ToolName, ToolSpec] = Field(default={}, description="rigid tools by name")
+    motion: tuple[Phase, ...] = Field(default=(), description="phases, one after another")
     regions: RegionsSpec = RegionsSpec()
     models: ModelsSpec = ModelsSpec()
     seam: SeamSpec = SeamSpec()
-    quantities: tuple[Quantity, ...] = ()
+    quantities: tuple[Quantity, ...] = Field(default=(), description="reported for every step")
 
     @model_validator(mode="after")
-    def _names(self) -> Scene:
-        def known(names: tuple[str, ...] | None, where: str) -> None:
-            for name in names or ():
-                if name not in self.tools:
-                    have = ", ".join(self.tools) or "none"
-                    raise ValueError(f"{where} names the tool {name!r}, but the scene has: {have}")
-
+    def _consistent(self) -> Scene:
         for i, phase in enumerate(self.motion):
             if isinstance(phase, ClosePhase | MovePhase):
-                known(phase.tools, f"motion.{i}.tools")
+                self._known(phase.tools, "motion", i, "tools")
         if self.regions.near is not None:
-            known(self.regions.near.tools, "regions.near.tools")
+            self._known(self.regions.near.tools or (), "regions", "near", "tools")
         if self.duration is None and not self.motion:
-            raise ValueError("give a duration, or a motion whose end is the end of the run")
+            raise _wrong("give a duration, or a motion whose end is the end of the run")
+        if self.duration is not None and self.duration / self.step > MOST_STEPS:
+            raise _wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
+
+    def _known(self, names: tuple[str, ...], *at: str | int) -> None:
+        """Raise if one of the names is not a tool."""
+        for i, name in enumerate(names):
+            if name not in self.tools:
+                message = f"no tool is called {name!r}"
+                raise PydanticCustomError(
+                    "scene", "{message}", {"message": message, "at": (*at, i), "have": list(self.tools)}
+                )

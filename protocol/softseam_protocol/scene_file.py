@@ -1,0 +1,261 @@
+"""Scene files: from a path to a validated Scene and the Bundle that carries it, or one SceneError that says where."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from softseam_protocol import marked_yaml
+from softseam_protocol.marked_yaml import Mark, Marked
+from softseam_protocol.messages import Bundle
+from softseam_protocol.scene import MeshShape, Scene
+from softseam_protocol.scene_keys import described, keys_allowed
+
+MAX_SCENE_BYTES = 2**20
+MAX_FILE_BYTES = 128 * 2**20
+
+
+class SceneError(Exception):
+    """What is wrong in a scene, and where: one error, one remedy."""
+
+    def __init__(
+        self, file: str, line: int, column: int, key: str, problem: str, allowed: str = "", nearest: str = ""
+    ) -> None:
+        self.file, self.line, self.column, self.key = file, line, column, key
+        self.problem, self.allowed, self.nearest = problem, allowed, nearest
+        text = f"{file}:{line}:{column}: " + (f"{key}: " if key else "") + problem
+        if nearest:
+            text += f"; did you mean {nearest!r}?"
+        if allowed:
+            text += f" (allowed: {allowed})"
+        super().__init__(text)
+
+
+@dataclass(frozen=True)
+class LoadedScene:
+    """A scene read from a file, ready to be sent."""
+
+    scene: Scene
+    bundle: Bundle
+    path: Path
+    text: str
+    """the file as it was written"""
+
+
+def load_scene(path: str | Path) -> LoadedScene:
+    """Read and validate a scene file and the files it names. Raises SceneError."""
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MAX_SCENE_BYTES + 1)
+    except OSError as error:
+        raise SceneError(str(path), 1, 1, "", f"cannot be read: {error.strerror}", _beside(path)) from None
+    if len(raw) > MAX_SCENE_BYTES:
+        raise SceneError(str(path), 1, 1, "", f"larger than {MAX_SCENE_BYTES} bytes: is this a scene file?")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise SceneError(str(path), line, 1, "", "not UTF-8 text: is this a scene file?") from None
+    scene, marked = _parse(text, str(path))
+    files: dict[str, bytes] = {}
+    if isinstance(scene.body.shape, MeshShape):
+        files[scene.body.shape.path] = _read_mesh(path, scene.body.shape.path, marked)
+    return LoadedScene(scene, Bundle(scene_json(scene), files), path, text)
+
+
+def parse_scene(text: str, name: str = "<scene>") -> Scene:
+    """Validate the text of a scene (YAML or JSON); errors call the file `name`. Raises SceneError."""
+    return _parse(text, name)[0]
+
+
+def scene_from_bundle(bundle: Bundle) -> Scene:
+    """The scene of a bundle. Raises SceneError."""
+    try:
+        scene = Scene.model_validate_json(bundle.scene, strict=True)
+    except ValidationError:
+        scene = parse_scene(bundle.scene, "<bundle>")
+    shape = scene.body.shape
+    if isinstance(shape, MeshShape) and shape.path not in bundle.files:
+        raise SceneError("<bundle>", 1, 1, "body.shape.path", f"the file {shape.path!r} is not in the bundle")
+    return scene
+
+
+def bundle_scene(scene: Scene, files: dict[str, bytes] | None = None) -> Bundle:
+    """The bundle of a scene made in code."""
+    return Bundle(scene_json(scene), dict(files or {}))
+
+
+def scene_json(scene: Scene) -> str:
+    """The canonical text of a scene: every default written out, keys sorted."""
+    return json.dumps(scene.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+
+
+def scene_hash(bundle: Bundle) -> str:
+    """SHA-256 (hex) of a scene and its files; the same for every way of writing the same scene."""
+    digest = hashlib.sha256(scene_json(scene_from_bundle(bundle)).encode())
+    for name in sorted(bundle.files):
+        content = bundle.files[name]
+        digest.update(f"\0{name}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()
+
+
+def scene_schema() -> str:
+    """The published JSON Schema of scene files."""
+    return json.dumps(Scene.model_json_schema(), indent=2, sort_keys=True) + "\n"
+
+
+# ---- validation --------------------------------------------------------------------------------------------
+
+
+def _parse(text: str, name: str) -> tuple[Scene, Marked]:
+    try:
+        marked = marked_yaml.parse(text)
+    except marked_yaml.YamlError as error:
+        raise SceneError(name, error.mark.line, error.mark.column, _dotted(error.path), str(error)) from None
+    if not isinstance(marked.data, dict):
+        mark = marked.values[()]
+        raise SceneError(
+            name, mark.line, mark.column, "", f"a scene is a mapping of keys, but this is {_called(marked.data)}"
+        )
+    bad = next((p for p, v in _walk(marked.data, ()) if isinstance(v, float) and not math.isfinite(v)), None)
+    if bad is not None:
+        mark = marked.values[bad]
+        raise SceneError(name, mark.line, mark.column, _dotted(bad), "must be a finite number")
+    try:
+        # strict JSON: a list becomes a tuple and 1 a float, but "1" and true are not numbers
+        return Scene.model_validate_json(json.dumps(marked.data), strict=True), marked
+    except ValidationError as error:
+        errors = [_located(details, marked, name) for details in error.errors(include_url=False)]
+        raise min(errors, key=lambda e: (e.line, e.column)) from None
+
+
+def _walk(data: Any, path: marked_yaml.Path) -> Any:
+    yield path, data
+    children = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in children:
+        yield from _walk(value, (*path, key))
+
+
+def _located(details: ErrorDetails, marked: Marked, name: str) -> SceneError:
+    """One of pydantic's errors as a SceneError with its place in the file."""
+    kind, context = details["type"], details.get("ctx", {})
+    loc = (*details["loc"], *context.get("at", ()))
+    path, missing = _real_path(loc, marked.data)
+    problem, allowed, nearest = details["msg"], "", ""
+    found = _at(marked.data, path)
+    mark = marked.keys.get(path) or marked.values[path]
+    if kind == "missing":
+        problem = f"the key {str(loc[-1])!r} is missing"
+        path = (*path, str(loc[-1]))
+    elif kind == "extra_forbidden":
+        keys = keys_allowed(loc[:-1])
+        problem, allowed = "unknown key", ", ".join(keys)
+        nearest = _nearest(str(path[-1]), keys)
+    elif kind in ("literal_error", "union_tag_invalid"):
+        path, found, mark = _tag_place(kind, path, context, marked)
+        options = context["expected" if kind == "literal_error" else "expected_tags"]
+        problem, allowed = f"{found!r} is not known here", options
+        nearest = _nearest(str(found), [o.strip().strip("'") for o in options.replace(" or ", ", ").split(",")])
+    elif kind == "union_tag_not_found":
+        problem = f"the key {'kind'!r} is missing"
+        path = (*path, "kind")
+    elif "have" in context:
+        allowed = ", ".join(context["have"]) or "the scene has no tools"
+        nearest = _nearest(str(found), context["have"])
+        mark = marked.values[path]
+    elif kind not in ("scene", "phase"):
+        mark = mark if missing else marked.values[path]
+        problem = f"{_plain(problem)}, but this is {_called(found)}"
+        allowed = described(loc)
+    return SceneError(name, mark.line, mark.column, _dotted(path), problem, allowed, nearest)
+
+
+def _tag_place(kind: str, path: marked_yaml.Path, context: dict[str, Any], marked: Marked) -> tuple[Any, Any, Mark]:
+    if kind == "union_tag_invalid":
+        path = (*path, "kind")
+    return path, _at(marked.data, path), marked.values[path]
+
+
+def _real_path(loc: tuple[str | int, ...], data: Any) -> tuple[marked_yaml.Path, bool]:
+    """The part of an error's location that exists in the file; union tags are passed over."""
+    path: list[str | int] = []
+    missing = False
+    for item in loc:
+        if item == "[key]":
+            continue
+        if isinstance(data, dict) and item in data and isinstance(item, str):
+            data = data[item]
+        elif isinstance(data, list) and isinstance(item, int) and item < len(data):
+            data = data[item]
+        else:
+            missing = True
+            continue
+        path.append(item)
+        missing = False
+    return tuple(path), missing
+
+
+def _at(data: Any, path: marked_yaml.Path) -> Any:
+    for item in path:
+        data = data[item]
+    return data
+
+
+def _nearest(word: str, options: list[str]) -> str:
+    return next(iter(difflib.get_close_matches(word, options, 1, 0.6)), "")
+
+
+def _called(value: Any) -> str:
+    """How an error names what it found."""
+    if value is None:
+        return "empty"
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    return json.dumps(value)
+
+
+def _plain(message: str) -> str:
+    message = message.removeprefix("Input ").removeprefix("Value ")
+    return message.replace("a valid tuple", "a list").replace("a valid array", "a list").replace("a valid ", "a ")
+
+
+def _dotted(path: marked_yaml.Path) -> str:
+    return ".".join(str(item) for item in path)
+
+
+# ---- files -------------------------------------------------------------------------------------------------
+
+
+def _beside(path: Path) -> str:
+    """Files beside a missing one whose names are like it."""
+    try:
+        names = [p.name for p in path.parent.iterdir() if p.is_file()]
+    except OSError:
+        return ""
+    return ", ".join(difflib.get_close_matches(path.name, names, 3, 0.5))
+
+
+def _read_mesh(scene_path: Path, named: str, marked: Marked) -> bytes:
+    """Content of the mesh file that a scene names. Raises SceneError."""
+    key = ("body", "shape", "path")
+    mark = marked.values[key]
+    where = (str(scene_path), mark.line, mark.column, _dotted(key))
+    mesh = scene_path.parent / named
+    try:
+        if mesh.stat().st_size > MAX_FILE_BYTES:
+            raise SceneError(*where, f"{mesh} is larger than {MAX_FILE_BYTES} bytes")
+        return mesh.read_bytes()
+    except OSError as error:
+        raise SceneError(*where, f"{mesh} cannot be read: {error.strerror}", nearest=_beside(mesh)) from None
