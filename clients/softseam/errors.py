@@ -1,0 +1,81 @@
+"""Everything that a user of the client can run into: each says what is wrong and what to do about it.
+
+`except softseam.SoftseamError` catches them all. Bad input is refused before anything has changed, so the session
+goes on as if the call had not been made.
+"""
+
+from __future__ import annotations
+
+
+class SoftseamError(Exception):
+    """Base of everything below; its text is one sentence for a user."""
+
+
+class SceneRefused(SoftseamError):
+    """A scene, or a file that it names, cannot be simulated; the text names file, line, key and remedy."""
+
+
+class BadInput(SoftseamError, ValueError):
+    """A value given to the client is not usable; nothing has changed."""
+
+
+class UnknownTool(BadInput):
+    """A tool is named that the scene does not have."""
+
+
+class BadVelocity(BadInput):
+    """A tool's velocity is not three finite numbers [m/s]."""
+
+
+class BadSnapshot(BadInput):
+    """Bytes given to `restore` are not a snapshot of this scene."""
+
+
+class FieldsNotObserved(SoftseamError, AttributeError):
+    """A field was read from an observation that was taken without fields."""
+
+
+class SessionClosed(SoftseamError):
+    """The session was closed, and something was asked of it."""
+
+
+class NotReset(SoftseamError):
+    """The session was asked for something before the first `reset`."""
+
+
+class NoConnection(SoftseamError, ConnectionError):
+    """No router, or nobody behind it, answers."""
+
+
+class SchemaMismatch(SoftseamError):
+    """The two sides speak different versions of the message schema."""
+
+
+class SimulationFailed(SoftseamError):
+    """The simulation could not go on; the text says where it stopped and what to try."""
+
+
+class MissingExtra(SoftseamError, ImportError):
+    """A part of softseam that is not installed is needed; the text says how to install it."""
+
+
+_EXTRA_OF = {
+    "numba": "solve",
+    "llvmlite": "solve",
+    "scipy": "solve",
+    "meshio": "solve",
+    "mcap": "solve",
+    "zstandard": "solve",
+    "rerun": "view",
+    "pyarrow": "view",
+    "matplotlib": "view",
+}
+
+
+def missing_extra(error: ImportError, purpose: str) -> ImportError:
+    """The error to raise where an import failed: a MissingExtra if a package of an extra is absent, else itself."""
+    absent = (error.name or "").partition(".")[0]
+    extra = _EXTRA_OF.get(absent)
+    if extra is None or not isinstance(error, ModuleNotFoundError):
+        return error
+    return MissingExtra(f"{purpose} needs {absent}, which is not installed: pip install 'softseam[{extra}]'")

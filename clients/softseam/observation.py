@@ -1,0 +1,191 @@
+"""What a client sees after a step: one frozen, typed value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam.errors import FieldsNotObserved
+from softseam_protocol import messages
+from softseam_protocol.messages import Event, Frame, RegionReport, SeamReport, StepReport
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolView:
+    """A rigid tool at the end of the step."""
+
+    position: Floats
+    """centre, or a plane's point (3,) [m]"""
+    orientation: Floats
+    """unit quaternion w, x, y, z (4,)"""
+    velocity: Floats
+    """velocity that was applied in the step (3,) [m/s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """State and error indicators of the simulation at the end of a step.
+
+    Fields of the whole body (`positions`, `cauchy`, `von_mises`, ...) are there unless the step was taken with
+    `fields=False`; reading one then raises FieldsNotObserved. Arrays are read-only.
+    """
+
+    time: float
+    """simulated time at the end of the step [s]"""
+    step: int
+    """steps taken since the reset"""
+    done: bool
+    """whether the scene's motion or duration is over"""
+    tools: Mapping[str, ToolView]
+    wrench: Mapping[str, Floats]
+    """force and torque about its centre that the body exerts on each tool (6,) [N, N m]"""
+    quantities: Mapping[str, float]
+    """every quantity of the scene, SI units"""
+    seam: SeamReport
+    """gap [m], exchanges, nodes, largest multiplier [N] and work [J] of the seam"""
+    regions: Mapping[str, RegionReport]
+    """model, size, energies [J] and cost of the near and the far region"""
+    energies: Mapping[str, float]
+    """ledger of the step [J]"""
+    penetration: float
+    """deepest penetration of a surface point into a tool [m]"""
+    momentum: Floats
+    """(3,) [kg m/s]"""
+    angular_momentum: Floats
+    """about the world's origin (3,) [kg m^2/s]"""
+    events: tuple[Event, ...]
+    """what happened since the observation before: switches, phases, fallbacks, recoveries, alarms"""
+    seconds: Mapping[str, float]
+    """wall time of the step by part [s]"""
+    report: StepReport
+    """the message that all this came in"""
+    frame: Frame | None
+    """the fields' message, None where they were not asked for"""
+
+    @property
+    def grip_force(self) -> float:
+        """Mean normal force of the gripping tools [N]."""
+        return self._quantity("grip_force")
+
+    @property
+    def lift_height(self) -> float:
+        """How far the body has been lifted since the start [m]."""
+        return self._quantity("lift_height")
+
+    @property
+    def slip(self) -> float:
+        """Largest slip of a touching point on a moving tool [m]."""
+        return self._quantity("slip")
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of all nodes (N, 3) [m]."""
+        return self._fields().x
+
+    @property
+    def surface(self) -> Floats:
+        """Positions of the true surface's points (P, 3) [m]."""
+        return self._fields().point_x
+
+    @property
+    def contact_force(self) -> Floats:
+        """Contact force on each surface point (P, 3) [N]."""
+        return self._fields().contact_force
+
+    @property
+    def contact_tool(self) -> NDArray[np.int32]:
+        """Index of the tool that each surface point touches, -1 for none (P,)."""
+        return self._fields().contact_tool
+
+    @property
+    def cell_near(self) -> NDArray[np.int8]:
+        """1 where a cell belongs to the near region, 0 where to the far one (n_cells,)."""
+        return self._fields().cell_near
+
+    @property
+    def cauchy(self) -> Floats:
+        """Cauchy stress xx yy zz yz xz xy per octant of each cell (n_cells, 8, 6) [Pa]."""
+        return self._fields().cauchy
+
+    @property
+    def von_mises(self) -> Floats:
+        """Von Mises stress per octant of each cell (n_cells, 8) [Pa]."""
+        return von_mises(self._fields().cauchy)
+
+    @property
+    def principal_stress(self) -> Floats:
+        """Principal Cauchy stresses, ascending, per octant of each cell (n_cells, 8, 3) [Pa]."""
+        return principal_stress(self._fields().cauchy)
+
+    def _fields(self) -> Frame:
+        if self.frame is None:
+            raise FieldsNotObserved(
+                "this observation was taken without fields: step with fields=True, or call session.observe()"
+            )
+        return self.frame
+
+    def _quantity(self, name: str) -> float:
+        try:
+            return self.quantities[name]
+        except KeyError:
+            raise FieldsNotObserved(
+                f"the scene does not observe {name}: add it to the scene's `quantities` "
+                f"(there are: {', '.join(self.quantities) or 'none'})"
+            ) from None
+
+
+def von_mises(cauchy: Floats) -> Floats:
+    """Von Mises stress sqrt(3/2 s:s), s = deviator of the stress (..., 6) ordered xx yy zz yz xz xy [Pa]."""
+    xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy, -1, 0)
+    normal = 0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
+    return np.asarray(np.sqrt(normal + 3.0 * (yz**2 + xz**2 + xy**2)))
+
+
+def principal_stress(cauchy: Floats) -> Floats:
+    """Eigenvalues, ascending, of stresses (..., 6) ordered xx yy zz yz xz xy: (..., 3) [Pa]."""
+    full = cauchy[..., [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(*cauchy.shape[:-1], 3, 3)
+    return np.linalg.eigvalsh(full)
+
+
+def observation_from(message: messages.Observation, tool_names: tuple[str, ...]) -> Observation:
+    """The client's view of an Observation message; `tool_names` in the scene's order."""
+    report, frame = message.report, message.frame
+    tools, wrench = {}, {}
+    for i, name in enumerate(tool_names):
+        tools[name] = ToolView(
+            _frozen(report.tool_position[i]), _frozen(report.tool_orientation[i]), _frozen(report.command[i])
+        )
+        wrench[name] = _frozen(report.wrench[i])
+    if frame is not None:
+        for array in (frame.x, frame.cauchy, frame.cell_near, frame.point_x, frame.contact_force, frame.contact_tool):
+            array.setflags(write=False)
+    return Observation(
+        time=report.quantities.get("time", report.header.time),
+        step=report.header.step,
+        done=report.done,
+        tools=MappingProxyType(tools),
+        wrench=MappingProxyType(wrench),
+        quantities=MappingProxyType(dict(report.quantities)),
+        seam=report.seam,
+        regions=MappingProxyType(dict(report.regions)),
+        energies=MappingProxyType(dict(report.energy)),
+        penetration=report.penetration,
+        momentum=_frozen(report.momentum),
+        angular_momentum=_frozen(report.angular_momentum),
+        events=tuple(message.events),
+        seconds=MappingProxyType(dict(report.seconds)),
+        report=report,
+        frame=frame,
+    )
+
+
+def _frozen(array: Floats) -> Floats:
+    view = array.view()
+    view.setflags(write=False)
+    return view

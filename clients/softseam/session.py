@@ -1,0 +1,213 @@
+"""A simulation to step: the same in this process and through services on a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from softseam.errors import BadInput, BadVelocity, NotReset, SessionClosed, UnknownTool
+from softseam.observation import Observation, observation_from
+from softseam.scenes import bundle_of
+from softseam.variants import Model, with_model, with_settings
+from softseam_protocol import messages
+from softseam_protocol.messages import Bundle, Vector3
+from softseam_protocol.scene import Scene
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+Listener = Callable[[messages.StepReport | messages.Frame | messages.Event], None]
+
+
+class Backend(Protocol):
+    """What runs the simulation: this process, or an orchestrator on the bus. Every call may raise SoftseamError."""
+
+    def reset(self, seed: int) -> messages.Observation: ...
+
+    def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> messages.Observation:
+        """Take steps with these tool velocities, or with the scene's own motion where they are None."""
+        ...
+
+    def save(self) -> bytes: ...
+
+    def load(self, state: bytes) -> messages.Observation: ...
+
+    def close(self) -> None: ...
+
+
+def open(
+    scene: str | Path | Scene,
+    connect: str | None = None,
+    *,
+    model: Model | None = None,
+    settings: Sequence[str] = (),
+    record: str | Path | bool | None = None,
+    listen: Listener | None = None,
+    timeout: float = 120.0,
+) -> Session:
+    """Open a session on a scene.
+
+    scene     path of a scene file, the name of a bundled scene ("tofu_grasp"), or a Scene
+    connect   endpoint of a router with an orchestrator behind it, e.g. "tcp/127.0.0.1:7447"; None: in this process
+    model     "fem", "pbd" or "hybrid" in place of what the scene says
+    settings  "key.key=value", each in place of what the scene says
+    record    file to record to (in this process), or True to have the bus's recorder record the session
+    listen    called with every step report, frame and event (in this process)
+    timeout   longest wait for an answer over the bus [s]
+    """
+    bundle = bundle_of(scene)
+    parsed = Scene.model_validate_json(bundle.scene)
+    varied = with_settings(parsed, settings)
+    if model is not None:
+        varied = with_model(varied, model)
+    if varied is not parsed:
+        bundle = Bundle(varied.model_dump_json(exclude_unset=True), bundle.files)
+    backend: Backend
+    if connect is None:
+        if isinstance(record, bool):
+            raise BadInput("record=True is for connected sessions: give the recording a file name")
+        from softseam.embedded import EmbeddedBackend
+
+        backend = EmbeddedBackend(bundle, record=None if record is None else Path(record), listen=listen)
+    else:
+        if listen is not None or isinstance(record, str | Path):
+            raise BadInput("a connected session records where its recorder runs: use record=True, and no `listen`")
+        from softseam.connected import ConnectedBackend
+
+        backend = ConnectedBackend(bundle, connect, record=bool(record), timeout=timeout)
+    return Session(varied, backend)
+
+
+class Session:
+    """One simulation of one scene. A context manager; not for use from several threads at once."""
+
+    def __init__(self, scene: Scene, backend: Backend) -> None:
+        self.scene = scene
+        self._backend: Backend | None = backend
+        self._tools = tuple(scene.tools)
+        self._last: Observation | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether the scene's motion or duration is over."""
+        return self._last is not None and self._last.done
+
+    @property
+    def last(self) -> Observation:
+        """The latest observation."""
+        if self._last is None:
+            self._running()
+            raise NotReset("the session has not begun: call reset() first")
+        return self._last
+
+    def reset(self, seed: int | None = None) -> Observation:
+        """Put the body and the tools where the scene starts; `seed` replaces the scene's."""
+        seed = self.scene.seed if seed is None else seed
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**31:
+            raise BadInput(f"seed is {seed!r}: give a whole number from 0 to 2147483647")
+        return self._observe(self._running().reset(int(seed)))
+
+    def step(
+        self,
+        tool_velocities: Mapping[str, ArrayLike] | None = None,
+        *,
+        count: int = 1,
+        fields: bool = True,
+    ) -> Observation:
+        """Take one macro step, or `count` alike; tools that are not named stand still.
+
+        tool_velocities  velocity of each tool (3,) [m/s]; None follows the scene's own motion
+        fields           also observe the fields of the whole body at the end
+        """
+        backend = self._begun()
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise BadInput(f"count is {count!r}: give a whole number of steps, 1 or more")
+        velocities = None if tool_velocities is None else self._checked(tool_velocities)
+        return self._observe(backend.step(count, velocities, fields))
+
+    def run(
+        self,
+        progress: Callable[[Observation], None] | None = None,
+        *,
+        fields: bool = False,
+        max_steps: int | None = None,
+    ) -> Observation:
+        """Follow the scene's own motion to its end; resets first if need be.
+
+        progress  called with the observation of every step
+        """
+        observation = self._last if self._last is not None else self.reset()
+        taken = 0
+        while not observation.done and (max_steps is None or taken < max_steps):
+            observation = self.step(fields=fields)
+            taken += 1
+            if progress is not None:
+                progress(observation)
+        return observation
+
+    def snapshot(self) -> bytes:
+        """Everything that the future of the simulation depends on."""
+        return self._begun().save()
+
+    def restore(self, state: bytes) -> Observation:
+        """Go back to a snapshot of this scene; what follows is the same, bit for bit, as it was after it."""
+        if not isinstance(state, bytes | bytearray | memoryview):
+            raise BadInput(f"restore() takes the bytes that snapshot() gave, not {type(state).__name__}")
+        return self._observe(self._running().load(bytes(state)))
+
+    def close(self) -> None:
+        """End the session and free what it holds; closing twice does nothing."""
+        backend, self._backend = self._backend, None
+        if backend is not None:
+            backend.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _running(self) -> Backend:
+        if self._backend is None:
+            raise SessionClosed("the session is closed: open another one with softseam.open()")
+        return self._backend
+
+    def _begun(self) -> Backend:
+        backend = self._running()
+        if self._last is None:
+            raise NotReset("the session has not begun: call reset() first")
+        return backend
+
+    def _observe(self, message: messages.Observation) -> Observation:
+        self._last = observation_from(message, self._tools)
+        return self._last
+
+    def _checked(self, tool_velocities: Mapping[str, ArrayLike]) -> dict[str, Vector3]:
+        if not isinstance(tool_velocities, Mapping):
+            raise BadVelocity(
+                f"tool velocities are a mapping from tool names to velocities, not {type(tool_velocities).__name__}"
+            )
+        checked = {}
+        for name, value in tool_velocities.items():
+            if name not in self._tools:
+                raise UnknownTool(
+                    f"the scene {self.scene.name!r} has no tool {name!r}; it has: {', '.join(self._tools) or 'none'}"
+                )
+            try:
+                velocity = np.array(value, dtype=np.float64)
+            except (TypeError, ValueError):
+                raise BadVelocity(f"the velocity of {name!r} is {value!r}: give three numbers [m/s]") from None
+            if velocity.shape != (3,):
+                raise BadVelocity(
+                    f"the velocity of {name!r} has shape {velocity.shape}: give three numbers [m/s], e.g. [0.02, 0, 0]"
+                )
+            if not np.isfinite(velocity).all():
+                raise BadVelocity(f"the velocity of {name!r} is {velocity.tolist()}: it must be finite [m/s]")
+            checked[name] = velocity
+        return checked

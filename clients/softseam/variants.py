@@ -1,0 +1,75 @@
+"""The same scene simulated otherwise: with one model alone, or with settings changed from the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, get_args
+
+import yaml
+from pydantic import ValidationError
+
+from softseam.errors import BadInput, SceneRefused
+from softseam_protocol.scene import RegionsSpec, Scene
+
+Model = Literal["fem", "pbd", "hybrid"]
+
+
+def with_model(scene: Scene, model: Model) -> Scene:
+    """The scene with FEM alone, PBD alone, or as both (refused where the scene has no near region)."""
+    if model not in get_args(Model):
+        raise BadInput(f"no model is called {model!r}; there are: {', '.join(get_args(Model))}")
+    if model == "hybrid":
+        near = scene.regions.near
+        if near is None or near.model == scene.regions.default:
+            raise BadInput(
+                f"the scene {scene.name!r} has no near region with a model of its own: add one to it, "
+                "e.g. regions: {default: pbd, near: {model: fem, within: 0.012}}"
+            )
+        return scene
+    return scene.model_copy(update={"regions": RegionsSpec(default=model)})
+
+
+def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
+    """The scene with `key.key=value` applied in turn, values read as YAML; validated as a whole.
+
+    Keys walk through mappings by name and through lists by index: `motion.1.close=0.01`, `tools.left.friction=0.05`.
+    """
+    settings = list(settings)
+    if not settings:
+        return scene
+    document = scene.model_dump(mode="json", exclude_unset=True)
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        keys = [key.strip() for key in path.split(".")]
+        if not equals or not all(keys):
+            raise BadInput(f"--set {setting}: write it as key=value, e.g. --set tools.left.friction=0.05")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise BadInput(f"--set {setting}: the value is not YAML: {text!r}") from None
+        _assign(document, keys, value, setting)
+    try:
+        return Scene.model_validate(document)
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(str(k) for k in e['loc'])}: {e['msg']}" for e in error.errors()[:3])
+        raise SceneRefused(f"--set {' '.join(settings)} makes a scene that cannot be: {wrong}") from None
+
+
+def _assign(document: dict[str, Any], keys: list[str], value: Any, setting: str) -> None:
+    node: Any = document
+    for depth, key in enumerate(keys):
+        last = depth == len(keys) - 1
+        if isinstance(node, Mapping):
+            if last:
+                node[key] = value  # type: ignore[index]
+            else:
+                node = node.setdefault(key, {})  # type: ignore[attr-defined]
+        elif isinstance(node, list) and key.isdigit() and int(key) < len(node):
+            if last:
+                node[int(key)] = value
+            else:
+                node = node[int(key)]
+        else:
+            where = ".".join(keys[:depth]) or "the scene"
+            what = f"a list of {len(node)}" if isinstance(node, list) else repr(node)
+            raise BadInput(f"--set {setting}: {where} is {what} and has no {key!r}")

@@ -1,0 +1,73 @@
+"""What a client sees of a simulation, the same embedded and over the bus: observations and snapshots."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+from softseam_protocol import codec
+from softseam_protocol.messages import SCHEMA_VERSION, Event, Header, Observation, SeamReport, StepReport
+from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
+from softseam_services.orchestrator.simulation import Simulation
+
+AT_REST = ("grip_force", "lift_height", "slip", "sag")
+"""quantities that are zero before the first step"""
+
+
+def observation(
+    simulation: Simulation, last: StepReport | None, *, fields: bool, events: list[Event], session: str = "local"
+) -> Observation:
+    """The answer to Open, Reset, Step and Load; its header has the number of steps taken and the time reached.
+
+    last    report of the last step taken, None at the start of the scene
+    events  what happened since the observation before
+    """
+    steps = round(simulation.time / simulation.scene.step)
+    header = Header(SCHEMA_VERSION, session, "", 0, steps, 0, simulation.time)
+    report = resting_report(simulation, header) if last is None else last
+    return Observation(header, report, simulation.frame() if fields else None, events)
+
+
+def resting_report(simulation: Simulation, header: Header) -> StepReport:
+    """The report before any step: nothing touches, nothing moves."""
+    tools = simulation.tools
+    n_tools = len(tools.names)
+    return StepReport(
+        header=header,
+        phase=-1,
+        tool_position=tools.position.copy(),
+        tool_orientation=tools.orientation.copy(),
+        wrench=np.zeros((n_tools, 6)),
+        quantities=dict.fromkeys(AT_REST, 0.0),
+        seam=SeamReport(0.0, 0, 0, 0.0, 0.0),
+        regions={},
+        energy={},
+        momentum=np.zeros(3),
+        angular_momentum=np.zeros(3),
+        penetration=0.0,
+        seconds={},
+        done=simulation.done,
+        command=np.zeros((n_tools, 3)),
+    )
+
+
+def snapshot(simulation: Simulation, last: StepReport | None) -> bytes:
+    """State of the simulation together with the report of its last step, sealed by a digest."""
+    content = pack({"state": simulation.save(), "report": b"" if last is None else codec.encode(last)})
+    return hashlib.sha256(content).digest() + content
+
+
+def restore(simulation: Simulation, data: bytes) -> StepReport | None:
+    """Continue from a snapshot; returns the report that it holds.
+
+    Raises ArchiveError, and then has changed nothing, where the bytes are not a whole snapshot of this scene.
+    """
+    seal, content = data[:32], data[32:]
+    if hashlib.sha256(content).digest() != seal:
+        raise ArchiveError("these bytes are no snapshot, or a damaged one: pass what `snapshot` returned")
+    entries = unpack(content)
+    encoded = entries["report"].tobytes()
+    last = codec.decode(encoded, StepReport) if encoded else None
+    simulation.load(entries["state"].tobytes())
+    return last
