@@ -80,7 +80,7 @@ class Squeeze:
             yield self._frame(k, grip, lift)
 
     def _header(self, k: int) -> Header:
-        return Header(SCHEMA_VERSION, self.session, "", 0, k, 0, 0.01 * k)
+        return Header(SCHEMA_VERSION, self.session, "", 0, max(k - 1, 0), 0, 0.01 * max(k - 1, 0))
 
     def _body_lift(self, lift: float) -> float:
         return 0.15 * lift if self.drop else lift

@@ -132,7 +132,7 @@ class Recording:
         counts = dict(self.counts)
         for kind, message in _named(group, channels):
             try:
-                decoded = codec.decode(message.data, TYPES[kind])
+                decoded: object = codec.decode(message.data, TYPES[kind])
             except ProtocolError as error:
                 raise Damage(f"is damaged: a {kind} cannot be decoded ({error})") from None
             counts[kind] = counts.get(kind, 0) + 1
@@ -153,9 +153,8 @@ class Recording:
     def _accept(self) -> None:
         """Raises RecordingError where the file is not ours, too new, or too short to be of use."""
         if self._profile != "softseam":
-            what = (
-                "is an MCAP file of another program" if self._profile or self._damage is None else "is cut off at once"
-            )
+            foreign = self._profile or self._damage is None
+            what = "is an MCAP file of another program" if foreign else "is cut off at once"
             raise RecordingError(f"{self.path} {what}, not a recording of softseam")
         version = self.metadata.get("schema", "0")
         if not version.isdecimal() or int(version) > SCHEMA_VERSION:

@@ -15,7 +15,7 @@ TOOL = (166, 172, 184)
 GROUND = (52, 56, 66)
 CONTACT = (255, 209, 92)
 MULTIPLIER = (93, 211, 158)
-SERIES = ((232, 121, 74), (108, 148, 196), (93, 211, 158), (255, 209, 92), (190, 132, 214), (226, 96, 128), (150, 158, 170))
+SERIES = (NEAR, FAR, MULTIPLIER, CONTACT, (190, 132, 214), (226, 96, 128), (150, 158, 170))
 
 # Viridis-like knots lifted at the dark end, so that an unstressed body still shows its shading: sRGB, equal steps.
 _KNOTS = np.array(

@@ -48,7 +48,9 @@ def rotate(quaternion: Floats, vectors: Floats) -> Floats:
 
 
 def _box(half: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    vertices, normals, triangles = [], [], []
+    vertices: list[Floats] = []
+    normals: list[Floats] = []
+    triangles: list[list[int]] = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         for side in (-1.0, 1.0):

@@ -43,7 +43,7 @@ class LogFile:
             raise RecordError(f"cannot write {self.path}: {error.strerror or error}") from error
 
     @property
-    def bytes(self) -> int:
+    def size(self) -> int:
         """Size of the file up to the last flush [B]."""
         return self._file.size
 
@@ -75,13 +75,13 @@ class LogFile:
 
         Raises OSError where the disk does not take it; the file then ends at the last record that it took.
         """
-        self._writer.flush()
+        self._writer.flush()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
         """Write the index and close; after a failed write only an end mark, so that readers scan instead."""
         try:
             if not self._file.failed:
-                self._writer.finish()
+                self._writer.finish()  # type: ignore[no-untyped-call]
                 self._file.flush()
         finally:
             try:
@@ -101,4 +101,4 @@ def _end_mark() -> bytes:
     builder = RecordBuilder()
     DataEnd(0).write(builder)
     Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
-    return bytes(builder.end()) + MCAP0_MAGIC
+    return bytes(builder.end()) + MCAP0_MAGIC  # type: ignore[no-untyped-call]

@@ -96,7 +96,7 @@ class McapRecorder:
     def progress(self) -> Recorded:
         """What is in the file by now."""
         note = self.failure or self._end or "recording"
-        return Recorded(self._header, str(self.path), self._safe, self.lost, self._file.bytes, note)
+        return Recorded(self._header, str(self.path), self._safe, self.lost, self._file.size, note)
 
     def close(self, timeout: float = 30.0) -> Recorded:
         """Write what is queued, finish the file, and say what became of it."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 Existing = Literal["error", "replace", "number"]
-"""what to do where a file of that name exists: refuse, put the new one in its place, or append -2, -3, ... to the name"""
+"""where a file of that name exists: refuse, put the new one in its place, or append -2, -3, ... to the name"""
 
 
 class RecordError(Exception):

@@ -1,0 +1,77 @@
+"""A run's step reports as columns of numbers: what the report, the curves and the pictures are made of."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import StepReport
+
+Floats = NDArray[np.float64]
+
+UNITS = {
+    "grip_force": "N",
+    "lift_height": "m",
+    "slip": "m",
+    "peak_von_mises": "Pa",
+    "sag": "m",
+    "compression": "1",
+    "tip_deflection": "m",
+}
+SPENT = ("fem", "pbd", "coupling", "bus", "record", "total")
+
+
+class Columns:
+    """Grows by a row a step; a name that a step does not have is NaN there.
+
+    Names: time [s], quantity.*, energy.* [J], seconds.* [s], gap [m], exchanges, multiplier [N], seam_nodes,
+    penetration [m], momentum.x .. .z, angular_momentum.x .. .z, tool.<name>.fx .. .z (force [N] and position [m]), and
+    for each region <region>.cells, .nodes, .iterations, .<model>.
+    """
+
+    def __init__(self, step: float, tools: tuple[str, ...]) -> None:
+        self._step, self._tools = step, tools
+        self._rows: list[dict[str, float]] = []
+        self.models: dict[str, str] = {}
+        """model of each region"""
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, report: StepReport) -> None:
+        row = {
+            "time": report.header.time + self._step,
+            "step": float(report.header.step),
+            "phase": float(report.phase),
+            "gap": report.seam.gap,
+            "exchanges": float(report.seam.exchanges),
+            "multiplier": report.seam.force,
+            "seam_nodes": float(report.seam.n_nodes),
+            "penetration": report.penetration,
+        }
+        row.update((f"quantity.{name}", value) for name, value in report.quantities.items())
+        row.update((f"energy.{name}", value) for name, value in report.energy.items())
+        row.update((f"seconds.{name}", report.seconds.get(name, 0.0)) for name in SPENT)
+        for name, region in report.regions.items():
+            self.models[name] = region.model
+            row[f"{name}.cells"], row[f"{name}.nodes"] = float(region.n_cells), float(region.n_nodes)
+            row[f"{name}.iterations"] = float(region.iterations)
+        for axis, label in enumerate("xyz"):
+            row[f"momentum.{label}"] = float(report.momentum[axis])
+            row[f"angular_momentum.{label}"] = float(report.angular_momentum[axis])
+            for tool, position, wrench in zip(self._tools, report.tool_position, report.wrench, strict=True):
+                row[f"tool.{tool}.{label}"] = float(position[axis])
+                row[f"tool.{tool}.f{label}"] = float(wrench[axis])
+        self._rows.append(row)
+
+    def names(self, prefix: str) -> list[str]:
+        """Names after a prefix such as 'quantity.', in the order of their first appearance."""
+        found = dict.fromkeys(name for row in self._rows for name in row if name.startswith(prefix))
+        return [name.removeprefix(prefix) for name in found]
+
+    def __getitem__(self, name: str) -> Floats:
+        return np.array([row.get(name, np.nan) for row in self._rows])
+
+    def last(self, name: str) -> float:
+        """The last row's value, or NaN."""
+        return self._rows[-1].get(name, float("nan")) if self._rows else float("nan")

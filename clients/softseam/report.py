@@ -1,0 +1,207 @@
+"""The report of a run: what charts, benchmarks and tests read, built up step by step.
+
+>>> builder = ReportBuilder(recording.bundle, facts=recording.facts)
+>>> for message in recording:
+...     builder.add(message)
+>>> builder.build()["quantities"]["grip_force"]["unit"]
+'N'
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam.columns import SPENT, UNITS, Columns
+from softseam.verdict import Verdict, judge
+from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Event, Frame, StepReport
+from softseam_protocol.scene import Scene
+
+REPORT_VERSION = 1
+
+
+def scene_hash(bundle: Bundle) -> str:
+    """SHA-256 of the scene and of the files that it names."""
+    digest = hashlib.sha256(json.dumps(json.loads(bundle.scene), sort_keys=True).encode())
+    for name in sorted(bundle.files):
+        digest.update(b"\0" + name.encode() + b"\0" + hashlib.sha256(bundle.files[name]).digest())
+    return digest.hexdigest()
+
+
+class ReportBuilder:
+    """Collects a run's messages; `build` may be called at any time.
+
+    bundle   the scene that is run
+    facts    versions and machine of the process that simulates
+    model    'hybrid', 'fem' or 'pbd'; found from the regions where it is not given
+    """
+
+    def __init__(self, bundle: Bundle, *, facts: Mapping[str, str] | None = None, model: str | None = None) -> None:
+        self._bundle = bundle
+        self._scene = Scene.model_validate_json(bundle.scene)
+        self._facts, self._model = dict(facts or {}), model
+        self.columns = Columns(self._scene.step, tuple(self._scene.tools))
+        self._events: list[Event] = []
+        self._done = False
+
+    @property
+    def verdict(self) -> Verdict:
+        """What became of the body so far."""
+        return judge(self._scene, self.columns, self._done)
+
+    def add(self, message: StepReport | Event | Frame) -> None:
+        """Take one message; frames add nothing. A step that restarts the clock begins the report anew."""
+        if isinstance(message, StepReport):
+            if len(self.columns) and message.header.step <= self.columns.last("step"):
+                self.columns = Columns(self._scene.step, tuple(self._scene.tools))
+            self.columns.add(message)
+            self._done = message.done
+        elif isinstance(message, Event):
+            self._events.append(message)
+
+    def build(
+        self, *, setup_seconds: float = 0.0, recording: str | None = None, lost: int = 0, note: str | None = None
+    ) -> dict[str, Any]:
+        """The report as plain data that JSON can hold.
+
+        setup_seconds  wall time before the first step: building, compiling, warming up [s]; no part of the RTF
+        recording      the file that the run was recorded to
+        lost           messages that the recorder lost
+        note           what a reader should know, e.g. that the recording is cut off
+        """
+        c, verdict = self.columns, self.verdict
+        return {
+            "report_version": REPORT_VERSION,
+            "schema_version": SCHEMA_VERSION,
+            "scene": {"name": self._scene.name, "hash": scene_hash(self._bundle), "step": self._scene.step},
+            "versions": {k: v for k, v in self._facts.items() if k not in ("machine", "cores")},
+            "machine": {k: v for k, v in self._facts.items() if k in ("machine", "cores")},
+            "model": self._model or self._found_model(),
+            "verdict": {"outcome": verdict.outcome, "text": verdict.text, "done": self._done},
+            "steps": len(c),
+            "simulated_seconds": len(c) * self._scene.step,
+            "regions": self._regions(),
+            "seam": {
+                "worst_gap": {"value": _max(c["gap"]), "unit": "m"},
+                "largest_multiplier": {"value": _max(c["multiplier"]), "unit": "N"},
+                "work": {"value": _sum(c["energy.seam_work"]), "unit": "J"},
+                "n_nodes": _spread(c["seam_nodes"]),
+            },
+            "exchanges": _spread(c["exchanges"]),
+            "wall": self._wall(setup_seconds),
+            "quantities": self._quantities(),
+            "energy": {
+                "unit": "J",
+                "time": _list(c["time"]),
+                "ledger": {name: _list(c[f"energy.{name}"]) for name in c.names("energy.")},
+                "balance_error": self._balance_error(),
+            },
+            "penetration": {"worst": _max(c["penetration"]), "unit": "m"},
+            "slip": {"worst": _max(c["quantity.slip"]), "unit": "m"},
+            "momentum": {"unit": "kg m/s", "values": self._vectors("momentum")},
+            "angular_momentum": {"unit": "kg m^2/s", "values": self._vectors("angular_momentum")},
+            "events": [
+                {"time": e.header.time, "step": e.header.step, "kind": e.kind, "message": e.message}
+                for e in self._events
+            ],
+            "recording": {"path": recording, "lost_messages": lost, "note": note},
+        }
+
+    def _found_model(self) -> str:
+        models = set(self.columns.models.values())
+        return models.pop() if len(models) == 1 else "hybrid" if models else "none"
+
+    def _regions(self) -> dict[str, Any]:
+        return {
+            name: {
+                "model": model,
+                "n_nodes": _spread(self.columns[f"{name}.nodes"]),
+                "n_elements": _spread(self.columns[f"{name}.cells"]),
+                "iterations": _spread(self.columns[f"{name}.iterations"]),
+            }
+            for name, model in self.columns.models.items()
+        }
+
+    def _wall(self, setup_seconds: float) -> dict[str, Any]:
+        c = self.columns
+        spent = {name: _sum(c[f"seconds.{name}"]) for name in SPENT}
+        total, median = spent["total"], float(np.median(c["seconds.total"])) if len(c) else 0.0
+        return {
+            "unit": "s",
+            **spent,
+            "setup": setup_seconds,
+            "step_median": median,
+            "rtf": len(c) * self._scene.step / total if total > 0.0 else None,
+            "rtf_median_step": self._scene.step / median if median > 0.0 else None,
+        }
+
+    def _quantities(self) -> dict[str, Any]:
+        c = self.columns
+        found = {}
+        for name in c.names("quantity."):
+            values = c[f"quantity.{name}"]
+            known = values[np.isfinite(values)]
+            found[name] = {
+                "unit": UNITS.get(name, ""),
+                "time": _list(c["time"]),
+                "values": _list(values),
+                "final": _number(values[-1]),
+                "max": _number(known.max()) if len(known) else None,
+            }
+        return found
+
+    def _balance_error(self) -> float:
+        """Largest violation of the ledger: energy that appeared from nowhere, dissipation below zero, in all [J]."""
+        dissipated = np.nan_to_num(self.columns["energy.dissipation"])
+        return float(-np.minimum(dissipated, 0.0).sum()) if len(dissipated) else 0.0
+
+    def _vectors(self, name: str) -> list[list[float | None]]:
+        axes = [_list(self.columns[f"{name}.{axis}"]) for axis in "xyz"]
+        return [list(row) for row in zip(*axes, strict=True)]
+
+
+def write_report(report: Mapping[str, Any], path: Path | str) -> None:
+    """Write JSON, all or nothing: a reader never sees half a report. Raises OSError."""
+    path = Path(path)
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with fresh.open("w", encoding="utf-8") as stream:
+            json.dump(report, stream, indent=1, allow_nan=False)
+            stream.write("\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _list(values: NDArray[np.float64]) -> list[float | None]:
+    return [_number(value) for value in values]
+
+
+def _max(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else 0.0
+
+
+def _sum(values: NDArray[np.float64]) -> float:
+    return float(np.nansum(values)) if len(values) else 0.0
+
+
+def _spread(values: NDArray[np.float64]) -> dict[str, float]:
+    """Least, mean and most over time; a step without a value counts as 0."""
+    known = np.nan_to_num(values)
+    if not len(known):
+        return {"min": 0.0, "mean": 0.0, "max": 0.0}
+    return {"min": float(known.min()), "mean": float(known.mean()), "max": float(known.max())}

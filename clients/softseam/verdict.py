@@ -1,0 +1,52 @@
+"""What became of the body, in a word and a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softseam.columns import Columns
+from softseam_protocol.scene import MovePhase, Scene
+
+_RISE = 0.002
+"""tools that rise less than this lift nothing [m]"""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """outcome: 'lifted', 'dropped', 'held', 'finished' or 'unfinished'."""
+
+    outcome: str
+    text: str
+
+
+def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
+    """Lifted or dropped, where tools went up with the body between them; else whether the run came to its end.
+
+    Dropped: in the end the body rose by less than half of the tools' rise, or the tools that rose touch nothing.
+    """
+    end = "" if done else f", but the run ends early at {columns.last('time'):.3g} s"
+    if not len(columns):
+        return Verdict("unfinished", "no step was taken")
+    movers = {name for phase in scene.motion if isinstance(phase, MovePhase) for name in phase.tools}
+    rises = [(columns[f"tool.{name}.z"], name) for name in sorted(movers)]
+    rise = max((float(z[-1] - z.min()) for z, _ in rises), default=0.0)
+    if rise < _RISE:
+        return Verdict("finished" if done else "unfinished", f"the run came to its end{end}" if done else end[6:])
+    height = columns["quantity.lift_height"]
+    force = np.sum(
+        [
+            np.hypot(np.hypot(columns[f"tool.{n}.fx"], columns[f"tool.{n}.fy"]), columns[f"tool.{n}.fz"])
+            for _, n in rises
+        ],
+        axis=0,
+    )
+    touched, touches = bool(force.max() > 0.0), bool(force[-1] > 1e-3 * force.max())
+    risen = float(height[-1]) if np.isfinite(height[-1]) else (rise if touches else 0.0)
+    figures = f"the tools rose by {1e3 * rise:.1f} mm, the body by {1e3 * risen:.1f} mm"
+    if not touched:
+        return Verdict("missed", f"the tools never touched the body: {figures}{end}")
+    if risen < 0.5 * rise or not touches:
+        return Verdict("dropped", f"dropped: {figures}{end}")
+    return Verdict("lifted", f"lifted: {figures}{end}")
