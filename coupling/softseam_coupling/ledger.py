@@ -1,0 +1,140 @@
+"""Where every joule went, step by step.
+
+    dK + dU + dG = tool_work + seam_work_near + seam_work_far - dissipation + switch        (1)
+
+K, U, G: kinetic, strain and gravity energy of both sides. `dissipation` is what (1) leaves: the numerical dissipation of
+the integrators, friction inside the participants, and their solvers' residuals. It may not be negative beyond
+rounding: then a scheme creates energy, and that is an alarm. `switch` is the energy that a region switch added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+__all__ = ["Alarm", "Energies", "EnergyLedger", "LedgerEntry", "LedgerState"]
+
+
+class Alarm(Enum):
+    """What the ledger warns of; the text names the remedy."""
+
+    SEAM_WORK = "the seam does work: tighten the seam's tolerance, or pair it with implicit Euler on both sides"
+    CREATED = "energy appears from nowhere: shorten the step; is the integrator pair stable with this scheme?"
+    SWITCH = "the region switch cost more than its share of the energy: switch earlier or let the body calm down"
+
+
+@dataclass(frozen=True, slots=True)
+class Energies:
+    """Energies of the whole body [J]."""
+
+    kinetic: float
+    strain: float
+    gravity: float
+
+    @property
+    def total(self) -> float:
+        return self.kinetic + self.strain + self.gravity
+
+
+@dataclass(slots=True)
+class LedgerState:
+    """What evolves: the last balance and the sums since the start [J]."""
+
+    last: Energies
+    scale: float = 0.0
+    """largest kinetic + strain energy + work of the tools seen"""
+    tool_work: float = 0.0
+    seam_work: float = 0.0
+    dissipation: float = 0.0
+    switch: float = 0.0
+    pending: float = 0.0
+    """change by switches since the last step"""
+
+    def to_list(self) -> list[float]:
+        """Numbers for a checkpoint, in the order `from_list` expects."""
+        sums = [self.scale, self.tool_work, self.seam_work, self.dissipation, self.switch, self.pending]
+        return [self.last.kinetic, self.last.strain, self.last.gravity, *sums]
+
+    @classmethod
+    def from_list(cls, numbers: list[float]) -> LedgerState:
+        kinetic, strain, gravity, *sums = numbers
+        return cls(Energies(kinetic, strain, gravity), *sums)
+
+
+@dataclass(frozen=True, slots=True)
+class LedgerEntry:
+    """The balance of one step [J]."""
+
+    kinetic: float
+    """change, as for the next two"""
+    strain: float
+    gravity: float
+    tool_work: float
+    seam_work: float
+    dissipation: float
+    switch: float
+    scale: float
+    """energy that the alarms compare with"""
+    alarms: tuple[Alarm, ...]
+
+
+@dataclass(frozen=True)
+class EnergyLedger:
+    """Bounds of the alarms, relative to the energy scale."""
+
+    seam_limit: float = 1e-3
+    """of the work of the seam, in a step and in sum [1]"""
+    created_limit: float = 1e-3
+    """of negative dissipation in a step [1]"""
+    switch_limit: float = 1e-2
+    """of a switch [1]"""
+    floor: float = 1e-9
+    """least energy scale: below it nothing is worth an alarm [J]"""
+
+    def open(self, energies: Energies) -> LedgerState:
+        return LedgerState(energies, scale=max(self.floor, energies.kinetic + energies.strain))
+
+    def switched(self, state: LedgerState, energies: Energies) -> float:
+        """Book a region switch after which the body has these energies; returns the change [J]."""
+        change = energies.total - state.last.total
+        state.last = energies
+        state.pending += change
+        return change
+
+    def step(
+        self,
+        state: LedgerState,
+        energies: Energies,
+        tool_work: float,
+        seam_work_near: float,
+        seam_work_far: float,
+    ) -> LedgerEntry:
+        """Book a committed step, and any switch since the last one, by eq. (1)."""
+        last = state.last
+        seam_work = seam_work_near + seam_work_far
+        dissipation = tool_work + seam_work - (energies.total - last.total)
+        switch = state.pending
+        state.last, state.pending = energies, 0.0
+        state.tool_work += tool_work
+        state.seam_work += seam_work
+        state.dissipation += dissipation
+        state.switch += switch
+        state.scale = max(state.scale, energies.kinetic + energies.strain, abs(state.tool_work))
+        alarms = []
+        if max(abs(seam_work), abs(state.seam_work)) > self.seam_limit * state.scale:
+            alarms.append(Alarm.SEAM_WORK)
+        if -dissipation > self.created_limit * state.scale:
+            alarms.append(Alarm.CREATED)
+        if abs(switch) > self.switch_limit * state.scale:
+            alarms.append(Alarm.SWITCH)
+        return LedgerEntry(
+            energies.kinetic - last.kinetic,
+            energies.strain - last.strain,
+            energies.gravity - last.gravity,
+            tool_work,
+            seam_work,
+            dissipation,
+            switch,
+            state.scale,
+            tuple(alarms),
+        )
