@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from softseam.errors import BadSnapshot, missing_extra
-from softseam_protocol.messages import Bundle, Event, Frame, Observation, StepReport, Vector3
+from softseam.errors import BadInput, BadSnapshot, SceneRefused, SimulationFailed, missing_extra
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Bundle,
+    Event,
+    Frame,
+    Header,
+    Observation,
+    StepReport,
+    Vector3,
+)
+from softseam_protocol.scene_file import SceneError
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
@@ -19,47 +30,50 @@ Message = StepReport | Frame | Event
 class EmbeddedBackend:
     """Runs FEM, PBD and the orchestrator by direct calls, and records from here if asked."""
 
-    def __init__(
-        self, bundle: Bundle, *, record: Path | None = None, listen: Callable[[Message], None] | None = None
-    ) -> None:
+    def __init__(self, bundle: Bundle, *, record: Path | None = None) -> None:
         try:
             from softseam_services.orchestrator.embedded import EmbeddedTransport
             from softseam_services.orchestrator.simulation import Simulation
         except ImportError as error:
             raise missing_extra(error, "simulating in this process") from error
         self._events: list[Event] = []
-        self._listen = listen
         self._bundle = bundle
         self._record = record
         self._recorder: McapRecorder | None = None
+        self._last: StepReport | None = None
         with _translated():
             self._simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
     def reset(self, seed: int) -> Observation:
-        self._start_recording(seed)
+        self._stop_recording()
         with _translated():
-            report = self._simulation.reset(seed)
-        return self._observation(report, fields=True)
+            self._simulation.reset(seed)
+        self._last = None
+        self._events.clear()
+        if self._record is not None:
+            self._start_recording(self._record, seed)
+        return self._observation(fields=True)
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
+        recording = self._recorder is not None
+        command = None if velocities is None else {name: velocity.tolist() for name, velocity in velocities.items()}
         with _translated():
             for remaining in range(count, 0, -1):
-                report = self._simulation.step(velocities, fields=fields and remaining == 1)
-        return self._observation(report, fields)
+                self._last = self._simulation.step(command, fields=recording or (fields and remaining == 1))
+        return self._observation(fields)
 
     def save(self) -> bytes:
+        from softseam_services.orchestrator.client_view import snapshot
+
         with _translated():
-            return self._simulation.save()
+            return snapshot(self._simulation, self._last)
 
     def load(self, state: bytes) -> Observation:
-        from softseam_services.orchestrator.archive import ArchiveError
+        from softseam_services.orchestrator.client_view import restore
 
-        try:
-            with _translated():
-                report = self._simulation.load(state)
-        except ArchiveError as error:
-            raise BadSnapshot(str(error)) from error
-        return self._observation(report, fields=True)
+        with _translated():
+            self._last = restore(self._simulation, state)
+        return self._observation(fields=True)
 
     def close(self) -> None:
         try:
@@ -67,18 +81,56 @@ class EmbeddedBackend:
         finally:
             self._stop_recording()
 
-    def _observation(self, report: StepReport, fields: bool) -> Observation:
-        frame = None
-        if fields:
-            with _translated():
-                frame = self._simulation.frame()
+    def _observation(self, fields: bool) -> Observation:
+        from softseam_services.orchestrator.client_view import observation
+
         events, self._events = self._events, []
-        return Observation(header=report.header, report=report, frame=frame, events=events)
+        with _translated():
+            return observation(self._simulation, self._last, fields=fields, events=events)
 
     def _emit(self, message: Message) -> None:
         if isinstance(message, Event):
             self._events.append(message)
         if self._recorder is not None:
             self._recorder.write(message)
-        if self._listen is not None:
-            self._listen(message)
+
+    def _start_recording(self, path: Path, seed: int) -> None:
+        from softseam_services.recorder.begin import begin
+        from softseam_services.recorder.recorder import McapRecorder
+
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with _translated():
+            start = begin(self._bundle, self._simulation.body, seed=seed)
+            self._recorder = McapRecorder(path, start, existing="replace", on_loss=self._tell_loss)
+
+    def _stop_recording(self) -> None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            recorder.close()
+
+    def _tell_loss(self, reason: str) -> None:
+        """A recording that loses messages is an event of the next observation; the run goes on."""
+        header = Header(SCHEMA_VERSION, "local", "", 0, 0, 0, self._simulation.time)
+        self._events.append(Event(header, "record", reason))
+
+
+@contextmanager
+def _translated() -> Iterator[None]:
+    """Turn what the services raise into the client's errors."""
+    from softseam_services.body.errors import MeshError
+    from softseam_services.orchestrator.archive import ArchiveError
+    from softseam_services.orchestrator.simulation import StepFailed
+    from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
+    from softseam_services.recorder.whole_file import RecordError
+    from softseam_services.tools.errors import ToolError
+
+    try:
+        yield
+    except (SceneError, MeshError, ToolError) as error:
+        raise SceneRefused(str(error)) from error
+    except ArchiveError as error:
+        raise BadSnapshot(str(error)) from error
+    except RecordError as error:
+        raise BadInput(str(error)) from error
+    except (StepFailed, ParticipantLost, ParticipantFailed) as error:
+        raise SimulationFailed(str(error)) from error

@@ -150,7 +150,7 @@ def von_mises(cauchy: Floats) -> Floats:
 def principal_stress(cauchy: Floats) -> Floats:
     """Eigenvalues, ascending, of stresses (..., 6) ordered xx yy zz yz xz xy: (..., 3) [Pa]."""
     full = cauchy[..., [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(*cauchy.shape[:-1], 3, 3)
-    return np.linalg.eigvalsh(full)
+    return np.asarray(np.linalg.eigvalsh(full), dtype=np.float64)
 
 
 def observation_from(message: messages.Observation, tool_names: tuple[str, ...]) -> Observation:
@@ -166,8 +166,8 @@ def observation_from(message: messages.Observation, tool_names: tuple[str, ...])
         for array in (frame.x, frame.cauchy, frame.cell_near, frame.point_x, frame.contact_force, frame.contact_tool):
             array.setflags(write=False)
     return Observation(
-        time=report.quantities.get("time", report.header.time),
-        step=report.header.step,
+        time=message.header.time,
+        step=message.header.step,
         done=report.done,
         tools=MappingProxyType(tools),
         wrench=MappingProxyType(wrench),

@@ -14,13 +14,12 @@ from softseam.observation import Observation, observation_from
 from softseam.scenes import bundle_of
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
-from softseam_protocol.messages import Bundle, Vector3
+from softseam_protocol.messages import Vector3
 from softseam_protocol.scene import Scene
+from softseam_protocol.scene_file import bundle_scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-Listener = Callable[[messages.StepReport | messages.Frame | messages.Event], None]
 
 
 class Backend(Protocol):
@@ -46,7 +45,6 @@ def open(
     model: Model | None = None,
     settings: Sequence[str] = (),
     record: str | Path | bool | None = None,
-    listen: Listener | None = None,
     timeout: float = 120.0,
 ) -> Session:
     """Open a session on a scene.
@@ -56,26 +54,24 @@ def open(
     model     "fem", "pbd" or "hybrid" in place of what the scene says
     settings  "key.key=value", each in place of what the scene says
     record    file to record to (in this process), or True to have the bus's recorder record the session
-    listen    called with every step report, frame and event (in this process)
     timeout   longest wait for an answer over the bus [s]
     """
-    bundle = bundle_of(scene)
-    parsed = Scene.model_validate_json(bundle.scene)
+    parsed, bundle = bundle_of(scene)
     varied = with_settings(parsed, settings)
     if model is not None:
         varied = with_model(varied, model)
     if varied is not parsed:
-        bundle = Bundle(varied.model_dump_json(exclude_unset=True), bundle.files)
+        bundle = bundle_scene(varied, bundle.files)
     backend: Backend
     if connect is None:
         if isinstance(record, bool):
             raise BadInput("record=True is for connected sessions: give the recording a file name")
         from softseam.embedded import EmbeddedBackend
 
-        backend = EmbeddedBackend(bundle, record=None if record is None else Path(record), listen=listen)
+        backend = EmbeddedBackend(bundle, record=None if record is None else Path(record))
     else:
-        if listen is not None or isinstance(record, str | Path):
-            raise BadInput("a connected session records where its recorder runs: use record=True, and no `listen`")
+        if isinstance(record, str | Path):
+            raise BadInput("a connected session is recorded where the recorder runs: use record=True")
         from softseam.connected import ConnectedBackend
 
         backend = ConnectedBackend(bundle, connect, record=bool(record), timeout=timeout)

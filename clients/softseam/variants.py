@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal, get_args
 
 import yaml
-from pydantic import ValidationError
 
 from softseam.errors import BadInput, SceneRefused
 from softseam_protocol.scene import RegionsSpec, Scene
+from softseam_protocol.scene_file import SceneError, parse_scene, scene_json
 
 Model = Literal["fem", "pbd", "hybrid"]
 
@@ -37,7 +38,7 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     settings = list(settings)
     if not settings:
         return scene
-    document = scene.model_dump(mode="json", exclude_unset=True)
+    document = json.loads(scene_json(scene))
     for setting in settings:
         path, equals, text = setting.partition("=")
         keys = [key.strip() for key in path.split(".")]
@@ -49,10 +50,12 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
             raise BadInput(f"--set {setting}: the value is not YAML: {text!r}") from None
         _assign(document, keys, value, setting)
     try:
-        return Scene.model_validate(document)
-    except ValidationError as error:
-        wrong = "; ".join(f"{'.'.join(str(k) for k in e['loc'])}: {e['msg']}" for e in error.errors()[:3])
-        raise SceneRefused(f"--set {' '.join(settings)} makes a scene that cannot be: {wrong}") from None
+        return parse_scene(json.dumps(document), "--set")
+    except SceneError as error:
+        hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
+        allowed = f" (allowed: {error.allowed})" if error.allowed else ""
+        changed = " ".join(f"--set {setting}" for setting in settings)
+        raise SceneRefused(f"{changed}: {error.key}: {error.problem}{hint}{allowed}") from None
 
 
 def _assign(document: dict[str, Any], keys: list[str], value: Any, setting: str) -> None:

@@ -1,0 +1,53 @@
+"""How long a scene's motion will take, foreseen for a progress bar."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_protocol.scene import BlockShape, BoxTool, ClosePhase, HoldPhase, MovePhase, Scene, SphereTool
+
+
+def expected_duration(scene: Scene) -> float | None:
+    """Simulated time of the whole run [s]; None where it depends on a force, or on the width of a mesh."""
+    if scene.duration is not None:
+        return scene.duration
+    total = 0.0
+    closed: dict[str, float] = {}
+    for phase in scene.motion:
+        if isinstance(phase, HoldPhase):
+            total += phase.hold
+        elif isinstance(phase, MovePhase):
+            total += float(np.linalg.norm(phase.move)) / phase.speed
+        else:
+            length = _closing_time(scene, phase, closed)
+            if length is None:
+                return None
+            total += length
+            for name in phase.tools:
+                closed[name] = closed.get(name, 0.0) + phase.close * length
+    return total
+
+
+def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:
+    """Length of a closing phase [s]; `closed` is how far each tool has approached the other before [m]."""
+    bounds = [] if phase.until.time is None else [phase.until.time]
+    shape = scene.body.shape
+    first, second = (scene.tools[name] for name in phase.tools)
+    if (
+        phase.until.compression is not None
+        and isinstance(shape, BlockShape)
+        and isinstance(first, BoxTool | SphereTool)
+        and isinstance(second, BoxTool | SphereTool)
+    ):
+        way = np.subtract(second.position, first.position)
+        axis = way / np.linalg.norm(way)
+        gap = float(way @ axis) - _extent(first, axis) - _extent(second, axis)
+        gap -= sum(closed.get(name, 0.0) for name in phase.tools)
+        width = float(np.abs(axis) @ np.array(shape.size))
+        bounds.append(max(0.0, gap - (1.0 - phase.until.compression) * width) / (2.0 * phase.close))
+    return min(bounds, default=None)
+
+
+def _extent(tool: BoxTool | SphereTool, axis: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    """Half extent of a tool along a unit vector [m]."""
+    return tool.radius if isinstance(tool, SphereTool) else 0.5 * float(np.abs(axis) @ np.array(tool.size))

@@ -1,0 +1,91 @@
+"""Shows how a run gets on: simulated time, real-time factor, time left, and the grip.
+
+On a terminal it is a bar; elsewhere (a log, a pipe) a line every tenth of the run or every few seconds.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
+
+from softseam.duration import expected_duration
+from softseam.observation import Observation
+from softseam_protocol.scene import Scene
+
+_REFRESH = 0.1
+"""time between updates of the bar [s]"""
+_LINE = 5.0
+"""longest time between lines where there is no terminal [s]"""
+
+
+class RunProgress:
+    """Follows one run; a context manager. Hand its `update` to Session.run."""
+
+    def __init__(self, scene: Scene, console: Console, label: str) -> None:
+        self._console = console
+        self._label = label
+        self._total = expected_duration(scene)
+        self._began: float | None = None
+        self._first = 0.0
+        self._shown = 0.0
+        self._tenth = 0
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+        self.rtf = 0.0
+        """simulated over wall seconds since the first step, which compiles"""
+
+    def __enter__(self) -> RunProgress:
+        if self._console.is_terminal:
+            self._bar = Progress(
+                SpinnerColumn(),
+                TextColumn("[bold]{task.description}"),
+                BarColumn(bar_width=None),
+                TextColumn("{task.fields[state]}"),
+                console=self._console,
+                refresh_per_second=10,
+            )
+            self._task = self._bar.add_task(self._label, total=self._total, state="setting up")
+            self._bar.start()
+        else:
+            self._console.print(f"{self._label}: setting up", highlight=False)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def update(self, observation: Observation) -> None:
+        """Show an observation, unless the last one was shown a moment ago."""
+        now = perf_counter()
+        if self._began is None:
+            self._began, self._first = now, observation.time
+        elif now > self._began:
+            self.rtf = (observation.time - self._first) / (now - self._began)
+        if self._bar is not None and self._task is not None:
+            if now - self._shown >= _REFRESH or observation.done:
+                self._shown = now
+                done = self._total if observation.done else observation.time
+                self._bar.update(self._task, completed=done, state=self._state(observation))
+            return
+        tenth = 10 if observation.done else int(10 * observation.time / self._total) if self._total else 0
+        if tenth > self._tenth or now - self._shown >= _LINE:
+            self._tenth, self._shown = tenth, now
+            self._console.print(f"{self._label}: {self._state(observation)}", highlight=False)
+
+    def _state(self, observation: Observation) -> str:
+        total = f" of {self._total:.2f}" if self._total else ""
+        rtf = f"RTF {self.rtf:.1f}" if self.rtf else "RTF -"
+        grip = observation.quantities.get("grip_force", 0.0)
+        return f"t {observation.time:.2f}{total} s  {rtf}  ETA {self._eta(observation)}  grip {grip:.2f} N"
+
+    def _eta(self, observation: Observation) -> str:
+        if observation.done:
+            return "0 s"
+        if not self._total or not self.rtf:
+            return "-"
+        return f"{max(0.0, self._total - observation.time) / self.rtf:.0f} s"

@@ -1,0 +1,58 @@
+"""Scenes to open: files, the ones that come with softseam, and scenes made in code."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from softseam.errors import SceneRefused
+from softseam_protocol.messages import Bundle
+from softseam_protocol.scene import MeshShape, Scene
+from softseam_protocol.scene_file import SceneError, bundle_scene
+from softseam_protocol.scene_file import load_scene as _load
+
+_INSTALLED = Path(__file__).parent / "scenes"
+_CHECKOUT = Path(__file__).parents[2] / "scenes"
+
+
+def scene_names() -> list[str]:
+    """Names of the scenes that come with softseam."""
+    return sorted(path.stem for path in _folder().glob("*.yaml"))
+
+
+def scene_path(name: str | Path) -> Path:
+    """The file that a user means: a path, or the name of a scene that comes with softseam. Raises SceneRefused."""
+    path = Path(name)
+    if path.exists() or path.suffix or len(path.parts) > 1:
+        return path
+    bundled = _folder() / f"{name}.yaml"
+    if bundled.exists():
+        return bundled
+    names = scene_names()
+    near = difflib.get_close_matches(str(name), names, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise SceneRefused(
+        f"no file is called {str(name)!r}, and no scene that comes with softseam{hint} (there are: {', '.join(names)})"
+    )
+
+
+def load_scene(name: str | Path) -> Scene:
+    """Read and validate a scene file, or a scene that comes with softseam. Raises SceneRefused."""
+    return bundle_of(name)[0]
+
+
+def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
+    """A scene and what a participant needs to simulate it. Raises SceneRefused."""
+    if isinstance(scene, Scene):
+        if isinstance(scene.body.shape, MeshShape):
+            raise SceneRefused("a scene made in code cannot name a mesh file: write it to a file and open that")
+        return scene, bundle_scene(scene)
+    try:
+        loaded = _load(scene_path(scene))
+    except SceneError as error:
+        raise SceneRefused(str(error)) from None
+    return loaded.scene, loaded.bundle
+
+
+def _folder() -> Path:
+    return _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
