@@ -59,6 +59,7 @@ class MeshShape(Spec):
     kind: Literal["mesh"] = "mesh"
     path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
+    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
 
 
 Shape = Annotated[BlockShape | MeshShape, Field(discriminator="kind")]

@@ -1,0 +1,312 @@
+"""The bus: a thin layer over zenoh, and the only place that imports it.
+
+Every wait is bounded and every failure has a type. Requests are answered by one thread a server, whatever the number
+of keys; zenoh's own threads only put things into queues. Nothing here knows a scene or a solver.
+
+An empty reply is a hard error, because it cannot tell whether the request ran: whoever asks repeats the same request,
+and servers answer a repeated request with the same bytes.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import threading
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from softseam_protocol.bus_server import Handler, Server
+from softseam_protocol.codec import decode, encode
+from softseam_protocol.errors import (
+    BusError,
+    BusTimeout,
+    DecodeError,
+    ForkedBus,
+    NoReply,
+    NoRouter,
+    PortBusy,
+    ProtocolError,
+    Refused,
+)
+from softseam_protocol.inbox import Inbox, LiveChange, Received
+from softseam_protocol.messages import Failure
+from softseam_protocol.topics import DEFAULT_ENDPOINT
+
+LEASE = 1.0
+"""time after which a frozen or unreachable process counts as gone [s]"""
+
+_TIMEOUT_REPLY = b"Timeout"
+_PROTOBUF = zenoh.Encoding.APPLICATION_PROTOBUF
+
+
+def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Mapping[str, Any]) -> zenoh.Config:
+    config = zenoh.Config()
+    settings = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        # always explicit: the router's default is not loopback
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        "transport/link/tx/lease": int(LEASE * 1000),
+        **extra,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _endpoints(endpoints: str | Iterable[str]) -> tuple[str, ...]:
+    return (endpoints,) if isinstance(endpoints, str) else tuple(endpoints)
+
+
+class _Closing:
+    """A zenoh session that is closed once, before the interpreter ends."""
+
+    def __init__(self, config: zenoh.Config) -> None:
+        self._pid = os.getpid()
+        self._zenoh: Any = zenoh.open(config)
+        self._reference = weakref.ref(self)
+        # a session left open while a Python callback exists hangs the interpreter at exit
+        atexit.register(_close, self._reference)
+
+    @property
+    def _session(self) -> Any:
+        if os.getpid() != self._pid:
+            raise ForkedBus(
+                "this bus was opened before a fork, and what it sends here is lost: open one in this process"
+            )
+        if self._zenoh is None:
+            raise BusError("the bus is closed")
+        return self._zenoh
+
+    def close(self) -> None:
+        """Leave the bus; a second call does nothing."""
+        session, self._zenoh = self._zenoh, None
+        if session is not None and os.getpid() == self._pid:
+            session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self.close()
+
+
+def _close(reference: weakref.ref[_Closing]) -> None:
+    bus = reference()
+    if bus is not None:
+        bus.close()
+
+
+class Router(_Closing):
+    """The router that every other process connects to."""
+
+    def __init__(
+        self,
+        listen: str | Iterable[str] = DEFAULT_ENDPOINT,
+        connect: str | Iterable[str] = (),
+        extra: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Listen at endpoints; `connect` names other hosts' routers, `extra` zenoh settings such as TLS."""
+        self.endpoints = _endpoints(listen)
+        try:
+            super().__init__(_config("router", self.endpoints, _endpoints(connect), extra or {}))
+        except zenoh.ZError as error:
+            where = ", ".join(self.endpoints)
+            if "in use" in str(error):
+                raise PortBusy(
+                    f"cannot listen at {where}: the port is in use. Is a router running there already? "
+                    "Connect to it, stop it, or listen at another port"
+                ) from None
+            raise BusError(f"cannot listen at {where}: {_first_sentence(error)}") from None
+
+
+class Pending:
+    """A request under way."""
+
+    def __init__(self, key: str, timeout: float, replies: Any) -> None:
+        self._key, self._timeout, self._replies = key, timeout, replies
+
+    def collect(self) -> bytes:
+        """Wait for the reply. Raises NoReply, BusTimeout, or Refused with the Failure of the other side."""
+        for reply in self._replies:
+            if reply.ok is not None:
+                return bytes(reply.ok.payload.to_bytes())
+            raw = reply.err.payload.to_bytes()
+            if raw == _TIMEOUT_REPLY:
+                raise BusTimeout(
+                    f"{self._key}: no answer within {self._timeout:g} s: the server hangs or is overloaded"
+                )
+            raise _refusal(self._key, raw)
+        raise NoReply(f"{self._key}: nobody serves it, or its server died: start the service and repeat the request")
+
+
+def _refusal(key: str, raw: bytes) -> ProtocolError:
+    try:
+        return Refused(decode(raw, Failure))
+    except ProtocolError:
+        return DecodeError(f"{key}: an error reply of {len(raw)} bytes that is not a Failure")
+
+
+class Bus(_Closing):
+    """A client's session on the bus."""
+
+    def __init__(
+        self,
+        endpoints: str | Iterable[str] = DEFAULT_ENDPOINT,
+        connect_timeout: float = 5.0,
+        extra: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Connect to a router, trying for `connect_timeout` [s]. Raises NoRouter."""
+        self.endpoints = _endpoints(endpoints)
+        self._publishers: dict[tuple[str, bool], Any] = {}
+        self._publishing = threading.Lock()
+        self._open: list[Server | Inbox[Any]] = []
+        self._tokens: list[Any] = []
+        retry = {
+            "connect/timeout_ms": max(1, int(connect_timeout * 1000)),
+            "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
+        }
+        try:
+            super().__init__(_config("client", (), self.endpoints, {**retry, **(extra or {})}))
+        except zenoh.ZError as error:
+            where = ", ".join(self.endpoints)
+            if "Unable to connect" in str(error):
+                raise NoRouter(
+                    f"no router answers at {where} within {connect_timeout:g} s: start one with `softseam up` or "
+                    "`softseam serve router`, or name another endpoint"
+                ) from None
+            raise BusError(f"cannot connect to {where}: {_first_sentence(error)}") from None
+
+    # ---- requests ------------------------------------------------------------------------------------------
+
+    def start(self, key: str, payload: bytes, timeout: float) -> Pending:
+        """Send a request without waiting; `collect` gets the reply."""
+        replies = self._session.get(
+            key,
+            payload=payload,
+            encoding=_PROTOBUF,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
+        return Pending(key, timeout, replies)
+
+    def request(self, key: str, payload: bytes, timeout: float) -> bytes:
+        """Send a request and wait at most `timeout` [s] for its reply; errors as `Pending.collect`."""
+        return self.start(key, payload, timeout).collect()
+
+    def request_all(self, requests: Sequence[tuple[str, bytes]], timeout: float) -> list[bytes | ProtocolError]:
+        """Send (key, payload) requests at once; replies in their order, an error standing for a lost one."""
+        pending = [self.start(key, payload, timeout) for key, payload in requests]
+        replies: list[bytes | ProtocolError] = []
+        for one in pending:
+            try:
+                replies.append(one.collect())
+            except ProtocolError as error:
+                replies.append(error)
+        return replies
+
+    def call(self, key: str, message: Any, allowed: Any, timeout: float) -> Any:
+        """Send a message and decode its reply, which must be of the class(es) `allowed`.
+
+        A Failure is raised as Refused unless `allowed` names it.
+        """
+        reply = self.request(key, encode(message), timeout)
+        try:
+            return decode(reply, allowed)
+        except DecodeError:
+            raise _refusal_or_foreign(key, reply) from None
+
+    def serve(self, handlers: Mapping[str, Handler], name: str = "server") -> Server:
+        """Answer requests to keys; call `start` or `run` on the result. Handlers run one at a time."""
+        session = self._session
+        server = Server(name)
+        for key, handler in handlers.items():
+            server.own(session.declare_queryable(key, server.entrance(handler)))
+        self._open.append(server)
+        return server
+
+    # ---- publishing ----------------------------------------------------------------------------------------
+
+    def publish(self, key: str, payload: bytes, droppable: bool = False) -> None:
+        """Publish; `droppable` gives way under congestion instead of waiting."""
+        session = self._session
+        with self._publishing:
+            publisher = self._publishers.get((key, droppable))
+            if publisher is None:
+                control = zenoh.CongestionControl.DROP if droppable else zenoh.CongestionControl.BLOCK
+                publisher = session.declare_publisher(key, encoding=_PROTOBUF, congestion_control=control)
+                self._publishers[key, droppable] = publisher
+        publisher.put(payload)
+
+    def forget(self, prefix: str) -> None:
+        """Undeclare the publishers of keys that begin with `prefix`: a session has ended."""
+        with self._publishing:
+            for key in [k for k in self._publishers if k[0].startswith(prefix)]:
+                self._publishers.pop(key).undeclare()
+
+    def subscribe(self, key: str, latest: bool = False, limit_bytes: int = 256 * 2**20) -> Inbox[Received]:
+        """Collect what is published; `latest` keeps only the newest. What does not fit is dropped and counted."""
+        inbox: Inbox[Received] = Inbox(latest, limit_bytes)
+
+        def receive(sample: zenoh.Sample) -> None:
+            payload = sample.payload.to_bytes()
+            inbox.put(Received(str(sample.key_expr), payload), len(payload))
+
+        inbox.own(self._session.declare_subscriber(key, receive))
+        self._open.append(inbox)
+        return inbox
+
+    # ---- liveliness ----------------------------------------------------------------------------------------
+
+    def declare_live(self, key: str) -> None:
+        """Show that this process lives, until the bus is closed."""
+        self._tokens.append(self._session.liveliness().declare_token(key))
+
+    def live(self, key: str, timeout: float = 2.0) -> set[str]:
+        """Keys of the tokens that exist now."""
+        replies = self._session.liveliness().get(key, timeout=timeout)
+        return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+    def watch_live(self, key: str) -> Inbox[LiveChange]:
+        """Collect comings and goings of tokens, starting with those that exist."""
+        inbox: Inbox[LiveChange] = Inbox()
+
+        def receive(sample: zenoh.Sample) -> None:
+            inbox.put(LiveChange(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT), 0)
+
+        inbox.own(self._session.liveliness().declare_subscriber(key, receive, history=True))
+        self._open.append(inbox)
+        return inbox
+
+    def close(self) -> None:
+        """Stop the servers and leave the bus; a second call does nothing."""
+        opened, self._open = self._open, []
+        if os.getpid() == self._pid:
+            for one in opened:
+                one.close()
+        super().close()
+
+
+def _refusal_or_foreign(key: str, reply: bytes) -> ProtocolError:
+    try:
+        decoded = decode(reply)
+    except ProtocolError as error:
+        return DecodeError(f"{key}: {error}")
+    if isinstance(decoded, Failure):
+        return Refused(decoded)
+    return DecodeError(f"{key}: answered with a {type(decoded).__name__}")
+
+
+def _first_sentence(error: Exception) -> str:
+    """zenoh's errors without the places in its source."""
+    return str(error).split(" at /")[0].strip()
+
+
+__all__ = ["LEASE", "Bus", "Handler", "Inbox", "LiveChange", "Pending", "Received", "Router", "Server"]

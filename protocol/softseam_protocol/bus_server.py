@@ -1,0 +1,104 @@
+"""The answering side of requests: one queue, one thread, and an answer to everything."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from softseam_protocol.codec import encode
+from softseam_protocol.errors import DecodeError, Refused, SchemaMismatch
+from softseam_protocol.messages import Failure
+
+Handler = Callable[[bytes], bytes]
+"""answers a request's payload; raises Refused to refuse it"""
+
+MOST_WAITING = 256
+
+_log = logging.getLogger(__name__)
+
+
+class Server:
+    """Answers requests one at a time, in the order in which they came, so that one thread owns the state."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.answered = 0
+        """requests answered so far"""
+        self._busy_since: float | None = None
+        self._waiting: queue.SimpleQueue[tuple[Any, Handler] | None] = queue.SimpleQueue()
+        self._owned: list[Any] = []
+        self._thread: threading.Thread | None = None
+        self._closed = False
+
+    @property
+    def busy(self) -> float:
+        """Time spent in the request at hand, 0 when idle [s]."""
+        since = self._busy_since
+        return 0.0 if since is None else time.monotonic() - since
+
+    def own(self, declared: Any) -> None:
+        """Keep a declaration that is undeclared on close."""
+        self._owned.append(declared)
+
+    def entrance(self, handler: Handler) -> Callable[[Any], None]:
+        """The callback for zenoh's threads: it only enqueues."""
+
+        def enter(query: Any) -> None:
+            if self._waiting.qsize() >= MOST_WAITING:
+                with query:
+                    query.reply_err(encode(Failure("busy", f"{MOST_WAITING} requests are waiting: ask less often")))
+            else:
+                self._waiting.put((query, handler))
+
+        return enter
+
+    def start(self) -> Server:
+        """Answer in a thread of its own."""
+        self._thread = threading.Thread(target=self.run, name=self.name, daemon=True)
+        self._thread.start()
+        return self
+
+    def run(self) -> None:
+        """Answer in this thread until `close`."""
+        while True:
+            item = self._waiting.get()
+            if item is None:
+                return
+            query, handler = item
+            self._busy_since = time.monotonic()
+            with query:
+                self._answer(query, handler)
+            self.answered += 1
+            self._busy_since = None
+
+    def _answer(self, query: Any, handler: Handler) -> None:
+        key = query.key_expr
+        try:
+            payload = query.payload.to_bytes() if query.payload is not None else b""
+            query.reply(key, handler(payload))
+        except Refused as error:
+            query.reply_err(encode(error.failure))
+        except SchemaMismatch as error:
+            query.reply_err(encode(Failure("schema", str(error))))
+        except DecodeError as error:
+            query.reply_err(encode(Failure("invalid", f"{key}: {error}")))
+        except Exception as error:
+            # whatever happens in a handler, the other side must not wait for its timeout
+            _log.exception("a request to %s failed", key)
+            query.reply_err(encode(Failure("internal", f"{key}: {type(error).__name__}: {error}")))
+
+    def close(self) -> None:
+        """Take no more requests, answer those that wait, and stop."""
+        if self._closed:
+            return
+        self._closed = True
+        for declared in self._owned:
+            declared.undeclare()
+        self._owned.clear()
+        self._waiting.put(None)
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(timeout=5.0)
