@@ -83,6 +83,8 @@ class Body:
     """(3,) [m/s^2]"""
     v_initial: Floats
     """(N, 3) [m/s]"""
+    notes: tuple[str, ...] = ()
+    """what the importer repaired or wants to tell"""
 
     @property
     def n_nodes(self) -> int:

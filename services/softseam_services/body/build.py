@@ -6,10 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from softseam_protocol.scene import BlockShape, BodySpec, BoxRegion, Scene
 
+from softseam_protocol.scene import BlockShape, BodySpec, BoxRegion, MeshShape, Scene
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
+from softseam_services.body.embed import embed, read_solid
+from softseam_services.body.errors import MeshError
 from softseam_services.body.lattice import SIMPSON, divide, number_nodes
 from softseam_services.body.materials import build_material
 
@@ -24,7 +26,7 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     spec = scene.body
     if isinstance(spec.shape, BlockShape):
         return _block(scene, spec.shape)
-    raise ValueError("mesh shapes are read by the importer")
+    return _embedded(scene, spec.shape, files)
 
 
 def _block(scene: Scene, shape: BlockShape) -> Body:
@@ -47,6 +49,27 @@ def _block(scene: Scene, shape: BlockShape) -> Body:
     )
 
 
+def _embedded(scene: Scene, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
+    spec = scene.body
+    if shape.path not in files:
+        raise MeshError(f"{shape.path}: the file is missing; give its path relative to the scene file")
+    vertices, triangles, read_notes = read_solid(shape.path, files[shape.path], shape.scale, shape.up)
+    solid = embed(
+        shape.path, vertices + np.array(spec.position), triangles, cell_edges(spec), density=spec.material.density
+    )
+    return assemble(
+        scene,
+        x_rest=solid.x_rest,
+        cell_nodes=solid.cell_nodes,
+        cell_grid=solid.cell_grid,
+        edges=solid.edges,
+        fill=solid.fill,
+        cell_mass=solid.cell_mass,
+        surface=solid.surface,
+        notes=read_notes + solid.notes,
+    )
+
+
 def cell_edges(spec: BodySpec) -> Floats | None:
     """Wanted cell edges (3,) [m], or None where the scene leaves them open."""
     if spec.cell is None:
@@ -64,6 +87,7 @@ def assemble(
     fill: Floats,
     cell_mass: Floats,
     surface: Surface,
+    notes: tuple[str, ...] = (),
 ) -> Body:
     """Add what every shape has alike: material, clamped nodes, initial velocities, gravity."""
     spec = scene.body
@@ -85,6 +109,7 @@ def assemble(
         surface=surface,
         gravity=np.array(scene.gravity),
         v_initial=v_initial,
+        notes=notes,
     )
 
 

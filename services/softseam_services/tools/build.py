@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from softseam_protocol.scene import BoxTool, HoldPhase, PlaneTool, Scene
 
+from softseam_protocol.scene import BoxTool, HoldPhase, PlaneTool, Scene
 from softseam_services.tools.tool_set import BOX, PLANE, SPHERE, ToolSet
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from softseam_protocol.messages import ToolMotion
 
+from softseam_protocol.messages import ToolMotion
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]

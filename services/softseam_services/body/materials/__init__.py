@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from softseam_protocol.scene import MaterialSpec
-
 from softseam_services.body.body import Material
 from softseam_services.body.materials import linear, neo_hookean
 

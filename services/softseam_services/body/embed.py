@@ -1,0 +1,122 @@
+"""A closed surface embedded in cells that it fills partly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softseam_services.body.body import Floats, Ints, Surface
+from softseam_services.body.errors import MeshError
+from softseam_services.body.kernels.fill import octant_moments
+from softseam_services.body.lattice import divide, number_nodes
+from softseam_services.body.mass import FULL_MOMENTS, lump
+from softseam_services.body.mesh_io import read_surface
+from softseam_services.body.surface_check import check_surface
+from softseam_services.body.surface_points import contact_shares, refine, vertex_shares
+
+_ON_PLANE = 1e-9
+_NOTHING = 1e-12
+_DROPPED = 1e-6
+"""cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
+_MOST_CELLS = 200_000
+_TETS_AGREE = 1e-6
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """Arrays of a body, see `Body`; the corner of the grid is the least corner of the bounding box."""
+
+    x_rest: Floats
+    cell_nodes: Ints
+    cell_grid: Ints
+    edges: Floats
+    fill: Floats
+    cell_mass: Floats
+    surface: Surface
+    notes: tuple[str, ...]
+
+
+def read_solid(path: str, data: bytes, scale: float, up: str) -> tuple[Floats, Ints, tuple[str, ...]]:
+    """Vertices (n, 3) [m] with the base's centre at the origin, outward triangles (T, 3), notes; raises MeshError.
+
+    up: the axis of the file that points up; axes are turned cyclically, so nothing is mirrored.
+    """
+    raw = read_surface(path, data)
+    axis = "xyz".index(up)
+    vertices = scale * raw.vertices[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
+    triangles, volume, notes = check_surface(path, vertices, raw.triangles)
+    if raw.tet_volume is not None and abs(raw.tet_volume * scale**3 - volume) > _TETS_AGREE * volume:
+        raise MeshError(
+            f"{path}: the tetrahedra sum to {raw.tet_volume * scale**3:.6g} m^3, but their boundary encloses "
+            f"{volume:.6g} m^3; tetrahedra overlap, remesh"
+        )
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    base = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
+    return vertices - base, triangles, raw.notes + notes
+
+
+def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None, density: float) -> Embedded:
+    """Cells over the bounding box of a solid, moments of the filled part of each octant, lumped masses, surface points.
+
+    vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m], density [kg/m^3]
+    """
+    corner, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
+    counts, edges = divide(size, cell)
+    if int(counts.prod()) > _MOST_CELLS:
+        raise MeshError(
+            f"{path}: {int(counts.prod())} cells in the bounding box, over {_MOST_CELLS}; make `cell` larger"
+        )
+    octants = 2 * counts.astype(np.int64)
+    lattice = np.clip((vertices - corner) * (octants / size), 0.0, octants)
+    moments = octant_moments(np.ascontiguousarray(lattice), triangles, octants)
+    fill = moments[..., 0]
+    moments[fill < _NOTHING] = 0.0
+    moments[fill > 1.0 - _NOTHING] = FULL_MOMENTS
+
+    vertices, triangles = refine(vertices, triangles, 0.5 * float(edges.min()))
+    area, normal = vertex_shares(vertices, triangles)
+    contact = contact_shares(vertices, area, normal, 0.5 * float(edges.min()))
+    cell_fill = fill.reshape(counts[0], 2, counts[1], 2, counts[2], 2).mean(axis=(1, 3, 5))
+    carrier, local = _carry(vertices, corner, size, counts, cell_fill)
+    kept = cell_fill > _DROPPED
+    kept[carrier[:, 0], carrier[:, 1], carrier[:, 2]] = True
+
+    cell_grid, cell_nodes, node_grid = number_nodes(kept)
+    by_cell = moments.reshape(counts[0], 2, counts[1], 2, counts[2], 2, 27).transpose(0, 2, 4, 5, 3, 1, 6)
+    in_cells = by_cell[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]].reshape(-1, 8, 27)
+    filled, cell_mass = lump(in_cells, edges, density)
+    cell_mass *= float(fill.sum()) / float(in_cells[:, :, 0].sum())
+
+    number = np.full(kept.shape, -1, dtype=np.int32)
+    number[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]] = np.arange(len(cell_grid))
+    surface = Surface(
+        cell=number[carrier[:, 0], carrier[:, 1], carrier[:, 2]],
+        local=local,
+        area=contact,
+        normal=normal,
+        triangles=triangles,
+    )
+    notes = []
+    slivers = int((filled.mean(axis=1) < 0.02).sum())
+    if slivers:
+        notes.append(f"{slivers} of {len(cell_grid)} cells are less than 2 % full")
+    x_rest = corner + size * (node_grid / (2.0 * counts))
+    return Embedded(x_rest, cell_nodes, cell_grid, edges, filled, cell_mass, surface, tuple(notes))
+
+
+def _carry(vertices: Floats, corner: Floats, size: Floats, counts: Ints, cell_fill: Floats) -> tuple[Ints, Floats]:
+    """Cell (n, 3) that carries each vertex and local coordinates (n, 3) in [-1, 1].
+
+    A vertex on a plane between cells goes to the fuller one, so that no empty cell is kept for its sake.
+    """
+    position = np.clip((vertices - corner) * (counts / size), 0.0, counts)
+    best_cell = np.zeros((len(vertices), 3), dtype=np.int32)
+    best_fill = np.full(len(vertices), -1.0)
+    for shift in np.ndindex(2, 2, 2):
+        moved = position + _ON_PLANE * (1.0 - 2.0 * np.array(shift))
+        cell = np.clip(np.floor(moved), 0, counts - 1).astype(np.int32)
+        fill = cell_fill[cell[:, 0], cell[:, 1], cell[:, 2]]
+        better = fill > best_fill
+        best_cell[better], best_fill[better] = cell[better], fill[better]
+    return best_cell, np.clip(2.0 * (position - best_cell) - 1.0, -1.0, 1.0)

@@ -1,0 +1,69 @@
+"""Lumped masses of partly filled cells.
+
+Row sums of the hex27 functions over the filled part (Simpson's weights on a full cell) keep mass, centre of mass and
+inertia exactly, but turn negative on some partly filled cells. Each cell therefore takes
+m = (1 - t) m_rowsum + t m_octant                                                                              (1)
+where m_octant spreads each octant's mass equally over its 8 nodes, and t in [0, 1] is the smallest with
+m >= 0.2 m_octant on every node. (On a full cell the corner has 0.30 m_octant, so t = 0 and nothing changes.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.body.body import Floats
+from softseam_services.body.lattice import OCTANT_NODES
+
+FILL_FLOOR = 1e-3
+"""Octants emptier than this, inside a kept cell, count as filled to this fraction in mass and stiffness alike: nodes
+that only empty octants touch then follow the body with an ordinary wave speed instead of falling freely."""
+
+MASS_SHARE = 0.2
+"""least ratio of a node's mass to its m_octant"""
+
+_EXACT_CELL = 0.01
+"""cells at least this full carry exactly their own mass; the floor's excess of emptier ones is taken off these"""
+
+
+FULL_MOMENTS = np.array([1.0 / ((p + 1) * (q + 1) * (r + 1)) for r in range(3) for q in range(3) for p in range(3)])
+"""M_pqr of a full octant (27,)"""
+
+
+def _powers(octant: int) -> Floats:
+    """Coefficients (3, 3) of the three quadratic functions in powers of s on octant 0 ([-1, 0]) or 1 ([0, 1])."""
+    shift = octant - 1.0
+    # t = shift + s in 0.5 t^2 - 0.5 t, 1 - t^2, 0.5 t^2 + 0.5 t
+    square = np.array([shift * shift, 2.0 * shift, 1.0])
+    line = np.array([shift, 1.0, 0.0])
+    return np.stack([0.5 * (square - line), np.array([1.0, 0.0, 0.0]) - square, 0.5 * (square + line)])
+
+
+def lump(moments: Floats, edges: Floats, density: float) -> tuple[Floats, Floats]:
+    """Fill (C, 8) of each octant and mass (C, 27) [kg] that each cell gives to its nodes, all positive.
+
+    moments (C, 8, 27): M_pqr of the filled part of each octant, see kernels.fill
+    """
+    true_fill = moments[:, :, 0]
+    fill = np.maximum(true_fill, FILL_FLOOR)
+    moments = moments + (fill - true_fill)[:, :, None] * FULL_MOMENTS
+    octant_volume = edges.prod() / 8.0
+    row_sum = np.zeros((len(fill), 27))
+    spread = np.zeros((len(fill), 27))
+    for octant in range(8):
+        x, y, z = (_powers((octant >> axis) & 1) for axis in range(3))
+        cube = moments[:, octant].reshape(-1, 3, 3, 3)  # r, q, p
+        row_sum += np.einsum("nrqp,cr,bq,ap->ncba", cube, z, y, x, optimize=True).reshape(-1, 27)
+        spread[:, OCTANT_NODES[octant]] += fill[:, octant, None] / 8.0
+    short = MASS_SHARE * spread - row_sum
+    t = np.max(np.where(short > 0.0, short / (short + (1.0 - MASS_SHARE) * spread), 0.0), axis=1, keepdims=True)
+    mass = (1.0 - t) * row_sum + t * spread  # eq. (1)
+
+    true_cell = true_fill.sum(axis=1)
+    exact = true_cell >= 8.0 * _EXACT_CELL
+    target = np.where(exact, true_cell, fill.sum(axis=1))
+    excess = float(target.sum() - true_cell.sum())
+    partly = exact & (true_cell < 8.0)
+    if excess > 0.0 and partly.any():
+        target[partly] *= 1.0 - excess / target[partly].sum()
+    mass *= (target / mass.sum(axis=1))[:, None]
+    return fill, density * octant_volume * mass

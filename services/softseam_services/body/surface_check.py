@@ -1,0 +1,191 @@
+"""Is a surface the boundary of one solid body? Orientation is repaired where it can be; all else is refused by name."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.errors import MeshError
+from softseam_services.body.kernels.surface import find_crossings, grid_triangles, winding_number
+
+LARGEST, SMALLEST = 100.0, 1e-4
+"""extents of a body beyond which the unit must be wrong [m]"""
+
+_FLAT = 1e-12
+_THIN_SOLID = 1e-6
+
+
+def check_surface(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, float, tuple[str, ...]]:
+    """Triangles counter-clockwise from outside, the enclosed volume [m^3], notes on repairs; raises MeshError.
+
+    vertices (n, 3) [m], triangles (T, 3)
+    """
+    _check_extent(path, vertices)
+    _check_triangles(path, vertices, triangles)
+    triangles, flipped, shell = _orient(path, vertices, triangles)
+    _check_crossings(path, vertices, triangles)
+    triangles, inverted = _nest(path, vertices, triangles, shell)
+    volume = enclosed_volume(vertices, triangles)
+    if volume < _THIN_SOLID * float(np.ptp(vertices, axis=0).max()) ** 3:
+        raise MeshError(f"{path}: the surface encloses {volume:.3g} m^3, next to nothing; give it a thickness")
+    notes = []
+    if flipped:
+        notes.append(f"{flipped} triangles were turned over to agree with their neighbours")
+    if inverted:
+        notes.append(f"{inverted} shells were turned inside out to face outward")
+    return triangles, volume, tuple(notes)
+
+
+def enclosed_volume(vertices: Floats, triangles: Ints) -> float:
+    """Volume inside a closed surface, sum of a . (b x c) / 6 about its centre."""
+    corners = vertices[triangles] - vertices.mean(axis=0)
+    return float(np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
+
+
+def triangle_areas(vertices: Floats, triangles: Ints) -> Floats:
+    """Area vectors (T, 3): normal times area."""
+    corners = vertices[triangles]
+    vectors: Floats = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return vectors
+
+
+def _check_extent(path: str, vertices: Floats) -> None:
+    extent = float(np.ptp(vertices, axis=0).max())
+    if extent > LARGEST:
+        raise MeshError(
+            f"{path}: the body is {extent:.3g} m long, more than {LARGEST:g} m; set `scale` (0.001 for a file in mm)"
+        )
+    if extent < SMALLEST:
+        raise MeshError(
+            f"{path}: the body is {extent:.3g} m long, less than {SMALLEST:g} m; set `scale` to metres per unit"
+        )
+
+
+def _check_triangles(path: str, vertices: Floats, triangles: Ints) -> None:
+    extent = float(np.ptp(vertices, axis=0).max())
+    area = np.linalg.norm(triangle_areas(vertices, triangles), axis=1)
+    flat = area < _FLAT * extent**2
+    if flat.all():
+        raise MeshError(f"{path}: no triangle has an area; this is a mesh without volume")
+    if flat.any():
+        worst = int(np.argmin(area))
+        at = vertices[triangles[worst]].mean(axis=0)
+        raise MeshError(
+            f"{path}: {int(flat.sum())} of {len(triangles)} triangles are degenerate, the worst is number {worst} at "
+            f"{_place(at)} with area {area[worst]:.3g} m^2; collapse or remove them"
+        )
+
+
+def _edges(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.int64], NDArray[np.bool_]]:
+    """Edges (E, 2), how many triangles meet there (E,), the edge of each side (3 T,), whether the side runs upward."""
+    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    edges, number, count = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return edges, count.astype(np.int32), number.ravel(), sides[:, 0] < sides[:, 1]
+
+
+def _orient(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, int, Ints]:
+    """Triangles that agree with their neighbours, how many were turned, and the shell of each (T,).
+
+    Each triangle stands twice in a graph, as it is and turned over; neighbours are linked where they agree. A triangle
+    that is connected to its own opposite lies on a one-sided surface.
+    """
+    edges, count, number, upward = _edges(triangles)
+    for wrong, what, remedy in (
+        (count == 1, "open edges (with one triangle)", "close the holes"),
+        (count > 2, "non-manifold edges (with three or more triangles)", "remove inner walls and duplicate triangles"),
+    ):
+        if wrong.any():
+            worst = int(
+                np.argmax(np.where(wrong, np.linalg.norm(np.diff(vertices[edges], axis=1)[:, 0], axis=1), -1.0))
+            )
+            raise MeshError(
+                f"{path}: {int(wrong.sum())} {what} of {len(edges)}, the longest at "
+                f"{_place(vertices[edges[worst]].mean(axis=0))}; {remedy}"
+            )
+    n_triangles = len(triangles)
+    pairs = np.argsort(number, kind="stable").reshape(-1, 2)
+    first, second = pairs[:, 0] // 3, pairs[:, 1] // 3
+    agree = upward[pairs[:, 0]] != upward[pairs[:, 1]]
+    opposite = np.where(agree, second, second + n_triangles)
+    rows = np.concatenate([first, first + n_triangles])
+    columns = np.concatenate([opposite, np.where(agree, second + n_triangles, second)])
+    links = coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * n_triangles, 2 * n_triangles))
+    _, sheet = connected_components(links, directed=False)
+    one_sided = sheet[:n_triangles] == sheet[n_triangles:]
+    if one_sided.any():
+        raise MeshError(
+            f"{path}: {int(one_sided.sum())} triangles lie on a one-sided surface, which has no inside; "
+            "export a closed solid"
+        )
+    # Of the two sheets of a shell keep the one that leaves more triangles as they are; a tie goes to the first's.
+    kept = np.bincount(sheet[:n_triangles], minlength=sheet.max() + 1)
+    as_is, turned = sheet[:n_triangles], sheet[n_triangles:]
+    turn = (kept[turned] > kept[as_is]) | ((kept[turned] == kept[as_is]) & (turned < as_is))
+    triangles = np.where(turn[:, None], triangles[:, [0, 2, 1]], triangles)
+    _, shell = np.unique(np.minimum(as_is, turned), return_inverse=True)
+    return triangles.astype(np.int32), int(turn.sum()), shell.astype(np.int32)
+
+
+def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
+    edges, _, _, _ = _edges(triangles)
+    corners = vertices[triangles]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    origin, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
+    spacing = max(float((high - low).max(axis=1).mean()), float(extent.max()) / 256.0)
+    counts = np.maximum(1, np.ceil(extent / spacing)).astype(np.int64)
+    start = np.zeros(int(counts.prod()) + 1, dtype=np.int64)
+    nothing = np.zeros(0, dtype=np.int64)
+    grid_triangles(low, high, origin, spacing, counts, start, nothing, False)
+    ends = np.cumsum(start)
+    entries = np.empty(int(ends[-1]), dtype=np.int64)
+    cursor = np.concatenate([[0], ends[:-1]])
+    bins = cursor.copy()
+    grid_triangles(low, high, origin, spacing, counts, cursor, entries, True)
+    first = np.zeros(2, dtype=np.int64)
+    # Volumes carry rounding of some 1e-15 of the extent cubed.
+    tolerance = 1e-14 * float(extent.max()) ** 3
+    found = find_crossings(
+        vertices, edges, triangles, low, high, origin, spacing, counts, bins, entries, tolerance, first
+    )
+    if found:
+        at = vertices[edges[first[0]]].mean(axis=0)
+        raise MeshError(
+            f"{path}: the surface crosses itself, {found} pairs of edge and triangle do, the first near {_place(at)} "
+            f"(triangle {int(first[1])}); unite overlapping parts, or move them apart"
+        )
+
+
+def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[Ints, int]:
+    """Turn the outer shell outward and cavities inward; refuse bodies in pieces. Returns how many shells turned."""
+    n_shells = int(shell.max()) + 1
+    parts = [triangles[shell == s] for s in range(n_shells)]
+    volumes = [enclosed_volume(vertices, part) for part in parts]
+    outward = [part if volume > 0.0 else part[:, [0, 2, 1]] for part, volume in zip(parts, volumes, strict=True)]
+    depth = [
+        sum(
+            winding_number(vertices, np.ascontiguousarray(outward[other]), vertices[parts[s][0, 0]]) > 0.5
+            for other in range(n_shells)
+            if other != s
+        )
+        for s in range(n_shells)
+    ]
+    outer = [s for s in range(n_shells) if depth[s] % 2 == 0]
+    if len(outer) != 1:
+        sizes = ", ".join(f"{abs(volumes[s]):.3g} m^3" for s in outer[:5])
+        raise MeshError(
+            f"{path}: the mesh is disconnected, it has {len(outer)} separate bodies ({sizes}); keep one, or join them"
+        )
+    result = triangles.copy()
+    inverted = 0
+    for s in range(n_shells):
+        if (volumes[s] > 0.0) != (s == outer[0]):
+            result[shell == s] = triangles[shell == s][:, [0, 2, 1]]
+            inverted += 1
+    return result, inverted
+
+
+def _place(point: Floats) -> str:
+    return f"({point[0]:.4g}, {point[1]:.4g}, {point[2]:.4g}) m"
