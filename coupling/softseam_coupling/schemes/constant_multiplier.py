@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.schemes.integrators import LinearSide, Propagator
-from softseam_coupling.schemes.split import Split, SplitState, force_of
+from softseam_coupling.schemes.split import Split, SplitState, force_of, solve
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def solve_step(split: Split, state: SplitState, row: int) -> SplitState:
     none = np.zeros_like(state.lambda_)
     free_near, _ = march(near, split.near_propagator, state.near, split.substeps_near, none, none)
     free_far, _ = march(far, split.far_propagator, state.far, split.substeps, none, none)
-    lambda_ = -np.linalg.solve(h, near.link @ free_near[near_rows] + far.link @ free_far[far_rows])
+    lambda_ = solve(h, near.link @ free_near[near_rows] + far.link @ free_far[far_rows])
     end_near, work_near = march(near, split.near_propagator, state.near, split.substeps_near, state.lambda_, lambda_)
     end_far, work_far = march(far, split.far_propagator, state.far, split.substeps, state.lambda_, lambda_)
     return SplitState(end_near, end_far, lambda_, state.work + work_near + work_far)

@@ -1,8 +1,8 @@
 """Gravouil and Combescure: velocity continuity at every fine step, near velocities interpolated in time.
 
 A. Gravouil, A. Combescure, Int. J. Numer. Meth. Engng 50 (2001) 199-225. A velocity is split into a free and a link
-part, v = v_free + (L Y) lambda; the near side's free part is linear over its step, its link part takes lambda_j with the
-near step's compliance:
+part, v = v_free + (L Y) lambda; the near side's free part is linear over its step, its link part takes lambda_j with
+the near step's compliance:
 
     (H_near + H_far) lambda_j = -(L_near ((1 - j/m) v_free,0 + j/m v_free,1) + L_far v_free,j)        (1)
 
@@ -12,9 +12,7 @@ soon as m > 1, and positions drift.
 
 from __future__ import annotations
 
-import numpy as np
-
-from softseam_coupling.schemes.split import Split, SplitState, force_of
+from softseam_coupling.schemes.split import Split, SplitState, force_of, solve
 
 
 class GravouilCombescure:
@@ -35,7 +33,7 @@ class GravouilCombescure:
             free = far_p.matrix @ y + force_of(far, far_p, y)
             s = j / m
             last = lambda_
-            lambda_ = -np.linalg.solve(h, (1.0 - s) * v_start + s * v_end + far.link @ free[far_v])  # eq. (1)
+            lambda_ = solve(h, (1.0 - s) * v_start + s * v_end + far.link @ free[far_v])  # eq. (1)
             y_next = free + far_p.link @ lambda_
             w = far_p.work_at_end
             work = work + ((w * lambda_ + (1.0 - w) * last) * (far.link @ (y_next[far_u] - y[far_u]))).sum(axis=0)

@@ -2,7 +2,8 @@
 
 A. Prakash, K. D. Hjelmstad, Int. J. Numer. Meth. Engng 61 (2004) 2183-2204, doi:10.1002/nme.1136. The far side's
 substep j sees lambda_j = lambda_n + theta_j (lambda_(n+1) - lambda_n), theta_j = (j - 1 + where)/m. No work at the seam
-for trapezoidal Newmark on both sides; stable with implicit Euler, BDF2 and Newmark, not with midpoint. Positions drift.
+for trapezoidal Newmark on both sides. Stable with implicit Euler, BDF2 and Newmark, and with midpoint only where the
+near side gets the ramp's value at its midpoint (`where` = 1/2), not the one at the end. Positions drift.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.schemes.integrators import LinearSide, Propagator
-from softseam_coupling.schemes.split import Split, SplitState, force_of
+from softseam_coupling.schemes.split import Split, SplitState, force_of, solve
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ class PrakashHjelmstad:
         last = state.lambda_
         free_near, _ = _march(near, split.near_propagator, state.near, split.substeps_near, last, none)
         free_far, _ = _march(far, split.far_propagator, state.far, split.substeps, last, none)
-        lambda_ = -np.linalg.solve(h, near.link @ free_near[near_v] + far.link @ free_far[far_v])
+        lambda_ = solve(h, near.link @ free_near[near_v] + far.link @ free_far[far_v])
         end_near, work_near = _march(near, split.near_propagator, state.near, split.substeps_near, last, lambda_)
         end_far, work_far = _march(far, split.far_propagator, state.far, split.substeps, last, lambda_)
         return SplitState(end_near, end_far, lambda_, state.work + work_near + work_far)

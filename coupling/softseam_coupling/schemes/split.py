@@ -81,6 +81,11 @@ def force_of(side: LinearSide, propagator: Propagator, like: Floats) -> Floats:
     return share if like.ndim == 1 else share[:, None]
 
 
+def solve(compliance: Floats, gap: Floats) -> Floats:
+    """Multiplier that closes a gap: compliance lambda = -gap, as in `seam.py`; (s,) or (s, k)."""
+    return np.linalg.solve(compliance, -gap).astype(np.float64, copy=False)
+
+
 def run(scheme: Scheme, split: Split, state: SplitState, n_steps: int) -> list[SplitState]:
     """States after 0, 1, ..., n_steps macro steps."""
     states = [state]
