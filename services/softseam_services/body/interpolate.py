@@ -13,7 +13,7 @@ import numpy as np
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.kernels.shape_functions import fill_weights, hex27, octant_trilinear
 
-__all__ = ["hex27", "octant_trilinear", "point_weights"]
+__all__ = ["hex27", "octant_trilinear", "point_weights", "rest_points"]
 
 
 def point_weights(body: Body, region: Region, kind: Literal["fem", "pbd"]) -> tuple[Ints, Ints, Floats]:
@@ -27,3 +27,11 @@ def point_weights(body: Body, region: Region, kind: Literal["fem", "pbd"]) -> tu
     weight = np.empty(27 * len(local))
     count = fill_weights(local, region.point_cell, region.cell_nodes, kind == "fem", indptr, node, weight)
     return indptr, node[:count].copy(), weight[:count].copy()
+
+
+def rest_points(body: Body) -> Floats:
+    """Surface points at rest (P, 3) [m]; the same for both models, since both reproduce linear fields."""
+    surface = body.surface
+    middle = body.x_rest[body.cell_nodes[surface.cell, 13]]
+    points: Floats = middle + 0.5 * surface.local * body.edges
+    return points

@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.scene import BoxTool, HoldPhase, PlaneTool, Scene
+from softseam_services.body.body import Body
+from softseam_services.tools.clear import check_clear
 from softseam_services.tools.tool_set import BOX, PLANE, SPHERE, ToolSet
 
 
-def build_tools(scene: Scene) -> ToolSet:
-    """All tools in the scene's order. Near tools: those that `regions.near` names, else those that the motion moves."""
+def build_tools(scene: Scene, body: Body | None = None) -> ToolSet:
+    """All tools in the scene's order; with a body, raises ToolError where one starts inside it.
+
+    Near tools are those that `regions.near` names, else those that the motion moves.
+    """
     names = tuple(scene.tools)
     kinds, shapes, positions = [], [], []
     for tool in scene.tools.values():
@@ -27,7 +32,7 @@ def build_tools(scene: Scene) -> ToolSet:
             shapes.append(np.array([tool.radius, 0.0, 0.0]))
             positions.append(tool.position)
     near = near_tools(scene)
-    return ToolSet(
+    tools = ToolSet(
         names=names,
         kind=np.array(kinds, dtype=np.int32),
         shape=np.array(shapes, dtype=np.float64).reshape(-1, 3),
@@ -36,6 +41,9 @@ def build_tools(scene: Scene) -> ToolSet:
         position=np.array(positions, dtype=np.float64).reshape(-1, 3),
         orientation=np.tile([1.0, 0.0, 0.0, 0.0], (len(names), 1)),
     )
+    if body is not None:
+        check_clear(tools, body)
+    return tools
 
 
 def near_tools(scene: Scene) -> frozenset[str]:

@@ -104,3 +104,13 @@ def cell_distances(x, cell_nodes, kind, shape, position, orientation, near, node
         for a in range(27):
             least = min(least, node_gap[cell_nodes[cell, a]])
         distance[cell] = least
+
+
+@njit(cache=True, error_model="numpy")
+def least_gaps(points, kind, shape, position, orientation, gap):
+    """Least gap of any point (n, 3) to each tool [m]; gap (t,) updated in place."""
+    for tool in range(len(kind)):
+        least = np.inf
+        for point in range(len(points)):
+            least = min(least, tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], points[point])[0])
+        gap[tool] = least

@@ -1,0 +1,99 @@
+"""What a body looks like before anything is simulated: sizes, masses, fills, and what is worth a warning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softseam_services.body.body import Body
+from softseam_services.body.interpolate import rest_points
+from softseam_services.body.surface_check import enclosed_volume, triangle_areas
+
+_SLIVER = 0.02
+_STRETCHED = 3.0
+_INCOMPRESSIBLE = 0.495
+
+
+@dataclass(frozen=True)
+class BodyCheck:
+    """Quality and plausibility of a body; `warnings` are sentences, empty where nothing is odd."""
+
+    n_cells: int
+    n_nodes: int
+    n_points: int
+    n_contact_points: int
+    n_triangles: int
+    n_fixed: int
+    size: tuple[float, float, float]
+    """extents of the surface [m]"""
+    edges: tuple[float, float, float]
+    """edges of a cell [m]"""
+    volume: float
+    """inside the surface [m^3]"""
+    area: float
+    """of the surface [m^2]"""
+    mass: float
+    """[kg]"""
+    centre: tuple[float, float, float]
+    """centre of mass [m]"""
+    wave_speed: float
+    """P-wave speed [m/s]"""
+    full_cells: int
+    smallest_fill: float
+    """of a cell [1]"""
+    slivers: int
+    """cells less than 2 % full"""
+    warnings: tuple[str, ...]
+
+
+def check_body(body: Body) -> BodyCheck:
+    """Measure a body; never fails for one that was built."""
+    points = rest_points(body)
+    triangles = body.surface.triangles
+    mass = np.zeros(body.n_nodes)
+    np.add.at(mass, body.cell_nodes, body.cell_mass)
+    fill = body.fill.mean(axis=1)
+    volume = enclosed_volume(points, triangles)
+    slivers = int((fill < _SLIVER).sum())
+    material = body.material
+    size = np.ptp(points, axis=0)
+    warnings = list(body.notes)
+    if body.edges.max() > _STRETCHED * body.edges.min():
+        warnings.append(
+            f"cells are stretched {body.edges.max() / body.edges.min():.1f} to 1: substeps follow the shortest edge; "
+            "choose more even `cell` edges"
+        )
+    # What rounding a wanted cell edge to a divisor of the body leaves open is worth knowing when it is one cell.
+    if (size < 1.5 * body.edges).any():
+        warnings.append("one cell through the thickness: bending is coarse; make `cell` half as large")
+    poisson = material.lambda_ / (2.0 * (material.lambda_ + material.mu))
+    if poisson > _INCOMPRESSIBLE:
+        warnings.append(f"Poisson's ratio {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
+    if not 10.0 <= material.density <= 25_000.0:
+        warnings.append(f"a density of {material.density:g} kg/m^3 is unlike any solid; is the unit kg/m^3?")
+    if not 10.0 <= material.young <= 1e9:
+        warnings.append(f"Young's modulus {material.young:g} Pa is unlike any soft solid; is the unit Pa?")
+    return BodyCheck(
+        n_cells=body.n_cells,
+        n_nodes=body.n_nodes,
+        n_points=len(points),
+        n_contact_points=int((body.surface.area > 0.0).sum()),
+        n_triangles=len(triangles),
+        n_fixed=int(body.fixed.sum()),
+        size=_triple(size),
+        edges=_triple(body.edges),
+        volume=volume,
+        area=float(np.linalg.norm(triangle_areas(points, triangles), axis=1).sum()),
+        mass=float(mass.sum()),
+        centre=_triple(mass @ body.x_rest / mass.sum()),
+        wave_speed=material.wave_speed,
+        full_cells=int((body.fill == 1.0).all(axis=1).sum()),
+        smallest_fill=float(fill.min()),
+        slivers=slivers,
+        warnings=tuple(warnings),
+    )
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])
