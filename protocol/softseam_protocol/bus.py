@@ -14,7 +14,7 @@ import json
 import os
 import threading
 import weakref
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -62,6 +62,14 @@ def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Map
 
 def _endpoints(endpoints: str | Iterable[str]) -> tuple[str, ...]:
     return (endpoints,) if isinstance(endpoints, str) else tuple(endpoints)
+
+
+def _direct(callback: Callable[[Any], None]) -> Any:
+    """A callback run on zenoh's own thread: it must only enqueue.
+
+    zenoh would otherwise add a Python thread, which costs a hop and hangs an interpreter that exits without `close`.
+    """
+    return zenoh.handlers.Callback(callback, indirect=False)
 
 
 class _Closing:
@@ -228,7 +236,7 @@ class Bus(_Closing):
         session = self._session
         server = Server(name)
         for key, handler in handlers.items():
-            server.own(session.declare_queryable(key, server.entrance(handler)))
+            server.own(session.declare_queryable(key, _direct(server.entrance(handler))))
         self._open.append(server)
         return server
 
@@ -259,7 +267,7 @@ class Bus(_Closing):
             payload = sample.payload.to_bytes()
             inbox.put(Received(str(sample.key_expr), payload), len(payload))
 
-        inbox.own(self._session.declare_subscriber(key, receive))
+        inbox.own(self._session.declare_subscriber(key, _direct(receive)))
         self._open.append(inbox)
         return inbox
 
@@ -281,7 +289,7 @@ class Bus(_Closing):
         def receive(sample: zenoh.Sample) -> None:
             inbox.put(LiveChange(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT), 0)
 
-        inbox.own(self._session.liveliness().declare_subscriber(key, receive, history=True))
+        inbox.own(self._session.liveliness().declare_subscriber(key, _direct(receive), history=True))
         self._open.append(inbox)
         return inbox
 

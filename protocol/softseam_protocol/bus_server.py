@@ -28,6 +28,8 @@ class Server:
         self.name = name
         self.answered = 0
         """requests answered so far"""
+        self.turned_away = 0
+        """requests refused because too many were waiting"""
         self._busy_since: float | None = None
         self._waiting: queue.SimpleQueue[tuple[Any, Handler] | None] = queue.SimpleQueue()
         self._owned: list[Any] = []
@@ -40,6 +42,11 @@ class Server:
         since = self._busy_since
         return 0.0 if since is None else time.monotonic() - since
 
+    @property
+    def waiting(self) -> int:
+        """Requests in the queue."""
+        return self._waiting.qsize()
+
     def own(self, declared: Any) -> None:
         """Keep a declaration that is undeclared on close."""
         self._owned.append(declared)
@@ -49,6 +56,7 @@ class Server:
 
         def enter(query: Any) -> None:
             if self._waiting.qsize() >= MOST_WAITING:
+                self.turned_away += 1
                 with query:
                     query.reply_err(encode(Failure("busy", f"{MOST_WAITING} requests are waiting: ask less often")))
             else:

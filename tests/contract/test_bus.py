@@ -1,0 +1,361 @@
+"""The bus over a real router: every way a request can fail has its error, in bounded time."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from softseam_protocol.bus import Bus, Inbox, Received, Router
+from softseam_protocol.bus_server import MOST_WAITING
+from softseam_protocol.codec import decode, encode
+from softseam_protocol.errors import BusError, BusTimeout, DecodeError, ForkedBus, NoReply, NoRouter, PortBusy, Refused
+from softseam_protocol.messages import SCHEMA_VERSION, Commit, Committed, Event, Failure, Header, Observe, Release
+from softseam_protocol.topics import Keys, Live
+
+KEYS = Keys("test")
+KEY = KEYS.participant("fem")
+HEADER = Header(SCHEMA_VERSION, "s", "near", 0, 1, 0, 0.0)
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    where = free_endpoint()
+    with Router(where):
+        yield where
+
+
+@pytest.fixture
+def bus(endpoint: str) -> Iterator[Bus]:
+    with Bus(endpoint) as one:
+        yield one
+
+
+@pytest.fixture
+def other(endpoint: str) -> Iterator[Bus]:
+    with Bus(endpoint) as one:
+        yield one
+
+
+def until(condition: Callable[[], bool], seconds: float = 5.0) -> bool:
+    """Wait for `condition()`; discovery on the bus is asynchronous."""
+    end = time.monotonic() + seconds
+    pause = threading.Event()
+    while time.monotonic() < end:
+        if condition():
+            return True
+        pause.wait(0.005)
+    return False
+
+
+def served(bus: Bus, key: str = KEY, payload: bytes = b"") -> bool:
+    try:
+        bus.request(key, payload, 1.0)
+    except NoReply:
+        return False
+    except (Refused, BusTimeout):
+        return True
+    return True
+
+
+def test_request_gets_the_reply(bus: Bus, other: Bus) -> None:
+    def handle(payload: bytes) -> bytes:
+        return encode(Committed(decode(payload, Commit).header))
+
+    server = other.serve({KEY: handle}).start()
+    assert until(lambda: served(bus))
+    assert bus.call(KEY, Commit(HEADER), Committed, 2.0) == Committed(HEADER)
+    assert until(lambda: server.answered >= 1 and server.busy == 0.0)
+    with pytest.raises(DecodeError, match=r"Committed where one of these belongs|answered with a Committed"):
+        bus.call(KEY, Commit(HEADER), Release, 2.0)
+
+
+def test_one_server_answers_several_keys_in_one_thread(bus: Bus, other: Bus) -> None:
+    threads = set()
+
+    def handle(payload: bytes) -> bytes:
+        threads.add(threading.current_thread().name)
+        return payload
+
+    names = [KEYS.echo(f"p{i}") for i in range(3)]
+    other.serve(dict.fromkeys(names, handle), name="solver").start()
+    assert until(lambda: all(served(bus, name) for name in names))
+    payloads = [bytes([i]) * (10 ** (i + 3)) for i in range(3)]
+    replies = bus.request_all([*zip(names, payloads, strict=True)], 5.0)
+    assert replies == payloads
+    assert threads == {"solver"}
+
+
+def test_requests_to_several_servers_run_at_the_same_time(bus: Bus, other: Bus, endpoint: str) -> None:
+    meeting = threading.Barrier(2, timeout=5.0)
+
+    def handle(payload: bytes) -> bytes:
+        if payload == b"meet":
+            meeting.wait()
+        return payload
+
+    with Bus(endpoint) as third:
+        other.serve({KEYS.echo("near"): handle}).start()
+        third.serve({KEYS.echo("far"): handle}).start()
+        assert until(lambda: served(bus, KEYS.echo("near")) and served(bus, KEYS.echo("far")))
+        # each handler waits for the other: one after the other would break the barrier
+        assert bus.request_all([(KEYS.echo("near"), b"meet"), (KEYS.echo("far"), b"meet")], 5.0) == [b"meet"] * 2
+
+
+def test_nobody_serves_the_key(bus: Bus) -> None:
+    began = time.monotonic()
+    with pytest.raises(NoReply, match="test/participant/nobody/request: nobody serves it"):
+        bus.request(KEYS.participant("nobody"), b"x", 5.0)
+    assert time.monotonic() - began < 2.0
+
+
+def test_a_hanging_server_is_a_timeout(bus: Bus, other: Bus) -> None:
+    release = threading.Event()
+
+    def hang(payload: bytes) -> bytes:
+        release.wait(10.0)
+        return payload
+
+    key = KEYS.echo("slow")
+    server = other.serve({key: hang}).start()
+    try:
+        assert until(lambda: _raises(BusTimeout, bus, key))
+        assert server.busy > 0.0
+        began = time.monotonic()
+        with pytest.raises(BusTimeout, match=r"slow/echo: no answer within 0\.2 s"):
+            bus.request(key, b"", 0.2)
+        assert 0.1 < time.monotonic() - began < 2.0
+    finally:
+        release.set()
+
+
+def _raises(kind: type[Exception], bus: Bus, key: str) -> bool:
+    try:
+        bus.request(key, b"", 0.2)
+    except kind:
+        return True
+    except NoReply:
+        return False
+    return False
+
+
+@pytest.mark.parametrize(
+    ("payload", "kind", "text"),
+    [
+        (b"raise", "internal", "ZeroDivisionError"),
+        (b"refuse", "stale", "step 3 is over"),
+        (b"foreign", "invalid", "not a softseam message"),
+        (b"\x0a\x12softseam.v9.Commit", "schema", "schema version 9"),
+        (encode(Observe(HEADER)), "invalid", "Observe where one of these belongs: Commit"),
+    ],
+)
+def test_a_failing_handler_answers_with_its_failure(bus: Bus, other: Bus, payload: bytes, kind: str, text: str) -> None:
+    def handle(payload: bytes) -> bytes:
+        if payload == b"raise":
+            return bytes(1 // 0)
+        if payload == b"refuse":
+            raise Refused(Failure("stale", "step 3 is over"))
+        return encode(decode(payload, Commit))
+
+    other.serve({KEY: handle}).start()
+    assert until(lambda: served(bus, payload=encode(Commit(HEADER))))
+    with pytest.raises(Refused, match=text) as caught:
+        bus.request(KEY, payload, 2.0)
+    assert caught.value.failure.kind == kind
+    # the server goes on
+    assert bus.request(KEY, encode(Commit(HEADER)), 2.0) == encode(Commit(HEADER))
+
+
+def test_no_router_names_the_endpoint_and_the_remedy() -> None:
+    where = free_endpoint()
+    began = time.monotonic()
+    with pytest.raises(NoRouter, match=f"{where}.*softseam up"):
+        Bus(where, connect_timeout=0.3)
+    assert time.monotonic() - began < 3.0
+
+
+def test_nonsense_endpoint_is_a_bus_error() -> None:
+    with pytest.raises(BusError, match="nonsense"):
+        Bus("nonsense", connect_timeout=0.3)
+
+
+def test_a_busy_port_names_the_endpoint_and_the_remedy(endpoint: str) -> None:
+    with pytest.raises(PortBusy, match=f"{endpoint}.*in use"):
+        Router(endpoint)
+
+
+def test_a_client_waits_for_a_router_that_comes_late() -> None:
+    where = free_endpoint()
+    connected: list[Bus] = []
+    thread = threading.Thread(target=lambda: connected.append(Bus(where, connect_timeout=10.0)))
+    thread.start()
+    with Router(where):
+        thread.join(10.0)
+        assert len(connected) == 1
+        connected[0].close()
+
+
+_SERVER = """
+import sys, threading
+from softseam_protocol.bus import Bus
+from softseam_protocol.topics import Keys
+bus = Bus(sys.argv[1])
+keys = Keys("test")
+def handle(payload):
+    if payload == b"hang":
+        print("hanging", flush=True)
+        threading.Event().wait()
+    return payload
+server = bus.serve({keys.echo("victim"): handle})
+bus.declare_live(keys.live("participant", "victim", "i1"))
+print("ready", flush=True)
+server.run()
+"""
+
+
+def test_a_server_killed_in_a_request_is_an_error_at_once(bus: Bus, endpoint: str) -> None:
+    with subprocess.Popen([sys.executable, "-c", _SERVER, endpoint], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None and process.stdout.readline() == "ready\n"
+            watch = bus.watch_live(KEYS.every_live())
+            came = watch.get(5.0)
+            assert came is not None and came.alive
+            assert KEYS.read_live(came.key) == Live("participant", "victim", "i1")
+            assert bus.live(KEYS.every_live("participant")) == {came.key}
+            assert until(lambda: served(bus, KEYS.echo("victim")))
+            pending = bus.start(KEYS.echo("victim"), b"hang", 20.0)
+            assert process.stdout.readline() == "hanging\n"
+            began = time.monotonic()
+            process.send_signal(signal.SIGKILL)
+            with pytest.raises(NoReply, match="victim"):
+                pending.collect()
+            assert time.monotonic() - began < 5.0
+            went = watch.get(5.0)
+            assert went is not None and went.key == came.key and not went.alive
+        finally:
+            process.kill()
+
+
+def test_published_messages_arrive_in_order_and_are_counted_when_lost(bus: Bus, other: Bus) -> None:
+    inbox = other.subscribe(KEYS.session_all("s"))
+    small = other.subscribe(KEYS.session_all("s"), limit_bytes=10)
+    newest = other.subscribe(KEYS.session_all("s"), latest=True)
+    key = KEYS.session("s", Event)
+    assert until(lambda: _arrives(bus, key, inbox, b"start"))
+    for i in range(20):
+        bus.publish(key, bytes([i]) * 4)
+    got: list[int] = []
+    while len(got) < 20:
+        item = inbox.get(5.0)
+        assert item is not None
+        if len(item.payload) == 4:
+            got.append(item.payload[0])
+    assert got == list(range(20))
+    assert until(lambda: small.lost > 0) and inbox.lost == 0
+    assert until(lambda: len(newest) == 1)
+    last = newest.get(1.0)
+    assert last is not None and last.key == key and last.payload == bytes([19]) * 4
+    assert newest.get(0.01) is None
+    bus.forget(f"{KEYS.root}/session/s")
+
+
+def _arrives(bus: Bus, key: str, inbox: Inbox[Received], payload: bytes) -> bool:
+    bus.publish(key, payload)
+    item = inbox.get(0.05)
+    return item is not None and item.payload == payload
+
+
+def test_a_full_server_says_busy(bus: Bus, other: Bus) -> None:
+    release, key = threading.Event(), KEYS.echo("full")
+
+    def handle(payload: bytes) -> bytes:
+        release.wait(20.0)
+        return payload
+
+    server = other.serve({key: handle}).start()
+    assert until(lambda: _raises(BusTimeout, bus, key))
+    pending = [bus.start(key, b"x", 20.0) for _ in range(300)]
+    assert until(lambda: server.waiting + server.turned_away >= 300)
+    release.set()
+    outcomes = []
+    for one in pending:
+        try:
+            outcomes.append(one.collect())
+        except Refused as error:
+            outcomes.append(error.failure.kind.encode())
+    assert outcomes.count(b"busy") == server.turned_away >= 300 - MOST_WAITING
+    assert set(outcomes) == {b"x", b"busy"}
+
+
+def test_a_forked_bus_refuses_to_work(endpoint: str) -> None:
+    program = (
+        "import os, sys\n"
+        "from softseam_protocol.bus import Bus\n"
+        "from softseam_protocol.errors import ForkedBus\n"
+        "bus = Bus(sys.argv[1])\n"
+        "child = os.fork()\n"
+        "if child == 0:\n"
+        "    try:\n"
+        "        bus.publish('softseam/test/x', b'')\n"
+        "    except ForkedBus:\n"
+        "        os._exit(7)\n"
+        "    os._exit(1)\n"
+        "code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])\n"
+        "bus.close()\n"
+        "sys.exit(0 if code == 7 else 1)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program, endpoint], timeout=30, check=False).returncode == 0
+    assert issubclass(ForkedBus, BusError) and os.getpid() > 0
+
+
+def test_forgetting_to_close_does_not_hang_the_interpreter(endpoint: str) -> None:
+    program = (
+        "import sys\n"
+        "from softseam_protocol.bus import Bus\n"
+        "bus = Bus(sys.argv[1])\n"
+        "bus.serve({'softseam/test/forgotten': lambda p: p}).start()\n"
+        "inbox = bus.subscribe('softseam/test/**')\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program, endpoint], timeout=30, check=False).returncode == 0
+
+
+def test_a_closed_bus_says_so(endpoint: str) -> None:
+    one = Bus(endpoint)
+    one.close()
+    one.close()
+    with pytest.raises(BusError, match="closed"):
+        one.request(KEY, b"", 1.0)
+
+
+def test_clients_survive_a_restart_of_the_router() -> None:
+    where = free_endpoint()
+    router = Router(where)
+    with Bus(where) as asking, Bus(where) as answering:
+        answering.serve({KEY: lambda payload: payload}).start()
+        assert until(lambda: served(asking))
+        router.close()
+        with pytest.raises((NoReply, BusTimeout)):
+            asking.request(KEY, b"x", 1.0)
+        with Router(where):
+            assert until(lambda: served(asking), 20.0)
+            assert asking.request(KEY, b"y", 2.0) == b"y"
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "a*", "@live", "x" * 65, "ä", "a b", "../x"])
+def test_only_names_go_into_keys(name: str) -> None:
+    for make in (Keys, KEYS.participant, KEYS.echo, lambda n: KEYS.live("client", n, "i")):
+        with pytest.raises(ValueError, match="not a name"):
+            make(name)
