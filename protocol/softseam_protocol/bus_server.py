@@ -30,17 +30,17 @@ class Server:
         """requests answered so far"""
         self.turned_away = 0
         """requests refused because too many were waiting"""
-        self._busy_since: float | None = None
+        self._busy_since: dict[int, float] = {}
         self._waiting: queue.SimpleQueue[tuple[Any, Handler] | None] = queue.SimpleQueue()
         self._owned: list[Any] = []
-        self._thread: threading.Thread | None = None
+        self._threads: list[threading.Thread] = []
         self._closed = False
 
     @property
     def busy(self) -> float:
-        """Time spent in the request at hand, 0 when idle [s]."""
-        since = self._busy_since
-        return 0.0 if since is None else time.monotonic() - since
+        """Time spent in the request at hand (the longest of several), 0 when idle [s]."""
+        since = list(self._busy_since.values())
+        return time.monotonic() - min(since) if since else 0.0
 
     @property
     def waiting(self) -> int:
@@ -64,24 +64,27 @@ class Server:
 
         return enter
 
-    def start(self) -> Server:
-        """Answer in a thread of its own."""
-        self._thread = threading.Thread(target=self.run, name=self.name, daemon=True)
-        self._thread.start()
+    def start(self, threads: int = 1) -> Server:
+        """Answer in a thread of its own; in several only if the handlers may run at the same time."""
+        for _ in range(threads):
+            thread = threading.Thread(target=self.run, name=self.name, daemon=True)
+            self._threads.append(thread)
+            thread.start()
         return self
 
     def run(self) -> None:
         """Answer in this thread until `close`."""
+        me = threading.get_ident()
         while True:
             item = self._waiting.get()
             if item is None:
                 return
             query, handler = item
-            self._busy_since = time.monotonic()
+            self._busy_since[me] = time.monotonic()
             with query:
                 self._answer(query, handler)
             self.answered += 1
-            self._busy_since = None
+            del self._busy_since[me]
 
     def _answer(self, query: Any, handler: Handler) -> None:
         key = query.key_expr
@@ -107,6 +110,8 @@ class Server:
         for declared in self._owned:
             declared.undeclare()
         self._owned.clear()
-        self._waiting.put(None)
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(timeout=5.0)
+        for _ in range(max(1, len(self._threads))):
+            self._waiting.put(None)
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(timeout=5.0)
