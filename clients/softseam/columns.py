@@ -18,6 +18,7 @@ UNITS = {
     "compression": "1",
     "tip_deflection": "m",
 }
+LEDGER = ("kinetic", "strain", "gravity", "tool_work", "seam_work", "dissipation", "switch")
 SPENT = ("fem", "pbd", "coupling", "bus", "record", "total")
 
 
@@ -65,9 +66,10 @@ class Columns:
         self._rows.append(row)
 
     def names(self, prefix: str) -> list[str]:
-        """Names after a prefix such as 'quantity.', in the order of their first appearance."""
-        found = dict.fromkeys(name for row in self._rows for name in row if name.startswith(prefix))
-        return [name.removeprefix(prefix) for name in found]
+        """Names after a prefix such as 'quantity.', the known ones first, in a fixed order."""
+        found = {name.removeprefix(prefix) for row in self._rows for name in row if name.startswith(prefix)}
+        known = [name for name in (*UNITS, *LEDGER) if name in found]
+        return known + sorted(found.difference(known))
 
     def __getitem__(self, name: str) -> Floats:
         return np.array([row.get(name, np.nan) for row in self._rows])

@@ -35,13 +35,8 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     if rise < _RISE:
         return Verdict("finished" if done else "unfinished", f"the run came to its end{end}" if done else end[6:])
     height = columns["quantity.lift_height"]
-    force = np.sum(
-        [
-            np.hypot(np.hypot(columns[f"tool.{n}.fx"], columns[f"tool.{n}.fy"]), columns[f"tool.{n}.fz"])
-            for _, n in rises
-        ],
-        axis=0,
-    )
+    forces = [np.stack([columns[f"tool.{name}.f{axis}"] for axis in "xyz"]) for _, name in rises]
+    force = sum(np.linalg.norm(each, axis=0) for each in forces)
     touched, touches = bool(force.max() > 0.0), bool(force[-1] > 1e-3 * force.max())
     risen = float(height[-1]) if np.isfinite(height[-1]) else (rise if touches else 0.0)
     figures = f"the tools rose by {1e3 * rise:.1f} mm, the body by {1e3 * risen:.1f} mm"

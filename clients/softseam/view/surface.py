@@ -26,6 +26,8 @@ class DisplaySurface:
         """surface point of each display vertex (V,); corners as display vertices (T, 3)"""
         self._octant_ids, self._octant_weights = _octant_stencil(mesh)
         self._triangle_cell = _cells_of(mesh, mesh.point_rest[triangles].mean(axis=1))
+        self.cell_lines = _cell_lines(mesh, triangles)
+        """ends of the lines where cells' faces meet a flat surface, as surface points (L, 2)"""
         self.extent = float(np.ptp(mesh.point_rest, axis=0).max()) if len(mesh.point_rest) else 1.0
         """longest side of the bounding box at rest [m]"""
 
@@ -130,6 +132,18 @@ def _octant_stencil(mesh: SurfaceMesh) -> tuple[Ints, Floats]:
     weights = np.where(ids >= 0, np.maximum(weights, 1e-9), 0.0)
     total = weights.sum(axis=1, keepdims=True)
     return np.maximum(ids, 0), weights / np.where(total > 0.0, total, 1.0)
+
+
+def _cell_lines(mesh: SurfaceMesh, triangles: Ints) -> Ints:
+    """Edges of triangles that lie on two planes of the cell grid: one is the surface, the other cuts it."""
+    if not len(mesh.cell_center):
+        return np.zeros((0, 2), dtype=np.int64)
+    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    ends = np.unique(np.sort(ends, axis=1), axis=0)
+    at = (mesh.point_rest - (mesh.cell_center.min(axis=0) - 0.5 * mesh.edges)) / mesh.edges
+    first, second = at[ends[:, 0]], at[ends[:, 1]]
+    on_plane = (np.abs(first - np.rint(first)) < 1e-6) & (np.abs(first - second) < 1e-6)
+    return np.asarray(ends[on_plane.sum(axis=1) >= 2])
 
 
 def _cells_of(mesh: SurfaceMesh, at: Floats) -> Ints:

@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 from softseam_protocol.scene import BoxTool, PlaneTool, Scene
 
 Floats = NDArray[np.float64]
+Mesh = tuple[Floats, Floats, NDArray[np.int64]]
+"""vertices, normals, triangles"""
+
+PLANE_EXTENTS = 5.0
+"""edge of the square that stands for a plane, in body extents"""
 
 
 @dataclass(frozen=True)
@@ -22,22 +27,23 @@ class ToolShape:
     """(n, 3) [m]"""
     normals: Floats
     triangles: NDArray[np.int64]
-    moves: bool
-    """whether the scene's motion moves it"""
+    lines: Floats
+    """edges, or a grid on a plane, as pairs of ends (l, 2, 3) [m]"""
 
 
-def tool_shapes(scene: Scene, plane_size: float) -> list[ToolShape]:
-    """Meshes of all tools in the scene's order; planes are drawn as squares with this edge [m]."""
-    moving = {name for phase in scene.motion for name in getattr(phase, "tools", ())}
+def tool_shapes(scene: Scene, extent: float) -> list[ToolShape]:
+    """Meshes of all tools in the scene's order, beside a body of this extent [m]."""
+    plane_size = PLANE_EXTENTS * extent
     shapes = []
     for name, tool in scene.tools.items():
         if isinstance(tool, BoxTool):
-            vertices, normals, triangles = _box(0.5 * np.array(tool.size))
+            half = 0.5 * np.array(tool.size)
+            mesh, lines = _box(half), _box_edges(half)
         elif isinstance(tool, PlaneTool):
-            vertices, normals, triangles = _square(np.array(tool.normal), plane_size)
+            mesh, lines = _square(np.array(tool.normal), plane_size)
         else:
-            vertices, normals, triangles = _sphere(tool.radius)
-        shapes.append(ToolShape(name, tool.kind, vertices, normals, triangles, name in moving))
+            mesh, lines = _sphere(tool.radius), _circles(tool.radius)
+        shapes.append(ToolShape(name, tool.kind, *mesh, lines))
     return shapes
 
 
@@ -47,7 +53,7 @@ def rotate(quaternion: Floats, vectors: Floats) -> Floats:
     return np.asarray(vectors + 2.0 * np.cross(q, np.cross(q, vectors) + w * vectors))
 
 
-def _box(half: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def _box(half: Floats) -> Mesh:
     vertices: list[Floats] = []
     normals: list[Floats] = []
     triangles: list[list[int]] = []
@@ -65,16 +71,41 @@ def _box(half: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]:
     return np.array(vertices), np.array(normals), np.array(triangles, dtype=np.int64)
 
 
-def _square(normal: Floats, edge: float) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def _box_edges(half: Floats) -> Floats:
+    corners = np.array([[(c >> axis & 1) * 2.0 - 1.0 for axis in range(3)] for c in range(8)]) * half
+    return np.array([[corners[c], corners[c | 1 << axis]] for axis in range(3) for c in range(8) if not c >> axis & 1])
+
+
+def _square(normal: Floats, edge: float) -> tuple[Mesh, Floats]:
+    """A square, and a grid of lines just above it."""
     n = normal / np.linalg.norm(normal)
-    u = np.cross(np.eye(3)[int(np.argmin(np.abs(n)))], n)
+    u = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
     u /= np.linalg.norm(u)
     v = np.cross(n, u)
     corners = 0.5 * edge * np.array([-u - v, u - v, u + v, -u + v])
-    return corners, np.tile(n, (4, 1)), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int64)
+    spacing = grid_spacing(edge / PLANE_EXTENTS)
+    count = int(0.5 * edge / spacing)
+    at = spacing * np.arange(-count, count + 1)[:, None]
+    above, reach = 2e-4 * edge * n, 0.5 * edge
+    along = np.stack([at * u - reach * v + above, at * u + reach * v + above], axis=1)
+    across = np.stack([at * v - reach * u + above, at * v + reach * u + above], axis=1)
+    mesh = corners, np.tile(n, (4, 1)), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int64)
+    return mesh, np.concatenate([along, across])
 
 
-def _sphere(radius: float, n_rings: int = 24) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def grid_spacing(extent: float) -> float:
+    """Grid lines at a round distance: 1 cm for bodies of some centimetres [m]."""
+    return float(10.0 ** np.floor(np.log10(max(extent, 1e-6) / 3.0)))
+
+
+def _circles(radius: float) -> Floats:
+    turn = np.linspace(0.0, 2.0 * np.pi, 65)
+    ring = radius * np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=1)
+    rings = [np.roll(ring, shift, axis=1) for shift in range(3)]
+    return np.concatenate([np.stack([r[:-1], r[1:]], axis=1) for r in rings])
+
+
+def _sphere(radius: float, n_rings: int = 24) -> Mesh:
     polar = np.linspace(0.0, np.pi, n_rings + 1)
     turn = np.linspace(0.0, 2.0 * np.pi, 2 * n_rings + 1)
     p, t = np.meshgrid(polar, turn, indexing="ij")

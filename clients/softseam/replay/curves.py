@@ -1,0 +1,112 @@
+"""The curves of a replay, logged as whole columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from softseam.columns import UNITS, Columns
+from softseam.replay import paths
+from softseam.view import colors
+from softseam_protocol.scene import Scene
+
+_GRIP = ("grip_force", "lift_height", "slip", "peak_von_mises")
+_SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "N": ("N", 1.0)}
+
+
+@dataclass
+class Plot:
+    """One set of axes: a title with the unit, and the entities drawn in it."""
+
+    title: str
+    origin: str
+    logarithmic: bool = False
+    names: list[str] = field(default_factory=list)
+
+
+def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> dict[str, list[Plot]]:
+    """Log all curves; returns the plots by tab."""
+    writer = _Writer(stream, columns)
+    tabs: dict[str, list[Plot]] = {"Grip": [], "Shape": []}
+    for name in columns.names("quantity."):
+        unit, factor = _SHOWN.get(UNITS.get(name, ""), (UNITS.get(name, ""), 1.0))
+        plot = writer.plot(f"{name.replace('_', ' ')} [{unit}]", f"quantities/{name}")
+        tab = tabs["Grip" if name in _GRIP else "Shape"]
+        writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab))
+        tab.append(plot)
+    tabs["Seam"] = _seam(writer, columns)
+    spent = ("tool_work", "dissipation", "seam_work", "switch")
+    tabs["Energy"] = [
+        _energy(writer, columns, ("kinetic", "strain"), "stored energy [mJ]", "stored"),
+        _energy(writer, columns, spent, "work and loss, summed [mJ]", "spent"),
+    ]
+    tabs["Regions"] = _regions(writer, columns)
+    tabs["Speed"] = _speed(writer, columns, scene)
+    return tabs
+
+
+def _seam(writer: _Writer, columns: Columns) -> list[Plot]:
+    gap = writer.plot("seam gap [µm]", "seam/gap")
+    writer.curve(gap, "gap", columns["gap"] * 1e6, 2)
+    exchanges = writer.plot("exchanges a step", "seam/exchanges")
+    writer.curve(exchanges, "exchanges", columns["exchanges"], 1)
+    force = writer.plot("largest multiplier [N]", "seam/multiplier")
+    writer.curve(force, "multiplier", columns["multiplier"], 2)
+    return [gap, exchanges, force]
+
+
+def _energy(writer: _Writer, columns: Columns, names: tuple[str, ...], title: str, where: str) -> Plot:
+    plot = writer.plot(title, f"energy/{where}")
+    for i, name in enumerate(names):
+        values = 1e3 * np.nan_to_num(columns[f"energy.{name}"])
+        writer.curve(plot, name.replace("_", " "), values if where == "stored" else np.cumsum(values), i)
+    return plot
+
+
+def _regions(writer: _Writer, columns: Columns) -> list[Plot]:
+    cells = writer.plot("cells", "regions/cells")
+    iterations = writer.plot("iterations or sweeps a step", "regions/iterations")
+    for i, (name, model) in enumerate(columns.models.items()):
+        color = 0 if name == "near" else 1
+        label = f"{name} ({model})"
+        writer.curve(cells, label, np.nan_to_num(columns[f"{name}.cells"]), color if i < 2 else i)
+        writer.curve(iterations, label, np.nan_to_num(columns[f"{name}.iterations"]), color if i < 2 else i)
+    return [cells, iterations]
+
+
+def _speed(writer: _Writer, columns: Columns, scene: Scene) -> list[Plot]:
+    rtf = writer.plot("real-time factor", "speed/rtf")
+    total = columns["seconds.total"]
+    writer.curve(rtf, "rtf", scene.step / np.where(total > 0.0, total, np.nan), 2)
+    wall = writer.plot("wall time of a step [ms]", "speed/wall")
+    for i, name in enumerate(("fem", "pbd", "coupling", "bus", "record")):
+        values = 1e3 * columns[f"seconds.{name}"]
+        if np.nanmax(values, initial=0.0) > 0.0:
+            writer.curve(wall, name, values, i)
+    return [rtf, wall]
+
+
+class _Writer:
+    def __init__(self, stream: rr.RecordingStream, columns: Columns) -> None:
+        self._stream = stream
+        self._time: NDArray[np.float64] = columns["time"]
+        self._step = columns["step"].astype(np.int64)
+
+    def plot(self, title: str, where: str) -> Plot:
+        return Plot(title, f"{paths.CURVES}/{where}")
+
+    def curve(self, plot: Plot, name: str, values: NDArray[np.float64], color: int) -> None:
+        """Log one curve; steps without a value are left out."""
+        path = f"{plot.origin}/{name.replace(' ', '_').replace('(', '').replace(')', '')}"
+        known = np.isfinite(values)
+        tone = colors.SERIES[color % len(colors.SERIES)]
+        self._stream.log(path, rr.SeriesLines(colors=tone, widths=2.0, names=name), static=True)
+        times = [
+            rr.TimeColumn("sim_time", duration=self._time[known]),
+            rr.TimeColumn("step", sequence=self._step[known]),
+        ]
+        self._stream.send_columns(path, times, rr.Scalars.columns(scalars=values[known]))
+        plot.names.append(path)

@@ -1,0 +1,78 @@
+"""The words of a replay: summary, colour scale, events."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import rerun as rr
+
+from softseam.recording import Recording
+from softseam.replay import paths
+from softseam.replay.world import Scales
+from softseam.report import ReportBuilder
+from softseam.view import colors
+from softseam_protocol.messages import Event
+
+_ALARMS = ("solver", "seam", "participant_lost", "alarm", "recording")
+
+
+def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str:
+    """Markdown: what was run, how it ended, how far to trust it, what the colours mean."""
+    report = builder.build()
+    verdict, wall, seam = report["verdict"], report["wall"], report["seam"]
+    lines = [f"# {recording.scene.name}", "", f"**{verdict['text']}**", ""]
+    if recording.note:
+        lines += [f"> {recording.note}", ""]
+    lines += ["| | |", "|---|---|"]
+    for name, entry in report["quantities"].items():
+        if entry["max"] is not None:
+            lines.append(f"| {name.replace('_', ' ')}, most | {_figure(entry['max'], entry['unit'])} |")
+    lines += [
+        f"| worst seam gap | {colors.engineering(seam['worst_gap']['value'], 'm')} |",
+        f"| exchanges a step | {report['exchanges']['mean']:.2f} |",
+        f"| penetration | {colors.engineering(report['penetration']['worst'], 'm')} |",
+        f"| real-time factor | {wall['rtf']:.1f} |" if wall["rtf"] else "| real-time factor | not known |",
+        f"| steps | {report['steps']} of {1e3 * recording.scene.step:g} ms |",
+    ]
+    for name, region in report["regions"].items():
+        lines.append(f"| {name} ({region['model']}) | {region['n_elements']['max']:.0f} cells at most |")
+    lines += [
+        "",
+        "**Colours.** Coral: near region. Blue: far region. Yellow arrows: contact forces on the body. "
+        "Green: seam nodes and the seam's force on the near side.",
+        "",
+        f"Longest arrows: contact {colors.engineering(scales.contact, 'N')}, "
+        f"seam {colors.engineering(scales.multiplier, 'N')} a node.",
+        "",
+        f"Seed {recording.seed}; softseam {recording.facts.get('softseam', '?')}; {recording.facts.get('machine', '')}",
+    ]
+    return "\n".join(lines)
+
+
+def log_scale(stream: rr.RecordingStream, top: float) -> None:
+    """The colour scale as a small picture."""
+    from matplotlib.figure import Figure
+
+    ink = "#d8dce4"
+    figure = Figure(figsize=(4.2, 0.95), dpi=200, facecolor="#181b22")
+    axes = figure.add_axes((0.06, 0.48, 0.88, 0.3))
+    ramp = colors.stress_colors(np.linspace(0.0, top, 512), top)
+    axes.imshow(ramp[None, :, :], aspect="auto", extent=(0.0, top / 1e3, 0.0, 1.0))
+    axes.set_yticks([])
+    axes.tick_params(colors=ink, labelsize=8, length=2)
+    axes.set_xlabel("von Mises stress [kPa], fixed over the run", color=ink, fontsize=8)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", facecolor=figure.get_facecolor())
+    stream.log(paths.SCALE, rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png"), static=True)
+
+
+def log_event(stream: rr.RecordingStream, event: Event) -> None:
+    level = rr.TextLogLevel.WARN if event.kind in _ALARMS else rr.TextLogLevel.INFO
+    stream.log(paths.LOG, rr.TextLog(f"{event.kind}: {event.message}", level=level))
+
+
+def _figure(value: float, unit: str) -> str:
+    return f"{100 * value:.3g} %" if unit == "1" else colors.engineering(value, unit)

@@ -1,0 +1,97 @@
+"""How a replay is laid out: what a viewer shows before anybody touches it."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from softseam.replay import paths
+from softseam.replay.curves import Plot
+from softseam.replay.world import Scales
+from softseam.view.tool_shapes import grid_spacing
+from softseam_protocol.scene import PlaneTool, Scene
+
+_BACKGROUND = (24, 27, 34)
+
+
+def layout(
+    scene: Scene, tabs: dict[str, list[Plot]], scales: Scales, extent: float, *, has_events: bool
+) -> rrb.Blueprint:
+    """Models and stress side by side, curves below, facts to the right."""
+    ground = any(isinstance(tool, PlaneTool) for tool in scene.tools.values())
+    edges = [f"+ {paths.TOOLS}/{name}/edges" for name in scene.tools]
+    planes = [f"+ {paths.TOOLS}/{name}/**" for name, tool in scene.tools.items() if isinstance(tool, PlaneTool)]
+    camera = _Camera(scales, extent, grid=not ground)
+    body = [f"+ {paths.NEAR}", f"+ {paths.FAR}", f"+ {paths.GRID}", f"+ {paths.TOOLS}/**"]
+    models = camera.view("Models: coral near, blue far", body)
+    stress = camera.view("von Mises stress", [f"+ {paths.STRESS}", *edges, *planes])
+    forces = camera.view(
+        "Forces: contact yellow, seam green", [f"+ {paths.GHOST}", f"+ {paths.FORCES}/**", *edges, *planes]
+    )
+    curves = [rrb.Horizontal(*[_plot(plot) for plot in plots], name=name) for name, plots in tabs.items() if plots]
+    side: list[rrb.View | rrb.Container] = [
+        rrb.TextDocumentView(origin=paths.SUMMARY, name="Run"),
+        rrb.Spatial2DView(origin=paths.SCALE, name="von Mises scale", background=_BACKGROUND),
+    ]
+    if has_events:
+        side.append(_events())
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                rrb.Horizontal(models, rrb.Tabs(stress, forces, active_tab=0)),
+                rrb.Tabs(*curves, active_tab=0),
+                row_shares=[1.7, 1.0],
+            ),
+            rrb.Vertical(*side, row_shares=[2.2, 0.7, 1.6][: len(side)]),
+            column_shares=[4.2, 1.0],
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+class _Camera:
+    """The same view of the same things in every 3D window: the body's whole way, seen from the front right."""
+
+    def __init__(self, scales: Scales, extent: float, *, grid: bool) -> None:
+        known = bool(np.isfinite(scales.low).all())
+        middle = 0.5 * (scales.low + scales.high) if known else np.zeros(3)
+        size = max(extent, float(np.max(scales.high - scales.low)) if known else 0.0)
+        self._eye = rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=middle + size * np.array([0.95, -1.7, 0.62]),
+            look_target=middle,
+            eye_up=(0, 0, 1),
+        )
+        self._grid = rrb.LineGrid3D(
+            visible=grid, spacing=grid_spacing(extent), color=(255, 255, 255, 26), stroke_width=1.0
+        )
+
+    def view(self, name: str, contents: list[str]) -> rrb.Spatial3DView:
+        return rrb.Spatial3DView(
+            origin=paths.WORLD,
+            contents=contents,
+            name=name,
+            background=rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=_BACKGROUND),
+            line_grid=self._grid,
+            eye_controls=self._eye,
+        )
+
+
+def _events() -> rrb.TextLogView:
+    columns = rrb.archetypes.TextLogColumns(
+        timeline_columns=[rrb.components.TimelineColumn(timeline="sim_time")],
+        text_log_columns=[rrb.components.TextLogColumn("body")],
+    )
+    return rrb.TextLogView(origin=paths.LOG, name="Events", columns=columns)
+
+
+def _plot(plot: Plot) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=plot.origin,
+        name=plot.title,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=len(plot.names) > 1),
+    )

@@ -1,0 +1,115 @@
+"""Shows a recording: into a file, a window or a browser."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import rerun as rr
+import rerun_cli
+
+from softseam.recording import Recording
+from softseam.replay.convert import convert
+
+LOOPBACK = "127.0.0.1"
+
+
+class ReplayError(Exception):
+    """A replay cannot be written or shown; the text says why and what to do."""
+
+
+def replay(
+    recording: Recording | Path | str, *, save: Path | str | None = None, web: bool = False, port: int = 9090
+) -> Path | None:
+    """Write a .rrd file, or show the recording until the viewer is closed (or, in a browser, until Ctrl-C).
+
+    save  the file to write; nothing is shown then
+    web   serve a viewer for browsers on this machine only
+    port  the browser's port; another free one where it is taken
+    Raises RecordingError and ReplayError; returns the file that was saved.
+    """
+    if not isinstance(recording, Recording):
+        recording = Recording(recording)
+    if save is not None:
+        return save_rrd(recording, save)
+    with tempfile.TemporaryDirectory(prefix="softseam-") as folder:
+        file = save_rrd(recording, Path(folder) / f"{recording.path.stem}.rrd")
+        if web:
+            http = free_port(port)
+            command = web_command(file, http, free_port(9876))
+            print(f"open http://{LOOPBACK}:{http} in a browser on this machine; Ctrl-C ends it", flush=True)
+        else:
+            command = [viewer(), str(file), "--bind", LOOPBACK, "--port", str(free_port(9876))]
+        _run(command)
+    return None
+
+
+def save_rrd(recording: Recording, path: Path | str) -> Path:
+    """Write a .rrd file, all or nothing."""
+    path = Path(path)
+    if path.suffix != ".rrd":
+        raise ReplayError(f"{path}: a replay's name ends in .rrd")
+    if not path.parent.is_dir():
+        raise ReplayError(f"cannot write {path}: there is no folder {path.parent}")
+    fresh = path.with_name(f".{path.stem}.{os.getpid()}.rrd")
+    name = f"{recording.scene.name}-{recording.metadata.get('started', '')}"
+    try:
+        with rr.RecordingStream("softseam", recording_id=name) as stream:
+            stream.save(fresh)
+            stream.send_recording_name(recording.scene.name)
+            stream.send_blueprint(convert(recording, stream))
+        stream.disconnect()
+        fresh.replace(path)
+    except (OSError, RuntimeError) as error:
+        raise ReplayError(f"cannot write {path}: {error}") from error
+    finally:
+        fresh.unlink(missing_ok=True)
+    return path
+
+
+def viewer() -> str:
+    """The viewer that comes with rerun-sdk: this one, whatever else is on the path."""
+    name = "rerun.exe" if sys.platform == "win32" else "rerun"
+    return str(Path(rerun_cli.__file__).parent / name)
+
+
+def web_command(file: Path, http: int, grpc: int) -> list[str]:
+    """Serve `file` to browsers on this machine; rerun's own default would be every interface."""
+    ports = ["--port", str(grpc), "--web-viewer-port", str(http)]
+    return [viewer(), str(file), "--serve-web", "--bind", LOOPBACK, *ports]
+
+
+def _run(command: list[str]) -> None:
+    process = subprocess.Popen(command)
+    try:
+        code = process.wait()
+    except KeyboardInterrupt:
+        process.send_signal(signal.SIGINT)
+        return
+    finally:
+        try:
+            process.wait(timeout=5.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    if code:
+        raise ReplayError(
+            f"the viewer ended with code {code}: without a display, use --save FILE.rrd or --web (rerun says why above)"
+        )
+
+
+def free_port(wanted: int) -> int:
+    """`wanted` where it is free on the loopback interface, else any free port."""
+    for port in (wanted, 0):
+        with socket.socket() as probe:
+            try:
+                probe.bind((LOOPBACK, port))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    raise ReplayError("no port is free on this machine")

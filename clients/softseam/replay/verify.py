@@ -1,0 +1,95 @@
+"""Simulates a recording again and compares bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from softseam.recording import Recording
+from softseam_protocol.messages import Bundle, Frame, StepReport
+
+
+class Resimulation(Protocol):
+    """What verifying needs of a simulation."""
+
+    def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport: ...
+
+    def frame(self) -> Frame: ...
+
+
+Opener = Callable[[Bundle, int], AbstractContextManager[Resimulation]]
+"""opens a simulation of a scene at its start, with a seed"""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """steps compared, the first that differs (or None), and what to tell the user."""
+
+    steps: int
+    frames: int
+    differs_at: int | None
+    text: str
+
+    @property
+    def same(self) -> bool:
+        return self.differs_at is None
+
+
+def verify(recording: Recording, opener: Opener) -> Verification:
+    """Repeat the recorded commands from the attached scene and compare positions, multipliers, wrenches bit for bit."""
+    names = tuple(recording.scene.tools)
+    steps = frames = 0
+    with opener(recording.bundle, recording.seed) as simulation:
+        for report, frame in _pairs(recording):
+            if report.header.step != steps:
+                return _unable(
+                    steps, frames, f"step {report.header.step} follows step {steps - 1}: a reset, a restore or a loss"
+                )
+            command = {name: tuple(velocity) for name, velocity in zip(names, report.command.tolist(), strict=True)}
+            again = simulation.step(command, fields=frame is not None)
+            difference = _differing(report, again, ("tool_position", "wrench", "momentum", "angular_momentum"))
+            if difference is None and frame is not None:
+                difference = _differing(
+                    frame, simulation.frame(), ("x", "multiplier", "seam_nodes", "contact_force", "cauchy")
+                )
+                frames += 1
+            if difference is not None:
+                text = f"step {steps} is the first that differs: {difference}"
+                return Verification(steps, frames, steps, text)
+            steps += 1
+    note = f" ({recording.note})" if recording.note else ""
+    return Verification(steps, frames, None, f"all {steps} steps and {frames} frames are the same, bit for bit{note}")
+
+
+def _pairs(recording: Recording) -> Iterator[tuple[StepReport, Frame | None]]:
+    """Each step with its frame, if it has one; frames follow their step."""
+    pending: StepReport | None = None
+    for message in recording:
+        if isinstance(message, StepReport):
+            if pending is not None:
+                yield pending, None
+            pending = message
+        elif isinstance(message, Frame) and pending is not None and message.header.step == pending.header.step:
+            yield pending, message
+            pending = None
+    if pending is not None:
+        yield pending, None
+
+
+def _differing(recorded: object, again: object, names: Sequence[str]) -> str | None:
+    """The first array that is not the same bytes, in words."""
+    for name in names:
+        old, new = np.ascontiguousarray(getattr(recorded, name)), np.ascontiguousarray(getattr(again, name))
+        if old.shape != new.shape:
+            return f"{name} has shape {new.shape}, recorded {old.shape}"
+        if old.tobytes() != new.tobytes():
+            return f"{name} by up to {float(np.abs(new - old).max()):.3g}"
+    return None
+
+
+def _unable(steps: int, frames: int, reason: str) -> Verification:
+    return Verification(steps, frames, steps, f"cannot be simulated again beyond step {steps}: {reason}")

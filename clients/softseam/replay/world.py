@@ -1,0 +1,154 @@
+"""The 3D part of a replay: body, stress, tools, forces, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from softseam.recording import Recording
+from softseam.replay import paths
+from softseam.view import colors
+from softseam.view.surface import DisplaySurface, von_mises
+from softseam.view.tool_shapes import ToolShape, tool_shapes
+from softseam_protocol.messages import Frame
+
+Floats = NDArray[np.float64]
+
+_ARROW = 0.35
+"""length of the longest arrow of a run, in body extents"""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Fixed over the run, so that one picture can be compared with another."""
+
+    stress: float
+    """end of the colour scale [Pa]"""
+    contact: float
+    """contact force of the longest arrow [N]"""
+    multiplier: float
+    """seam force of the longest arrow [N]"""
+    low: Floats
+    """bounds of the body over the run [m]"""
+    high: Floats
+
+
+def find_scales(recording: Recording, surface: DisplaySurface) -> Scales:
+    """Look at every frame once. The stress scale ends above 99.5 % of what is to be seen, at a round figure."""
+    tops, contact, multiplier = [], 0.0, 0.0
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for frame in recording.frames():
+        tops.append(float(np.quantile(surface.at_points(von_mises(frame.cauchy)), 0.995)))
+        contact = max(contact, _longest(frame.contact_force))
+        multiplier = max(multiplier, _longest(frame.multiplier))
+        low, high = np.minimum(low, frame.point_x.min(axis=0)), np.maximum(high, frame.point_x.max(axis=0))
+    return Scales(colors.round_up(max(tops, default=0.0)), contact, multiplier, low, high)
+
+
+class World:
+    """Logs the frames of one recording."""
+
+    def __init__(
+        self, stream: rr.RecordingStream, recording: Recording, surface: DisplaySurface, scales: Scales
+    ) -> None:
+        self._stream, self._surface, self._scales = stream, surface, scales
+        self._tools = tool_shapes(recording.scene, surface.extent)
+        self._near: NDArray[np.bool_] | None = None
+        self._log_static()
+
+    def _log_static(self) -> None:
+        self._stream.log(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for tool in self._tools:
+            self._stream.log(f"{paths.TOOLS}/{tool.name}", _tool_mesh(tool), static=True)
+            self._stream.log(f"{paths.TOOLS}/{tool.name}/edges", _tool_lines(tool), static=True)
+        triangles = self._surface.triangles
+        self._stream.log(paths.STRESS, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
+        ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 60))
+        self._stream.log(paths.GHOST, ghost, static=True)
+        for path, color in ((paths.NEAR, colors.NEAR), (paths.FAR, colors.FAR)):
+            self._stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
+
+    def log(self, frame: Frame) -> None:
+        """Draw one frame at the stream's current time."""
+        vertices = self._surface.vertices(frame.point_x)
+        shape = rr.Mesh3D.from_fields(
+            vertex_positions=vertices.astype(np.float32),
+            vertex_normals=self._surface.normals(vertices).astype(np.float32),
+        )
+        for path in (paths.NEAR, paths.FAR, paths.STRESS, paths.GHOST):
+            self._stream.log(path, shape)
+        stress = self._surface.at_points(von_mises(frame.cauchy))
+        shades = colors.stress_colors(stress, self._scales.stress)[self._surface.vertex_point]
+        self._stream.log(paths.STRESS, rr.Mesh3D.from_fields(vertex_colors=shades))
+        self._log_regions(frame)
+        self._log_grid(frame)
+        self._log_tools(frame)
+        self._log_forces(frame)
+
+    def _log_regions(self, frame: Frame) -> None:
+        near = self._surface.near(frame.cell_near)
+        if self._near is not None and np.array_equal(near, self._near):
+            return
+        self._near = near
+        for path, mine in ((paths.NEAR, near), (paths.FAR, ~near)):
+            self._stream.log(path, rr.Mesh3D.from_fields(triangle_indices=self._surface.triangles[mine]))
+
+    def _log_grid(self, frame: Frame) -> None:
+        if len(self._surface.cell_lines):
+            strips = frame.point_x[self._surface.cell_lines].astype(np.float32)
+            self._stream.log(
+                paths.GRID, rr.LineStrips3D(strips, colors=(20, 24, 34, 150), radii=rr.Radius.ui_points(0.6))
+            )
+
+    def _log_tools(self, frame: Frame) -> None:
+        for tool, at, turn in zip(self._tools, frame.tool_position, frame.tool_orientation, strict=True):
+            pose = rr.Transform3D(translation=at, quaternion=rr.Quaternion(xyzw=turn[[1, 2, 3, 0]]))
+            self._stream.log(f"{paths.TOOLS}/{tool.name}", pose)
+
+    def _log_forces(self, frame: Frame) -> None:
+        reach = _ARROW * self._surface.extent
+        thick = 0.004 * self._surface.extent
+        contact = _arrows(frame.point_x, frame.contact_force, self._scales.contact, reach)
+        self._stream.log(
+            paths.CONTACT,
+            rr.Arrows3D(origins=contact[0] - contact[1], vectors=contact[1], colors=colors.CONTACT, radii=thick),
+        )
+        seam = frame.x[frame.seam_nodes]
+        multiplier = _arrows(seam, frame.multiplier, self._scales.multiplier, reach)
+        self._stream.log(
+            paths.MULTIPLIER,
+            rr.Arrows3D(origins=multiplier[0], vectors=multiplier[1], colors=colors.MULTIPLIER, radii=thick),
+        )
+        self._stream.log(
+            paths.SEAM_NODES, rr.Points3D(seam.astype(np.float32), colors=colors.MULTIPLIER, radii=1.6 * thick)
+        )
+
+
+def _tool_mesh(tool: ToolShape) -> rr.Mesh3D:
+    color = (*colors.GROUND, 255) if tool.kind == "plane" else (*colors.TOOL, 110)
+    return rr.Mesh3D(
+        vertex_positions=tool.vertices.astype(np.float32),
+        vertex_normals=tool.normals.astype(np.float32),
+        triangle_indices=tool.triangles,
+        albedo_factor=color,
+    )
+
+
+def _tool_lines(tool: ToolShape) -> rr.LineStrips3D:
+    color = (86, 92, 106, 120) if tool.kind == "plane" else (*colors.TOOL, 255)
+    return rr.LineStrips3D(tool.lines.astype(np.float32), colors=color, radii=rr.Radius.ui_points(0.7))
+
+
+def _longest(vectors: Floats) -> float:
+    return float(np.linalg.norm(vectors, axis=1).max()) if len(vectors) else 0.0
+
+
+def _arrows(at: Floats, force: Floats, most: float, reach: float) -> tuple[Floats, Floats]:
+    """Origins and vectors of the arrows worth drawing; the longest of the run is `reach` long."""
+    if most <= 0.0:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    shown = np.linalg.norm(force, axis=1) > 0.02 * most
+    return at[shown], force[shown] * (reach / most)
