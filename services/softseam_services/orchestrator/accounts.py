@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
 from softseam_protocol.messages import Advanced, Header, RegionReport, Reply, SeamReport, StepReport
 from softseam_services.orchestrator.sides import Sides
 
@@ -15,20 +16,16 @@ Floats = NDArray[np.float64]
 
 
 class Accounts:
-    """What a step did to the energy, and where its wall time went.
-
-    dissipation = tool work + seam work + switch - d(kinetic + strain + gravity)
-
-    Seam work is that of both sides together: zero where the gap stays zero. Dissipation is what the integrators and
-    friction took; it closes the balance by definition, so its sign is the check: a gain is an alarm for the reader.
-    """
+    """What a step did to the energy (see `softseam_coupling.ledger`), and where its wall time went."""
 
     def __init__(self) -> None:
+        self._book = EnergyLedger()
         self.reset()
 
     def reset(self) -> None:
-        self._energy: tuple[float, float, float] | None = None
-        self._pending_switch = 0.0
+        self._ledger: LedgerState | None = None
+        self.alarms: tuple[Alarm, ...] = ()
+        """alarms of the last step"""
         self.begin(perf_counter())
 
     def begin(self, now: float) -> None:
@@ -59,7 +56,6 @@ class Accounts:
         gap: float,
         exchanges: int,
         lambda_: Floats,
-        switch: float,
         done: bool,
         command: Floats,
     ) -> StepReport:
@@ -85,12 +81,13 @@ class Accounts:
                 reply.iterations,
                 reply.seconds,
             )
-        dissipation = 0.0
-        if self._energy is not None:
-            change = kinetic + strain + gravity - sum(self._energy)
-            dissipation = tool_work + seam_work + self._pending_switch - change
-        self._energy = (kinetic, strain, gravity)
-        self._pending_switch = switch
+        energies = Energies(kinetic, strain, gravity)
+        dissipation = switch = 0.0
+        if self._ledger is None:
+            self._ledger = self._book.open(energies)
+        else:
+            entry = self._book.step(self._ledger, energies, tool_work, seam_work, 0.0)
+            dissipation, switch, self.alarms = entry.dissipation, entry.switch, entry.alarms
         total = perf_counter() - self._began
         seconds = dict(self._seconds)
         seconds["total"] = total
@@ -127,12 +124,16 @@ class Accounts:
             command,
         )
 
+    def switched(self, kinetic_change: float) -> None:
+        """Regions switched since the last step, which changed the kinetic energy by this much [J]."""
+        if self._ledger is not None:
+            last = self._ledger.last
+            self._book.switched(self._ledger, Energies(last.kinetic + kinetic_change, last.strain, last.gravity))
+
     def to_array(self) -> Floats:
         """What evolves, for a snapshot."""
-        energy = self._energy or (0.0, 0.0, 0.0)
-        return np.array([float(self._energy is not None), *energy, self._pending_switch])
+        return np.array(self._ledger.to_list() if self._ledger is not None else [], dtype=np.float64)
 
     def from_array(self, values: NDArray[np.generic]) -> None:
-        known, kinetic, strain, gravity, pending = (float(v) for v in values.astype(np.float64))
-        self._energy = (kinetic, strain, gravity) if known else None
-        self._pending_switch = pending
+        numbers = [float(value) for value in values]
+        self._ledger = LedgerState.from_list(numbers) if numbers else None

@@ -168,12 +168,13 @@ class Simulation:
         if fields or self._wants_fields:
             frame = self.frame()
         quantities = self._quantities.measure(replies, wrench, self._position, frame, self._lift_base)
-        switch = self._account_and_switch(replies)
+        header, sides = self._header("", self._step - 1), self._sides
+        kinetic_change = self._follow_tools(replies)
         if self._step % _CHECKPOINT_STEPS == 0:
             self._snapshot()
         report = self._accounts.report(
-            header=self._header("", self._step - 1),
-            sides=self._sides_before,
+            header=header,
+            sides=sides,
             replies=replies,
             phase=phase,
             tool_position=self._position,
@@ -183,10 +184,12 @@ class Simulation:
             gap=gap,
             exchanges=exchanges,
             lambda_=lambda_,
-            switch=switch,
             done=self.done,
             command=command,
         )
+        self._accounts.switched(kinetic_change)
+        for alarm in self._accounts.alarms:
+            self._event("energy", f"step {self._step - 1}: {alarm.value}")
         self._report = report
         if self._emit is not None:
             self._emit(report)
@@ -331,9 +334,8 @@ class Simulation:
 
     # ---- regions
 
-    def _account_and_switch(self, replies: Mapping[str, Advanced]) -> float:
-        """Let the regions follow the tools; the energy that a switch costs [J]."""
-        self._sides_before = self._sides
+    def _follow_tools(self, replies: Mapping[str, Advanced]) -> float:
+        """Let the regions follow the tools; by how much a switch changed the kinetic energy [J]."""
         if self._fixed_regions:
             return 0.0
         distance = np.empty(self.body.n_cells)
@@ -372,7 +374,6 @@ class Simulation:
         """Build both sides for the present cut in a new epoch."""
         self._epoch += 1
         self._sides: Sides = cut(self.body, self._regions.near, self._near_model, self.scene.regions.default)
-        self._sides_before = self._sides
         sides = self._sides
         self._exchange(
             {
