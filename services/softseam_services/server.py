@@ -54,7 +54,7 @@ def build_setup(bundle: Bundle) -> Setup:
     """Scene, body and tools of a bundle. Raises SceneError, MeshError or ToolError."""
     scene = scene_from_bundle(bundle)
     body = build_body(scene, bundle.files)
-    return Setup(scene, body, build_tools(scene))
+    return Setup(scene, body, build_tools(scene, body))
 
 
 def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
