@@ -41,13 +41,13 @@ class EmbeddedBackend:
         self._record = record
         self._recorder: McapRecorder | None = None
         self._last: StepReport | None = None
-        with _translated():
-            self._simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
+        with translated():
+            self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
     def reset(self, seed: int) -> Observation:
         self._stop_recording()
-        with _translated():
-            self._simulation.reset(seed)
+        with translated():
+            self.simulation.reset(seed)
         self._last = None
         self._events.clear()
         if self._record is not None:
@@ -57,27 +57,27 @@ class EmbeddedBackend:
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
         recording = self._recorder is not None
         command = None if velocities is None else {name: velocity.tolist() for name, velocity in velocities.items()}
-        with _translated():
+        with translated():
             for remaining in range(count, 0, -1):
-                self._last = self._simulation.step(command, fields=recording or (fields and remaining == 1))
+                self._last = self.simulation.step(command, fields=recording or (fields and remaining == 1))
         return self._observation(fields)
 
     def save(self) -> bytes:
         from softseam_services.orchestrator.client_view import snapshot
 
-        with _translated():
-            return snapshot(self._simulation, self._last)
+        with translated():
+            return snapshot(self.simulation, self._last)
 
     def load(self, state: bytes) -> Observation:
         from softseam_services.orchestrator.client_view import restore
 
-        with _translated():
-            self._last = restore(self._simulation, state)
+        with translated():
+            self._last = restore(self.simulation, state)
         return self._observation(fields=True)
 
     def close(self) -> None:
         try:
-            self._simulation.close()
+            self.simulation.close()
         finally:
             self._stop_recording()
 
@@ -85,8 +85,8 @@ class EmbeddedBackend:
         from softseam_services.orchestrator.client_view import observation
 
         events, self._events = self._events, []
-        with _translated():
-            return observation(self._simulation, self._last, fields=fields, events=events)
+        with translated():
+            return observation(self.simulation, self._last, fields=fields, events=events)
 
     def _emit(self, message: Message) -> None:
         if isinstance(message, Event):
@@ -99,8 +99,8 @@ class EmbeddedBackend:
         from softseam_services.recorder.recorder import McapRecorder
 
         path.parent.mkdir(parents=True, exist_ok=True)
-        with _translated():
-            start = begin(self._bundle, self._simulation.body, seed=seed)
+        with translated():
+            start = begin(self._bundle, self.simulation.body, seed=seed)
             self._recorder = McapRecorder(path, start, existing="replace", on_loss=self._tell_loss)
 
     def _stop_recording(self) -> None:
@@ -110,12 +110,24 @@ class EmbeddedBackend:
 
     def _tell_loss(self, reason: str) -> None:
         """A recording that loses messages is an event of the next observation; the run goes on."""
-        header = Header(SCHEMA_VERSION, "local", "", 0, 0, 0, self._simulation.time)
+        header = Header(SCHEMA_VERSION, "local", "", 0, 0, 0, self.simulation.time)
         self._events.append(Event(header, "record", reason))
 
 
 @contextmanager
-def _translated() -> Iterator[None]:
+def resimulate(bundle: Bundle, seed: int) -> Iterator[Simulation]:
+    """A simulation of a recorded scene from its start, to compare with the recording."""
+    backend = EmbeddedBackend(bundle)
+    try:
+        backend.reset(seed)
+        with translated():
+            yield backend.simulation
+    finally:
+        backend.close()
+
+
+@contextmanager
+def translated() -> Iterator[None]:
     """Turn what the services raise into the client's errors."""
     from softseam_services.body.errors import MeshError
     from softseam_services.orchestrator.archive import ArchiveError

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, Literal, get_args
 
 import yaml
@@ -59,20 +60,27 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
 
 
 def _assign(document: dict[str, Any], keys: list[str], value: Any, setting: str) -> None:
+    """Set document[keys[0]][keys[1]]... in place; an empty optional part, such as `regions.near`, begins anew."""
     node: Any = document
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
-        if isinstance(node, Mapping):
+        where = ".".join(keys[:depth]) or "the scene"
+        if isinstance(node, dict):
             if last:
-                node[key] = value  # type: ignore[index]
+                node[key] = value
+            elif key in node:
+                node[key] = {} if node[key] is None else node[key]
             else:
-                node = node.setdefault(key, {})  # type: ignore[attr-defined]
+                near = difflib.get_close_matches(key, node, 1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise BadInput(
+                    f"--set {setting}: {where} has no {key!r}{hint} (there are: {', '.join(node) or 'none'})"
+                )
+            node = node[key]
         elif isinstance(node, list) and key.isdigit() and int(key) < len(node):
             if last:
                 node[int(key)] = value
-            else:
-                node = node[int(key)]
+            node = node[int(key)]
         else:
-            where = ".".join(keys[:depth]) or "the scene"
             what = f"a list of {len(node)}" if isinstance(node, list) else repr(node)
             raise BadInput(f"--set {setting}: {where} is {what} and has no {key!r}")

@@ -1,0 +1,156 @@
+"""The command line. Every command says what it did; bad input ends with one message and exit code 2."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from softseam.errors import SoftseamError
+
+app = typer.Typer(
+    name="softseam",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="One soft body, two models at once: implicit FEM where fingers touch, XPBD in the far field.\n\n"
+    "Begin with [bold]softseam demo[/bold], or [bold]softseam run tofu_grasp[/bold].",
+    epilog="Exit codes: 0 done, 1 failed, 2 bad input. SOFTSEAM_TRACEBACK=1 shows where an internal error comes from.",
+)
+
+OK, FAILED, BAD_INPUT = 0, 1, 2
+Model = Literal["fem", "pbd", "hybrid"]
+
+
+SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a bundled scene.")]
+Endpoint = Annotated[
+    str | None,
+    typer.Option("--connect", metavar="ENDPOINT", help="Router of running services, e.g. tcp/127.0.0.1:7447."),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. tools.left.friction=0.05. Repeatable."),
+]
+
+
+def _out() -> Console:
+    return Console()
+
+
+@app.command(
+    epilog="[bold]Examples[/bold]\n\n"
+    "softseam run tofu_grasp\n\n"
+    "softseam run my.yaml --record run.mcap --report run.json --pictures pictures\n\n"
+    "softseam run tofu_grasp --model fem --set step=0.005\n\n"
+    "softseam run tofu_grasp --set tools.left.friction=0.05 --set tools.right.friction=0.05"
+)
+def run(
+    scene: SceneArgument,
+    model: Annotated[
+        Model | None, typer.Option(help="Simulate with FEM alone, PBD alone, or both, whatever the scene says.")
+    ] = None,
+    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Record to this .mcap file.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write figures, ledger and events as JSON.")
+    ] = None,
+    pictures: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw pictures into this folder.")] = None,
+    connect: Endpoint = None,
+    view: Annotated[bool, typer.Option("--view", help="Show the run in rerun afterwards.")] = False,
+    settings: Settings = None,
+) -> None:
+    """Simulate a scene: progress, a closing table, and whatever files you ask for."""
+    from softseam.running import Wishes
+    from softseam.running import run as run_scene
+
+    run_scene(Wishes(scene, model, tuple(settings or ()), connect, record, report, pictures, view), _out())
+
+
+@app.command(epilog="[bold]Examples[/bold]\n\nsoftseam demo\n\nsoftseam demo --scene tofu_pads --out out/pads")
+def demo(
+    scene: Annotated[
+        str, typer.Option(metavar="SCENE", help="A scene file, or the name of a bundled scene.")
+    ] = "tofu_grasp",
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Where the results go; default: out/demo-<scene>.")
+    ] = None,
+) -> None:
+    """Simulate with real processes on a bus; leaves recording, .rrd, report and pictures in a folder."""
+    from softseam.demo import run_demo
+
+    run_demo(scene, out, _out())
+
+
+@app.command(
+    epilog="[bold]Examples[/bold]\n\n"
+    "softseam replay run.mcap\n\n"
+    "softseam replay run.mcap --save run.rrd\n\n"
+    "softseam replay run.mcap --verify"
+)
+def replay(
+    recording: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")],
+    save: Annotated[Path | None, typer.Option(metavar="FILE", help="Save for rerun (.rrd) instead of showing.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Show in a web browser, served on this machine alone.")] = False,
+    verify: Annotated[bool, typer.Option("--verify", help="Simulate again and compare bit for bit.")] = False,
+    pictures: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw pictures into this folder.")] = None,
+) -> None:
+    """Show a recording in rerun, save it for rerun, draw it, or verify it."""
+    from softseam.showing import show
+
+    raise typer.Exit(show(recording, _out(), save=save, web=web, verify=verify, pictures=pictures))
+
+
+@app.command(epilog="[bold]Example[/bold]\n\nsoftseam check my.yaml --set body.cell=0.01")
+def check(scene: SceneArgument, settings: Settings = None) -> None:
+    """Validate a scene and its mesh, and say what simulating it will take. Simulates nothing."""
+    from softseam.checking import check_scene
+
+    check_scene(scene, tuple(settings or ()), _out())
+
+
+@app.command()
+def schema(
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to this file instead of printing.")] = None,
+) -> None:
+    """The JSON Schema of scene files, for an editor's completion."""
+    from softseam_protocol.scene_file import scene_schema
+
+    if out is None:
+        sys.stdout.write(scene_schema())
+    else:
+        out.write_text(scene_schema(), encoding="utf-8")
+
+
+def main() -> int:
+    """Entry point: turns every error into one message and an exit code."""
+    error_console = Console(stderr=True)
+    try:
+        app()
+        return OK
+    except SoftseamError as error:
+        error_console.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return BAD_INPUT
+    except BrokenPipeError:
+        # whoever read our output has seen enough; keep the interpreter from flushing into the closed pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except Exception as error:
+        if os.environ.get("SOFTSEAM_TRACEBACK"):
+            raise
+        error_console.print(
+            f"[bold red]internal error:[/bold red] {escape(f'{type(error).__name__}: {error}')} "
+            "(please report it with the traceback that SOFTSEAM_TRACEBACK=1 shows)",
+            highlight=False,
+            soft_wrap=True,
+        )
+        return FAILED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

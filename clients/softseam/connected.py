@@ -1,0 +1,141 @@
+"""The simulation behind a bus: an orchestrator serves the session, participants and recorder run elsewhere."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Mapping
+from typing import TypeVar
+
+from softseam.errors import (
+    BadInput,
+    BadSnapshot,
+    NoConnection,
+    SceneRefused,
+    SchemaMismatch,
+    SimulationFailed,
+    SoftseamError,
+)
+from softseam_protocol import errors, topics
+from softseam_protocol.bus import Bus
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Bundle,
+    Close,
+    Closed,
+    Failure,
+    Header,
+    Load,
+    Observation,
+    Open,
+    Reset,
+    Save,
+    Saved,
+    Step,
+    Vector3,
+)
+
+Reply = TypeVar("Reply", Observation, Saved, Closed)
+_CLOSE_TIMEOUT = 10.0
+
+
+class ConnectedBackend:
+    """One session of an orchestrator. A request whose answer is lost is repeated: the orchestrator answers it once."""
+
+    def __init__(
+        self,
+        bundle: Bundle,
+        endpoint: str,
+        *,
+        record: bool,
+        timeout: float,
+        deployment: str = topics.DEFAULT_DEPLOYMENT,
+    ) -> None:
+        self._key = topics.Keys(deployment).orchestrator
+        self._endpoint, self._timeout = endpoint, timeout
+        self._count = 0
+        self.session = secrets.token_hex(8)
+        """names the session on the bus, and its recording"""
+        try:
+            self._bus = Bus(endpoint)
+        except errors.BusError as error:
+            raise NoConnection(str(error)) from None
+        try:
+            self._first: Observation | None = self._ask(Open(self._header(), bundle, record), Observation, SceneRefused)
+        except BaseException:
+            self._bus.close()
+            raise
+
+    def reset(self, seed: int) -> Observation:
+        return self._ask(Reset(self._header(), seed), Observation, SimulationFailed)
+
+    def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
+        request = Step(self._header(), count, velocities is None, dict(velocities or {}), fields)
+        return self._ask(request, Observation, SimulationFailed)
+
+    def save(self) -> bytes:
+        return self._ask(Save(self._header()), Saved, SimulationFailed).state
+
+    def load(self, state: bytes) -> Observation:
+        return self._ask(Load(self._header(), state), Observation, BadSnapshot)
+
+    def close(self) -> None:
+        try:
+            self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
+            self._ask(Close(self._header()), Closed, SimulationFailed)
+        except (NoConnection, SimulationFailed):
+            return  # whoever is gone holds nothing for this session
+        finally:
+            self._bus.close()
+
+    def _header(self) -> Header:
+        """Each request has a number of its own; its repetition has the same."""
+        self._count += 1
+        return Header(SCHEMA_VERSION, self.session, "", 0, 0, self._count, 0.0)
+
+    def _ask(
+        self, request: Open | Reset | Step | Save | Load | Close, kind: type[Reply], invalid: type[SoftseamError]
+    ) -> Reply:
+        """Send a request, repeat it while its answer gets lost, and translate what goes wrong."""
+        end = time.monotonic() + self._timeout
+        while True:
+            try:
+                reply: Reply = self._bus.call(self._key, request, kind, max(0.1, end - time.monotonic()))
+                return reply
+            except errors.Refused as error:
+                raise _refusal(error.failure, invalid) from None
+            except errors.SchemaMismatch as error:
+                raise SchemaMismatch(str(error)) from None
+            except errors.NoReply as error:
+                # an orchestrator that is being restarted by its supervisor is back within seconds
+                if isinstance(request, Open | Close) or time.monotonic() + 0.2 > end:
+                    raise NoConnection(
+                        f"no orchestrator answers at {self._endpoint} ({error}): start one with `softseam up`"
+                    ) from None
+                self._wait_for_orchestrator(end)
+            except (errors.BusTimeout, errors.BusError) as error:
+                raise NoConnection(f"{self._endpoint}: {error}") from None
+            except errors.EncodeError as error:
+                raise BadInput(str(error)) from None
+            except errors.ProtocolError as error:
+                raise NoConnection(f"{self._endpoint}: {error}") from None
+
+    def _wait_for_orchestrator(self, end: float) -> None:
+        """Until an orchestrator shows on the bus, or the time is over."""
+        watch = self._bus.watch_live(topics.Keys().every_live("orchestrator"))
+        try:
+            while (left := end - time.monotonic()) > 0.0:
+                change = watch.get(left)
+                if change is None or change.alive:
+                    return
+        finally:
+            watch.close()
+
+
+def _refusal(failure: Failure, invalid: type[SoftseamError]) -> SoftseamError:
+    """The client's error for an orchestrator's refusal."""
+    if failure.kind == "schema":
+        return SchemaMismatch(failure.message)
+    if failure.kind == "invalid":
+        return invalid(failure.message)
+    return SimulationFailed(failure.message)

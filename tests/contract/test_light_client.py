@@ -1,0 +1,83 @@
+"""The client stays light: importing it loads no solver, and the base install alone can say what is missing."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+HEAVY = ("numba", "llvmlite", "scipy", "rerun", "zenoh", "pyarrow", "matplotlib", "meshio", "mcap")
+
+
+def python(code: str, *flags: str) -> str:
+    done = subprocess.run(
+        [sys.executable, *flags, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_import_loads_nothing_heavy():
+    """`import softseam`, and even the names behind `softseam.open`, load neither solvers nor viewers nor the bus."""
+    for code in ("import softseam", "import softseam; softseam.open, softseam.Scene, softseam.Observation"):
+        loaded = json.loads(python(f"{code}\nimport json, sys; print(json.dumps(sorted(sys.modules)))"))
+        assert not [name for name in HEAVY if name in loaded]
+        assert not [name for name in loaded if name.startswith(("softseam_services", "softseam_coupling"))]
+
+
+def test_import_is_quick():
+    """Less than 0.3 s in a fresh interpreter, the best of three: other work on the machine only adds time."""
+    code = """
+    from time import perf_counter
+    began = perf_counter()
+    import softseam
+    print(perf_counter() - began)
+    """
+    assert min(float(python(code)) for _ in range(3)) < 0.3
+
+
+def test_public_names_exist():
+    """Every name of `__all__` is there, and a name that is not says so."""
+    python("""
+    import softseam
+    for name in softseam.__all__:
+        getattr(softseam, name)
+    assert set(softseam.__all__) <= set(dir(softseam))
+    try:
+        softseam.nothing
+    except AttributeError as error:
+        assert "nothing" in str(error)
+    else:
+        raise AssertionError
+    """)
+
+
+def test_missing_solver_is_named():
+    """Without numba a run in this process ends with the command that installs it, not with a traceback."""
+    code = """
+    import sys
+    sys.modules["numba"] = None          # as if it were not installed: importing it raises ModuleNotFoundError
+    sys.argv = ["softseam", "run", "tofu_grasp"]
+    from softseam.cli import main
+    sys.exit(main())
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2, done.stderr
+    assert "pip install 'softseam[solve]'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_house_names_no_registry():
+    """Locks and build files pin packages by hash and name no host, path or local build."""
+    root = Path(__file__).parents[2]
+    for name in ("requirements.lock", "requirements-dev.lock"):
+        lines = (root / name).read_text().splitlines()
+        pins = [line for line in lines if line and not line.startswith((" ", "#"))]
+        assert len(pins) > 30
+        assert not [line for line in pins if "==" not in line or "+" in line]
+        assert not [line for line in lines if "://" in line or "index-url" in line or "find-links" in line]
+        assert sum("--hash=sha256:" in line for line in lines) >= len(pins)

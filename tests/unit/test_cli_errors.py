@@ -1,0 +1,128 @@
+"""Bad input on the command line: exit code 2, one message that names the trouble and the remedy, no traceback."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from softseam import cli
+
+GOOD = """\
+softseam: 1
+name: cube
+duration: 0.1
+body:
+  shape: {kind: block, size: [0.02, 0.02, 0.02]}
+  cell: 0.01
+  material: {kind: neo_hookean, young: 2.0e4, poisson: 0.45, density: 1000}
+tools:
+  ground: {kind: plane, friction: 0.5}
+"""
+
+BAD_SCENES = {
+    "unknown key": (GOOD + "gravitas: [0, 0, -9.81]\n", ["bad.yaml:10", "gravitas", "gravity"]),
+    "wrong type": (GOOD.replace("young: 2.0e4", "young: soft"), ["bad.yaml:7", "body.material.young"]),
+    "poisson": (GOOD.replace("0.45", "0.5"), ["bad.yaml:7", "body.material.poisson", "0.5"]),
+    "density": (GOOD.replace("density: 1000", "density: -1"), ["bad.yaml:7", "density"]),
+    "not a scene": ("just words\n", ["bad.yaml:1"]),
+    "broken yaml": ("a: [1, 2\n", ["bad.yaml:"]),
+    "missing mesh": (
+        GOOD.replace("{kind: block, size: [0.02, 0.02, 0.02]}", "{kind: mesh, path: none.vtk}"),
+        ["none.vtk", "body.shape.path"],
+    ),
+    "other version": (GOOD.replace("softseam: 1", "softseam: 7"), ["bad.yaml:1", "softseam"]),
+    "tool inside": (
+        GOOD + "  ball: {kind: sphere, radius: 0.005, position: [0, 0, 0.018]}\n",
+        ["ball"],
+    ),
+}
+
+BAD_CALLS = {
+    "no such scene": (["run", "tofu_gras"], ["tofu_grasp"]),
+    "no such file": (["run", "folder/none.yaml"], ["none.yaml"]),
+    "no such model": (["run", "tofu_grasp", "--model", "magic"], ["magic", "hybrid"]),
+    "no such command": (["simulate"], ["simulate"]),
+    "no such option": (["run", "tofu_grasp", "--fast"], ["--fast"]),
+    "set without value": (["run", "tofu_grasp", "--set", "step"], ["key=value"]),
+    "set unknown tool": (["run", "tofu_grasp", "--set", "tools.lefft.friction=1"], ["lefft", "left"]),
+    "set bad value": (["run", "tofu_grasp", "--set", "step=-1"], ["step", "-1"]),
+    "hybrid without regions": (["run", "GOOD", "--model", "hybrid"], ["near"]),
+    "recording's name": (["run", "tofu_grasp", "--record", "run.txt"], [".mcap"]),
+    "report is a folder": (["run", "tofu_grasp", "--report", "."], ["cannot write"]),
+    "no router": (["run", "tofu_grasp", "--connect", "tcp/127.0.0.1:1"], ["tcp/127.0.0.1:1", "softseam up"]),
+    "no recording": (["replay", "none.mcap"], ["none.mcap"]),
+    "foreign recording": (["replay", "bad.yaml"], ["bad.yaml"]),
+}
+
+
+def call(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.setattr("sys.argv", ["softseam", *arguments])
+    try:
+        return cli.main()
+    except SystemExit as exit_:
+        return int(exit_.code or 0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+    (tmp_path / "GOOD.yaml").write_text(GOOD)
+    (tmp_path / "bad.yaml").write_text("softseam: 1\n")
+    return tmp_path
+
+
+def assert_refused(arguments: list[str], words: list[str], monkeypatch, capfd) -> None:
+    assert call(arguments, monkeypatch) == 2
+    told = capfd.readouterr()
+    assert told.out == ""
+    assert "Traceback" not in told.err
+    assert len(re.findall(r"^error: |─ Error ─", told.err, re.MULTILINE)) == 1, told.err
+    for word in words:
+        assert word in told.err
+
+
+@pytest.mark.parametrize("name", BAD_SCENES)
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_bad_scene(name, command, folder, monkeypatch, capfd):
+    text, words = BAD_SCENES[name]
+    (folder / "bad.yaml").write_text(text)
+    assert_refused([command, "bad.yaml"], words, monkeypatch, capfd)
+
+
+@pytest.mark.parametrize("name", BAD_CALLS)
+def test_bad_call(name, folder, monkeypatch, capfd):
+    arguments, words = BAD_CALLS[name]
+    arguments = ["GOOD.yaml" if argument == "GOOD" else argument for argument in arguments]
+    assert_refused(arguments, words, monkeypatch, capfd)
+    assert sorted(path.name for path in folder.iterdir()) == ["GOOD.yaml", "bad.yaml"]  # nothing half-written
+
+
+def test_internal_error_is_one_line(folder, monkeypatch, capfd):
+    """What nobody foresaw ends with exit code 1, one line, and the way to its traceback."""
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("the cat\nate it")
+
+    monkeypatch.setattr("softseam.running.run", broken)
+    assert call(["run", "GOOD.yaml"], monkeypatch) == 1
+    told = capfd.readouterr().err
+    assert "internal error" in told and "SOFTSEAM_TRACEBACK=1" in told and "Traceback" not in told
+    monkeypatch.setenv("SOFTSEAM_TRACEBACK", "1")
+    with pytest.raises(RuntimeError):
+        call(["run", "GOOD.yaml"], monkeypatch)
+
+
+def test_help_teaches(folder, monkeypatch, capfd):
+    """Every command's help has an example or needs none."""
+    for command in ("run", "demo", "replay", "check"):
+        assert call([command, "--help"], monkeypatch) == 0
+        assert f"softseam {command}" in capfd.readouterr().out
+
+
+def test_schema(folder, monkeypatch, capfd):
+    assert call(["schema"], monkeypatch) == 0
+    assert '"Scene"' in capfd.readouterr().out
