@@ -88,7 +88,10 @@ class Simulation:
             self.body.x_rest[self.body.cell_nodes[:, 13]],
             np.asarray(boxes, dtype=np.float64).reshape(-1, 2, 3),
         )
-        self._rule = RegionRule(0.0) if near is None else RegionRule(near.within or 0.0, near.release, near.patience)
+        if near is None or near.within is None:
+            self._rule = RegionRule(0.0, min_patch=1)  # boxes are taken at their word
+        else:
+            self._rule = RegionRule(near.within, near.release, near.patience)
         self._near_model = "fem" if near is None else near.model
         self._fixed_regions = near is None or near.within is None
         self._seam = SeamSolver(tolerance=self.scene.seam.tolerance * float(self.body.edges.min()))
