@@ -1,0 +1,46 @@
+"""Constants of the block constraint: Lame constants, edges and the assumed-strain hourglass stiffness."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.body.body import Floats, Material
+
+from .kernels.block import BOUND, LAM, MU, N_CONSTANTS, PAIR, SHEAR, TWIST, B, G
+
+FITTED = (0.85, 0.0)
+
+
+def block_constants(material: Material, edges: Floats, hourglass: str) -> Floats:
+    """The array `k` of the block kernels for blocks with these edges (3,) [m].
+
+    Stiffness per volume of the modes (h, component), a = 2/l: bending pairs {(xi zeta, x), (eta zeta, y)} and so on
+    d E a_i^2/3 and o E a_i a_j/3; shear mu/3 v v^T with v = a_y (eta zeta, x) + a_x (xi zeta, y) and so on; twist
+    (xi eta zeta, c) E a_c^2/9. Physical: d = 1/(1 - nu^2), o = nu/(1 - nu^2), exact for bending of a plate; fitted:
+    (d, o) = (0.85, 0), softer, closer for bodies two and more blocks thick, wrong for bodies one block thick.
+    """
+    mu, young = material.mu, material.young
+    nu = young / (2.0 * mu) - 1.0
+    d, o = (1.0 / (1.0 - nu**2), nu / (1.0 - nu**2)) if hourglass == "physical" else FITTED
+    a = 2.0 / edges
+    k = np.zeros(N_CONSTANTS)
+    k[MU], k[LAM] = mu, material.lambda_
+    k[B : B + 3] = 1.0 / (4.0 * edges)
+    k[G : G + 3] = 1.0 / (16.0 * edges**2)
+    for entry, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+        k[PAIR + 3 * entry : PAIR + 3 * entry + 3] = (
+            young / 3.0 * np.array([d * a[i] ** 2, d * a[j] ** 2, o * a[i] * a[j]])
+        )
+    shear = np.zeros((3, 3))
+    for v in ((a[1], a[0], 0.0), (a[2], 0.0, a[0]), (0.0, a[2], a[1])):
+        shear += mu / 3.0 * np.outer(v, v)
+    k[SHEAR : SHEAR + 6] = shear[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    k[TWIST : TWIST + 3] = young * a**2 / 9.0
+    # k_m: the largest absolute row sum of mode m over its three components, per volume.
+    rows = np.abs(shear).sum(axis=1)
+    pair = np.abs(k[PAIR : PAIR + 9]).reshape(3, 3)
+    k[BOUND] = max(rows[0], pair[0, 1] + pair[0, 2], pair[1, 1] + pair[1, 2])
+    k[BOUND + 1] = max(rows[1], pair[0, 0] + pair[0, 2], pair[2, 1] + pair[2, 2])
+    k[BOUND + 2] = max(rows[2], pair[1, 0] + pair[1, 2], pair[2, 0] + pair[2, 2])
+    k[BOUND + 3] = k[TWIST : TWIST + 3].max()
+    return k

@@ -1,0 +1,137 @@
+"""Contact of surface points with rigid tools at position level: exact non-penetration, Coulomb friction that sticks.
+
+Each pair (point, tool) carries its force in the stress form of the blocks: a normal part p >= 0 and a tangential part t.
+With the gap g, the slip s of this substep relative to the tool, and the compliance c = h^2 sum w_i N_i^2 of the point,
+p = max(0, p_old - g/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                         (1)
+x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
+The forces stay in the nodes' accelerations from one substep to the next, so at rest they are exact, the gap closes
+to zero and a sticking point does not creep. On a block every point is one node and (1) is the exact local solution.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
+
+
+@njit(cache=True, error_model="numpy")
+def find_pairs(kind, shape, position, orientation, point_x, active, force, margin, pair_point, pair_tool):
+    """Pairs of an active point and a tool that touch or lie within margin [m]; returns their number.
+
+    force  (p, t, 3)  carried contact forces [N]; a pair that carries one always counts
+    """
+    n_pairs = 0
+    for point in range(len(point_x)):
+        if not active[point]:
+            continue
+        for tool in range(len(kind)):
+            gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])[0]
+            carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
+            if gap < margin or carried:
+                pair_point[n_pairs] = point
+                pair_tool[n_pairs] = tool
+                n_pairs += 1
+    return n_pairs
+
+
+@njit(cache=True, error_model="numpy")
+def place_points(xw, indptr, node, weight, point_x):
+    """Positions of the surface points, updated in place (p, 3) [m]."""
+    for point in range(len(point_x)):
+        for a in range(3):
+            total = 0.0
+            for entry in range(indptr[point], indptr[point + 1]):
+                total += weight[entry] * xw[node[entry], a]
+            point_x[point, a] = total
+
+
+@njit(cache=True, error_model="numpy")
+def carry_point(position, orientation, position_next, orientation_next, point):
+    """Where a point that is fixed to a tool moves when the tool goes from one pose to the next."""
+    x, y, z = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
+    x, y, z = rotate(orientation_next, x, y, z)
+    return position_next[0] + x, position_next[1] + y, position_next[2] + z
+
+
+@njit(cache=True, error_model="numpy")
+def project_contacts(
+    xw,
+    x_prev,
+    indptr,
+    node,
+    weight,
+    n_pairs,
+    pair_point,
+    pair_tool,
+    kind,
+    shape,
+    friction,
+    position,
+    orientation,
+    position_prev,
+    orientation_prev,
+    force,
+    slipped,
+    h,
+):
+    """Solve (1) and (2) for each pair once, in order.
+
+    xw            (n + 8, 4)  positions and inverse masses; positions updated in place
+    x_prev        (n, 3)      positions at the start of the substep
+    position ...  (t, 3)      poses at the end of the substep, and at its start (_prev)
+    force         (p, t, 3)   carried force on the point [N], updated in place
+    slipped       (p, t, 3)   slip of each pair in this substep relative to the tool [m], overwritten where it touches
+    """
+    x = np.empty(3)
+    x_old = np.empty(3)
+    for pair in range(n_pairs):
+        point, tool = pair_point[pair], pair_tool[pair]
+        compliance = 0.0
+        x[:] = 0.0
+        x_old[:] = 0.0
+        for entry in range(indptr[point], indptr[point + 1]):
+            i = node[entry]
+            compliance += weight[entry] * weight[entry] * xw[i, 3]
+            for a in range(3):
+                x[a] += weight[entry] * xw[i, a]
+                x_old[a] += weight[entry] * x_prev[i, a]
+        f = force[point, tool]
+        slipped[point, tool] = 0.0
+        if compliance == 0.0:
+            f[:] = 0.0
+            continue
+        c = h * h * compliance
+        gap, nx, ny, nz = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], x)
+        old_n = max(0.0, f[0] * nx + f[1] * ny + f[2] * nz)
+        p = max(0.0, old_n - gap / c)
+        fx, fy, fz = 0.0, 0.0, 0.0
+        if p > 0.0:
+            cx, cy, cz = carry_point(
+                position_prev[tool], orientation_prev[tool], position[tool], orientation[tool], x_old
+            )
+            sx, sy, sz = x[0] - cx, x[1] - cy, x[2] - cz
+            sn = sx * nx + sy * ny + sz * nz
+            sx, sy, sz = sx - sn * nx, sy - sn * ny, sz - sn * nz
+            tx, ty, tz = f[0] - old_n * nx - sx / c, f[1] - old_n * ny - sy / c, f[2] - old_n * nz - sz / c
+            tn = tx * nx + ty * ny + tz * nz
+            tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
+            size = np.sqrt(tx * tx + ty * ty + tz * tz)
+            bound = friction[tool] * p
+            scale = 1.0 if size <= bound else bound / size
+            fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
+        dx, dy, dz = fx - f[0], fy - f[1], fz - f[2]
+        if p > 0.0:
+            # The part of the correction along the surface changes the slip that remains.
+            dn = dx * nx + dy * ny + dz * nz
+            slipped[point, tool, 0] = sx + c * (dx - dn * nx)
+            slipped[point, tool, 1] = sy + c * (dy - dn * ny)
+            slipped[point, tool, 2] = sz + c * (dz - dn * nz)
+        f[0], f[1], f[2] = fx, fy, fz
+        for entry in range(indptr[point], indptr[point + 1]):
+            i = node[entry]
+            step = h * h * xw[i, 3] * weight[entry]
+            xw[i, 0] += step * dx
+            xw[i, 1] += step * dy
+            xw[i, 2] += step * dz

@@ -1,0 +1,52 @@
+"""The highest frequency of a region at rest, which bounds the substep."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .sweep import block_forces, exact_stress, new_workspace
+
+ITERATIONS = 40
+# The power method approaches from below; after 40 rounds it lacked at most 2 % on the bodies tried.
+MARGIN = 1.03
+
+
+@njit(cache=True, error_model="numpy")
+def highest_frequency(x_rest, inverse_mass, nodes, volume, constants, linear, padding_x):
+    """Square root of the largest eigenvalue of M^-1 K by the power method [rad/s]; K from the blocks' own forces.
+
+    x_rest (n, 3) [m], inverse_mass (n,) [1/kg], padding_x (8, 3) [m]; the rest as in `sweep`
+    """
+    n = len(x_rest)
+    ws = new_workspace()
+    xw = np.zeros((n + 8, 4))
+    xw[n:, :3] = padding_x
+    stress = np.zeros((len(nodes), 168))
+    force = np.zeros((n + 8, 3))
+    u = np.empty((n, 3))
+    # A fixed pseudo-random start (a linear congruential generator): no direction of the lattice is left out.
+    seed = 12345
+    for i in range(n):
+        for c in range(3):
+            seed = (1103515245 * seed + 12345) % 2147483648
+            u[i, c] = (seed / 1073741824.0 - 1.0) if inverse_mass[i] > 0.0 else 0.0
+    step = 1e-6 * (padding_x[7, 0] + padding_x[7, 1] + padding_x[7, 2]) / 3.0
+    square = 0.0
+    for _ in range(ITERATIONS):
+        norm = np.sqrt((u * u).sum())
+        if norm == 0.0:
+            break
+        scale = step / norm
+        for i in range(n):
+            for c in range(3):
+                xw[i, c] = x_rest[i, c] + scale * u[i, c]
+        exact_stress(ws, xw, nodes, volume, stress, constants, linear)
+        force[:] = 0.0
+        block_forces(nodes, stress, constants, force)
+        square = 0.0
+        for i in range(n):
+            for c in range(3):
+                u[i, c] = -inverse_mass[i] * force[i, c] / step
+                square += u[i, c] * u[i, c]
+    return MARGIN * np.sqrt(np.sqrt(square))

@@ -1,0 +1,108 @@
+"""Response of the seam to small forces on it, column by column, by the same sweeps as the step's."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .contact import find_pairs, place_points, project_contacts
+from .substep import finish, predict
+from .sweep import exact_stress, sweep
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def probe_seam(
+    x_start,
+    ws,
+    xw,
+    nodes,
+    volume,
+    softness,
+    constants,
+    linear,
+    indptr,
+    node,
+    weight,
+    force_start,
+    kind,
+    shape,
+    friction,
+    position,
+    orientation,
+    seam,
+    probe,
+    dt,
+    n_substeps,
+    n_sweeps,
+    kappa,
+    compliance,
+):
+    """compliance[:, c] = (seam x after a step under `probe` [N] in component c - the same without it)/probe.
+
+    compliance (3s, 3s) [m/N] is updated in place; the other shapes are those of `advance_step`.
+    """
+    n = len(x_start)
+    n_points = len(force_start)
+    h = dt / n_substeps
+    stress_start = np.zeros((len(nodes), 168))
+    for i in range(n):
+        for c in range(3):
+            xw[i, c] = x_start[i, c]
+    exact_stress(ws, xw, nodes, volume, stress_start, constants, linear)
+    point_x = np.zeros((n_points, 3))
+    place_points(xw, indptr, node, weight, point_x)
+    active = np.ones(n_points, dtype=np.bool_)
+    pair_point = np.zeros(n_points * len(kind), dtype=np.int32)
+    pair_tool = np.zeros(n_points * len(kind), dtype=np.int32)
+    n_pairs = find_pairs(kind, shape, position, orientation, point_x, active, force_start, 0.0, pair_point, pair_tool)
+    x = np.empty((n, 3))
+    v = np.empty((n, 3))
+    a = np.empty((n, 3))
+    x_prev = np.empty((n, 3))
+    x_star = np.empty((n, 3))
+    push = np.zeros((n, 3))
+    stress = np.empty_like(stress_start)
+    force = np.empty_like(force_start)
+    slipped = np.zeros_like(force_start)
+    base = np.zeros(3 * len(seam))
+    for column in range(-1, 3 * len(seam)):
+        x[:] = x_start
+        v[:] = 0.0
+        a[:] = 0.0
+        stress[:] = stress_start
+        force[:] = force_start
+        if column >= 0:
+            push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
+        for _ in range(n_substeps):
+            predict(xw, x_prev, x_star, x, v, a, push, h)
+            for _ in range(n_sweeps):
+                sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h)
+                project_contacts(
+                    xw,
+                    x_prev,
+                    indptr,
+                    node,
+                    weight,
+                    n_pairs,
+                    pair_point,
+                    pair_tool,
+                    kind,
+                    shape,
+                    friction,
+                    position,
+                    orientation,
+                    position,
+                    orientation,
+                    force,
+                    slipped,
+                    h,
+                )
+            finish(xw, x_prev, x_star, x, v, a, h)
+        for row in range(3 * len(seam)):
+            moved = x[seam[row // 3], row % 3]
+            if column < 0:
+                base[row] = moved
+            else:
+                compliance[row, column] = (moved - base[row]) / probe
+        if column >= 0:
+            push[seam[column // 3], column % 3] = 0.0

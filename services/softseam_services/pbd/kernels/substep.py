@@ -1,0 +1,305 @@
+"""One macro step: m substeps of prediction, sweeps, contact and velocity update, all in one call.
+
+With A the acceleration that constraints (blocks and contacts) gave the nodes, implicit Euler in carried form:
+x* = x + h v + h^2 (g + a_seam + A);  sweep from x*;  A += (x - x*)/h^2;  v = (x - x_n)/h                       (1)
+which is v += h (g + a_seam + A) with the new A: the mean of the substeps' contact forces times dt is their impulse.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.tools.kernels import cell_distances, tool_gap
+
+from .contact import carry_point, find_pairs, place_points, project_contacts
+from .sweep import strain_energy, sweep
+
+(KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, N_PAIRS) = range(10)
+MOMENTUM, ANGULAR, BOUNDS = 10, 13, 16
+N_RESULTS = 22
+
+
+@njit(cache=True, error_model="numpy")
+def tool_pose(fraction, position, orientation, position_next, orientation_next, position_out, orientation_out):
+    """Poses at a fraction of the step: positions linear, quaternions linear and normalised; outputs in place."""
+    for tool in range(len(position)):
+        for a in range(3):
+            position_out[tool, a] = (1.0 - fraction) * position[tool, a] + fraction * position_next[tool, a]
+        dot = 0.0
+        for a in range(4):
+            dot += orientation[tool, a] * orientation_next[tool, a]
+        sign = 1.0 if dot >= 0.0 else -1.0
+        square = 0.0
+        for a in range(4):
+            q = (1.0 - fraction) * orientation[tool, a] + sign * fraction * orientation_next[tool, a]
+            orientation_out[tool, a] = q
+            square += q * q
+        scale = 1.0 / np.sqrt(square)
+        for a in range(4):
+            orientation_out[tool, a] *= scale
+
+
+@njit(cache=True, error_model="numpy")
+def predict(xw, x_prev, x_star, x, v, a, push, h):
+    """x* of eq. (1) for free nodes into xw and x_star; x_prev keeps x. push (n, 3) = g + a_seam [m/s^2]."""
+    for i in range(len(x)):
+        free = xw[i, 3] > 0.0
+        for c in range(3):
+            x_prev[i, c] = x[i, c]
+            moved = x[i, c]
+            if free:
+                moved += h * (v[i, c] + h * (push[i, c] + a[i, c]))
+            x_star[i, c] = moved
+            xw[i, c] = moved
+
+
+@njit(cache=True, error_model="numpy")
+def finish(xw, x_prev, x_star, x, v, a, h):
+    """A, v and x at the end of the substep, eq. (1); updated in place."""
+    for i in range(len(x)):
+        if xw[i, 3] > 0.0:
+            for c in range(3):
+                a[i, c] += (xw[i, c] - x_star[i, c]) / (h * h)
+                v[i, c] = (xw[i, c] - x_prev[i, c]) / h
+                x[i, c] = xw[i, c]
+
+
+@njit(cache=True, error_model="numpy")
+def account(
+    xw,
+    x_prev,
+    indptr,
+    node,
+    weight,
+    n_pairs,
+    pair_point,
+    pair_tool,
+    position,
+    orientation,
+    position_prev,
+    orientation_prev,
+    force,
+    slipped,
+    slip,
+    force_mean,
+    wrench,
+    share,
+):
+    """Add one substep to the mean contact forces (p, t, 3), the mean wrenches on the tools (t, 6) and the slips
+    (p, t, 3); share = 1/m. Returns the work of the tools [J]."""
+    work = 0.0
+    x = np.empty(3)
+    for pair in range(n_pairs):
+        point, tool = pair_point[pair], pair_tool[pair]
+        f = force[point, tool]
+        if f[0] == 0.0 and f[1] == 0.0 and f[2] == 0.0:
+            slip[point, tool] = 0.0
+            continue
+        x[:] = 0.0
+        for entry in range(indptr[point], indptr[point + 1]):
+            for a in range(3):
+                x[a] += weight[entry] * xw[node[entry], a]
+        p = position[tool]
+        # Where the tool's material under the point was at the start of the substep.
+        bx, by, bz = carry_point(position[tool], orientation[tool], position_prev[tool], orientation_prev[tool], x)
+        work += f[0] * (x[0] - bx) + f[1] * (x[1] - by) + f[2] * (x[2] - bz)
+        for a in range(3):
+            slip[point, tool, a] += slipped[point, tool, a]
+            force_mean[point, tool, a] += share * f[a]
+            wrench[tool, a] -= share * f[a]
+        wrench[tool, 3] -= share * ((x[1] - p[1]) * f[2] - (x[2] - p[2]) * f[1])
+        wrench[tool, 4] -= share * ((x[2] - p[2]) * f[0] - (x[0] - p[0]) * f[2])
+        wrench[tool, 5] -= share * ((x[0] - p[0]) * f[1] - (x[1] - p[1]) * f[0])
+    return work
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance_step(
+    # state, updated in place
+    x,
+    v,
+    a,
+    stress,
+    force,
+    slip,
+    # blocks and nodes
+    nodes,
+    volume,
+    softness,
+    constants,
+    linear,
+    mass,
+    x_rest,
+    gravity,
+    cell_nodes,
+    # points
+    indptr,
+    node,
+    weight,
+    active,
+    # tools
+    kind,
+    shape,
+    friction,
+    near,
+    position,
+    orientation,
+    position_next,
+    orientation_next,
+    # seam
+    seam,
+    seam_force,
+    # scratch
+    ws,
+    xw,
+    x_prev,
+    x_star,
+    push,
+    point_x,
+    pair_point,
+    pair_tool,
+    slipped,
+    pose,
+    quaternion,
+    node_gap,
+    # results, overwritten
+    force_mean,
+    wrench,
+    cell_distance,
+    result,
+    # numbers
+    dt,
+    n_substeps,
+    n_sweeps,
+    kappa,
+    margin,
+):
+    """Advance the state by dt; shapes as in `PbdSolver`. The results are those of `Advanced`."""
+    n = len(x)
+    h = dt / n_substeps
+    force_mean[:] = 0.0
+    wrench[:] = 0.0
+    tool_work = 0.0
+    for i in range(n):
+        push[i] = gravity
+        for c in range(3):
+            xw[i, c] = x[i, c]
+    for s in range(len(seam)):
+        i = seam[s]
+        for c in range(3):
+            push[i, c] += xw[i, 3] * seam_force[s, c]
+    seam_work = 0.0
+    for s in range(len(seam)):
+        for c in range(3):
+            seam_work -= seam_force[s, c] * x[seam[s], c]
+    place_points(xw, indptr, node, weight, point_x)
+    fastest = 0.0
+    for i in range(n):
+        square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
+        fastest = max(fastest, square)
+    reach = margin + 2.0 * dt * np.sqrt(fastest)
+    travel = 0.0
+    for tool in range(len(kind)):
+        square = 0.0
+        for c in range(3):
+            square += (position_next[tool, c] - position[tool, c]) ** 2
+        travel = max(travel, np.sqrt(square))
+    n_pairs = find_pairs(
+        kind, shape, position, orientation, point_x, active, force, reach + 2.0 * travel, pair_point, pair_tool
+    )
+    tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
+    for substep in range(n_substeps):
+        pose[0] = pose[1]
+        quaternion[0] = quaternion[1]
+        fraction = (substep + 1) / n_substeps
+        tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
+        predict(xw, x_prev, x_star, x, v, a, push, h)
+        for _ in range(n_sweeps):
+            sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h)
+            project_contacts(
+                xw,
+                x_prev,
+                indptr,
+                node,
+                weight,
+                n_pairs,
+                pair_point,
+                pair_tool,
+                kind,
+                shape,
+                friction,
+                pose[1],
+                quaternion[1],
+                pose[0],
+                quaternion[0],
+                force,
+                slipped,
+                h,
+            )
+        finish(xw, x_prev, x_star, x, v, a, h)
+        tool_work += account(
+            xw,
+            x_prev,
+            indptr,
+            node,
+            weight,
+            n_pairs,
+            pair_point,
+            pair_tool,
+            pose[1],
+            quaternion[1],
+            pose[0],
+            quaternion[0],
+            force,
+            slipped,
+            slip,
+            force_mean,
+            wrench,
+            1.0 / n_substeps,
+        )
+    for s in range(len(seam)):
+        for c in range(3):
+            seam_work += seam_force[s, c] * x[seam[s], c]
+    place_points(xw, indptr, node, weight, point_x)
+    summarise(
+        xw, x, v, mass, x_rest, gravity, point_x, active, kind, shape, near, pose[1], quaternion[1], force, slip, result
+    )
+    result[STRAIN], result[LEAST_J] = strain_energy(ws, xw, nodes, volume, constants, linear)
+    result[TOOL_WORK], result[SEAM_WORK], result[N_PAIRS] = tool_work, seam_work, n_pairs
+    cell_distances(x, cell_nodes, kind, shape, pose[1], quaternion[1], near, node_gap, cell_distance)
+
+
+@njit(cache=True, error_model="numpy")
+def summarise(
+    xw, x, v, mass, x_rest, gravity, point_x, active, kind, shape, near, position, orientation, force, slip, result
+):
+    """Energies, momenta, bounds and contact figures at the end of the step into result (N_RESULTS,)."""
+    result[:] = 0.0
+    result[BOUNDS : BOUNDS + 3] = np.inf
+    result[BOUNDS + 3 : BOUNDS + 6] = -np.inf
+    for i in range(len(x)):
+        m = mass[i]
+        for c in range(3):
+            d, e = (c + 1) % 3, (c + 2) % 3
+            result[KINETIC] += 0.5 * m * v[i, c] * v[i, c]
+            result[GRAVITY] -= m * gravity[c] * (x[i, c] - x_rest[i, c])
+            result[MOMENTUM + c] += m * v[i, c]
+            result[ANGULAR + c] += m * (x[i, d] * v[i, e] - x[i, e] * v[i, d])
+            result[BOUNDS + c] = min(result[BOUNDS + c], x[i, c])
+            result[BOUNDS + 3 + c] = max(result[BOUNDS + 3 + c], x[i, c])
+    for point in range(len(point_x)):
+        if not active[point]:
+            continue
+        touching = False
+        for tool in range(len(kind)):
+            gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])[0]
+            result[PENETRATION] = max(result[PENETRATION], -gap)
+            f = force[point, tool]
+            if f[0] != 0.0 or f[1] != 0.0 or f[2] != 0.0:
+                touching = True
+                if near[tool]:
+                    s = slip[point, tool]
+                    result[SLIP] = max(result[SLIP], np.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]))
+        if touching:
+            result[N_CONTACTS] += 1.0

@@ -1,0 +1,100 @@
+"""What a PBD region is, built once: blocks, nodes, surface points, tools, and how many substeps a step takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softseam_protocol.scene import PbdSpec, Scene
+
+from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.interpolate import point_weights
+from softseam_services.tools.tool_set import ToolSet
+
+from .blocks import Blocks, build_blocks
+from .kernels.frequency import highest_frequency
+
+KAPPA = 0.5
+"""share of the largest local compliance that the local solve counts with; 0.5 to 0.6 gave the longest stable substeps
+on Simpson masses, where the nodes of a block differ by up to 8"""
+STABLE = ((0.0, 0.2, 0.4, 0.45), (0.9, 2.0, 2.1, 2.6))
+"""largest omega_max h with one sweep against Poisson's ratio; measured by undamped random kicks, see the decision note.
+An explicit step has 2."""
+TWO_SWEEPS = 1.5
+"""how much longer a substep may be with two sweeps and more"""
+
+
+@dataclass(frozen=True)
+class PbdModel:
+    """n nodes, p surface points, t tools."""
+
+    body: Body
+    region: Region
+    tools: ToolSet
+    spec: PbdSpec
+    blocks: Blocks
+    inverse_mass: Floats
+    """0 for clamped nodes and nodes without mass (n,) [1/kg]"""
+    softness: Floats
+    """8 times the largest inverse mass of each block's nodes (n_batches, 8) [1/kg]"""
+    x_rest: Floats
+    indptr: Ints
+    node: Ints
+    weight: Floats
+    """points follow nodes: sparse rows, see `point_weights`"""
+    active: NDArray[np.bool_]
+    """points that can touch (p,)"""
+    frequency: float
+    """highest angular frequency of the region at rest [rad/s]"""
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.region.nodes)
+
+    @property
+    def n_points(self) -> int:
+        return len(self.region.points)
+
+    @property
+    def n_tools(self) -> int:
+        return len(self.tools.names)
+
+    def substeps(self, dt: float) -> int:
+        """m = ceil(dt omega_max / limit), or the scene's number."""
+        if self.spec.substeps != "auto":
+            return self.spec.substeps
+        material = self.body.material
+        limit = float(np.interp(0.5 * material.young / material.mu - 1.0, *STABLE))
+        if self.spec.sweeps > 1:
+            limit *= TWO_SWEEPS
+        return max(1, int(np.ceil(dt * self.frequency / limit - 1e-9)))
+
+
+def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> PbdModel:
+    """Everything of a PBD region that never changes."""
+    spec = scene.models.pbd
+    blocks = build_blocks(body, region, spec.hourglass)
+    inverse_mass = np.zeros(len(region.nodes))
+    free = ~region.fixed & (region.mass > 0.0)
+    inverse_mass[free] = 1.0 / region.mass[free]
+    padded = np.concatenate([inverse_mass, np.zeros(8)])
+    x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
+    indptr, node, weight = point_weights(body, region, "pbd")
+    return PbdModel(
+        body=body,
+        region=region,
+        tools=tools,
+        spec=spec,
+        blocks=blocks,
+        inverse_mass=inverse_mass,
+        softness=np.ascontiguousarray(8.0 * padded[blocks.nodes].max(axis=1)),
+        x_rest=x_rest,
+        indptr=indptr,
+        node=node,
+        weight=weight,
+        active=body.surface.area[region.points] > 0.0,
+        frequency=highest_frequency(
+            x_rest, inverse_mass, blocks.nodes, blocks.volume, blocks.constants, blocks.linear, blocks.padding_x
+        ),
+    )

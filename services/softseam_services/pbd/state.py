@@ -1,0 +1,64 @@
+"""Everything of a PBD region that evolves, in one buffer: copying the state is one copy, a snapshot is its bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softseam_services.body.body import Floats
+
+
+@dataclass(frozen=True)
+class PbdState:
+    """n nodes, b batches, p points, t tools; all fields are views of `buffer`, updated in place by the step."""
+
+    buffer: Floats
+    x: Floats
+    """positions (n, 3) [m]"""
+    v: Floats
+    """velocities (n, 3) [m/s]"""
+    a: Floats
+    """accelerations from blocks and contacts (n, 3) [m/s^2]"""
+    stress: Floats
+    """Lambda of each block: P (3, 3) [N m] then T (4, 3) [N], each entry for 8 lanes (b, 168)"""
+    force: Floats
+    """contact force of each tool on each point (p, t, 3) [N]"""
+    slip: Floats
+    """slip of each touching point on each tool since it began to touch (p, t, 3) [m]"""
+    force_mean: Floats
+    """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
+    least_j: Floats
+    """least volume ratio of all blocks (1,)"""
+
+
+def new_state(n: int, b: int, p: int, t: int) -> PbdState:
+    """A zero state for n nodes, b batches, p points and t tools."""
+    shapes = ((n, 3), (n, 3), (n, 3), (b, 168), (p, t, 3), (p, t, 3), (p, t, 3), (1,))
+    sizes = [int(np.prod(shape)) for shape in shapes]
+    buffer = np.zeros(sum(sizes))
+    ends = np.cumsum(sizes)
+    views = [buffer[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
+    return PbdState(buffer, *views)
+
+
+MAGIC = b"softseam pbd 1\n"
+
+
+def encode_state(state: PbdState) -> bytes:
+    """Magic line, count of float64 as 8 bytes little-endian, the values little-endian."""
+    return MAGIC + len(state.buffer).to_bytes(8, "little") + state.buffer.astype("<f8", copy=False).tobytes()
+
+
+def decode_state(data: bytes, state: PbdState) -> None:
+    """Overwrite `state` by a snapshot. Raises ValueError where it is not one of this region."""
+    head = len(MAGIC) + 8
+    if data[: len(MAGIC)] != MAGIC or len(data) < head:
+        raise ValueError("this is not a snapshot of a PBD participant: restore the bytes that `snapshot` returned")
+    count = int.from_bytes(data[len(MAGIC) : head], "little")
+    if count != len(state.buffer) or len(data) != head + 8 * count:
+        raise ValueError(
+            f"the snapshot holds {count} numbers in {len(data)} bytes, this region needs {len(state.buffer)}: "
+            "configure the region that the snapshot was taken from"
+        )
+    state.buffer[:] = np.frombuffer(data, dtype="<f8", offset=head)
