@@ -1,0 +1,93 @@
+"""python -m softseam_services: serve one service, run all of them, warm kernels, ask for their health."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from softseam_protocol.errors import ProtocolError
+from softseam_services.bus_options import BusOptions
+from softseam_services.launch import RECORDINGS, ROLES, ServeOptions, UpOptions, say, serve, up
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m softseam_services", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    one = commands.add_parser("serve", help="run one service until SIGTERM or Ctrl-C")
+    one.add_argument("role", choices=ROLES)
+    one.add_argument("--guard", action="store_true", help="restart it when it dies or freezes")
+    every = commands.add_parser("up", help="run all services of this machine until Ctrl-C")
+    for command in (one, every):
+        _add_bus(command)
+        command.add_argument("--directory", type=Path, default=RECORDINGS, help="where recordings go")
+    every.add_argument("client", nargs="*", help="a command to run once all services are ready")
+
+    warm = commands.add_parser("warm", help="compile every kernel into numba's cache")
+    warm.add_argument("what", nargs="+", choices=("fem", "pbd", "orchestrator"))
+
+    health = commands.add_parser("health", help="say which services are well; 0 if all are")
+    _add_bus(health)
+    health.add_argument("--role", action="append", choices=ROLES, help="only this one; may be given several times")
+
+    args = parser.parse_args(argv)
+    if args.command == "serve":
+        return serve(args.role, ServeOptions(_bus(args), args.directory, args.guard))
+    if args.command == "up":
+        return up(UpOptions(_bus(args), args.directory, tuple(args.client)))
+    if args.command == "warm":
+        return _warm(args.what)
+    return show_health(_bus(args), tuple(args.role or ROLES))
+
+
+def _add_bus(parser: argparse.ArgumentParser) -> None:
+    default = BusOptions.from_environment()
+    parser.add_argument("--connect", default=default.connect, help="the router's endpoint (%(default)s)")
+    parser.add_argument("--listen", default=default.listen, help="of a direct link; '' for none (%(default)s)")
+    parser.add_argument("--deployment", default=default.deployment, help="(%(default)s)")
+    parser.add_argument("--wait", type=float, default=None, help="longest wait for the router [s]")
+
+
+def _bus(args: argparse.Namespace) -> BusOptions:
+    wait = args.wait if args.wait is not None else (3.0 if args.command == "health" else BusOptions.wait)
+    listen = "" if args.command == "health" else args.listen
+    return BusOptions(args.connect, listen, args.deployment, wait)
+
+
+def _warm(what: Sequence[str]) -> int:
+    from softseam_services.warm_up import WarmUpFailed, warm_orchestrator, warm_participant
+
+    for name in what:
+        try:
+            if name == "orchestrator":
+                warm_orchestrator()
+            else:
+                warm_participant(name)
+        except WarmUpFailed as error:
+            say(f"{name}: {error}")
+            return 1
+    return 0
+
+
+def show_health(options: BusOptions, roles: Sequence[str]) -> int:
+    """Print the health of services; 0 if all are well, 1 if not, 2 where no router answers."""
+    from softseam_services.health import probe
+
+    services = tuple(role for role in roles if role != "router")
+    try:
+        with options.open() as bus:
+            found = probe(bus, options.keys, services) if services else []
+    except ProtocolError as error:
+        say(str(error))
+        return 2
+    if "router" in roles:
+        print("router: well")
+    for one in found:
+        print(one)
+    return 0 if all(one.state == "well" for one in found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

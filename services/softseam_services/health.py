@@ -1,0 +1,66 @@
+"""Which services are up: what their liveliness tokens and heartbeats say."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from softseam_protocol.bus import Bus
+from softseam_protocol.codec import decode
+from softseam_protocol.errors import ProtocolError
+from softseam_protocol.messages import Progress
+from softseam_protocol.topics import Keys
+
+EXPECTED = ("fem", "pbd", "orchestrator", "recorder")
+_BEATS = 1.0
+"""a service that is well beats several times in this span [s]"""
+
+
+@dataclass(frozen=True)
+class ServiceHealth:
+    """One service of a deployment.
+
+    state    'well', 'silent' (there, but its heartbeat is not heard) or 'absent'
+    """
+
+    service: str
+    state: str
+    progress: Progress | None
+
+    def __str__(self) -> str:
+        if self.state == "well" and self.progress is not None:
+            what = f"busy for {self.progress.busy:.1f} s" if self.progress.busy > 0.0 else "idle"
+            return f"{self.service}: well, {self.progress.requests} requests answered, {what}"
+        meaning = {
+            "well": "there",
+            "silent": "there, but it gives no sign of life: frozen or overloaded",
+            "absent": "not running, or not ready yet",
+        }
+        return f"{self.service}: {meaning[self.state]}"
+
+
+def probe(bus: Bus, keys: Keys, services: tuple[str, ...] = EXPECTED, *, beats: bool = True) -> list[ServiceHealth]:
+    """The health of the services named; without `beats` only whether they are there (quicker)."""
+    heard: dict[str, Progress] = {}
+    inbox = bus.subscribe(keys.every_progress) if beats else None
+    tokens = (keys.read_live(key) for key in bus.live(keys.every_live()))
+    there = {live.service for live in tokens if live is not None}
+    if inbox is not None:
+        end = time.monotonic() + _BEATS
+        while not there & set(services) <= heard.keys() and (left := end - time.monotonic()) > 0.0:
+            received = inbox.get(left)
+            if received is None:
+                continue
+            try:
+                progress = decode(received.payload, Progress)
+            except ProtocolError:
+                continue
+            heard[progress.service] = progress
+        inbox.close()
+
+    def state(service: str) -> str:
+        if service not in there:
+            return "absent"
+        return "well" if service in heard or not beats else "silent"
+
+    return [ServiceHealth(service, state(service), heard.get(service)) for service in services]

@@ -1,0 +1,194 @@
+"""Runs services: one in this process (`serve`), or all of a machine under a supervisor (`up`). Returns exit codes."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from softseam_protocol.errors import BusError, ProtocolError
+from softseam_services.bus_options import BusOptions
+from softseam_services.lifeline import Lifeline
+from softseam_services.supervisor import WRONG_SET_UP, Limits, Service, Supervisor, service_argv
+
+ROLES = ("router", "fem", "pbd", "orchestrator", "recorder")
+_GRACE = {"recorder": 30.0, "orchestrator": 15.0}
+RECORDINGS = Path("recordings")
+
+
+def say(text: str) -> None:
+    """One line for whoever runs this."""
+    print(text, file=sys.stderr, flush=True)
+
+
+# ---- one service -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ServeOptions:
+    """What one service is told.
+
+    listen      of the router: where everybody connects; of others: see BusOptions
+    directory   of the recorder: where its files go
+    guard       run the service in a child process that is restarted when it dies or freezes
+    """
+
+    bus: BusOptions = field(default_factory=BusOptions.from_environment)
+    directory: Path = RECORDINGS
+    guard: bool = False
+
+
+def serve(role: str, options: ServeOptions) -> int:
+    """Serve one role until SIGTERM or Ctrl-C: 0, 2 where it is set up wrongly, 1 for what should not happen."""
+    if role not in ROLES:
+        say(f"no service is called {role!r}; there are: {', '.join(ROLES)}")
+        return WRONG_SET_UP
+    if options.guard:
+        return _guard(role, options)
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    try:
+        with Lifeline() as life:
+            _serve(role, options, life)
+    except BusError as error:
+        say(str(error))
+        return WRONG_SET_UP
+    except ProtocolError as error:
+        say(str(error))
+        return 1
+    return 0
+
+
+def _serve(role: str, options: ServeOptions, life: Lifeline) -> None:
+    """Each role imports what it needs, and no more."""
+    if role == "router":
+        from softseam_services.router import serve_router
+
+        serve_router(options.bus.connect, life)
+    elif role in ("fem", "pbd"):
+        from softseam_services.participant_service import serve_participant
+
+        serve_participant(role, options.bus, life)
+    elif role == "orchestrator":
+        from softseam_services.orchestrator.service import serve_orchestrator
+
+        serve_orchestrator(options.bus, life)
+    else:
+        from softseam_services.recorder.service import serve_recorder
+
+        serve_recorder(options.directory, options.bus, life)
+
+
+def _options_argv(role: str, options: ServeOptions) -> tuple[str, ...]:
+    bus = options.bus
+    argv = ["--connect", bus.connect, "--deployment", bus.deployment, "--wait", f"{bus.wait:g}"]
+    argv += ["--listen", bus.listen]
+    if role == "recorder":
+        argv += ["--directory", str(options.directory)]
+    return tuple(argv)
+
+
+def child(role: str, options: ServeOptions) -> Service:
+    """The role as a child process of a supervisor."""
+    return Service(role, service_argv(role, *_options_argv(role, options)), _GRACE.get(role, 5.0))
+
+
+def _guard(role: str, options: ServeOptions) -> int:
+    with Supervisor([child(role, options)], say) as supervisor, _Signals(supervisor):
+        supervisor.wait_stopped()
+    return _verdict(supervisor)
+
+
+def _verdict(supervisor: Supervisor) -> int:
+    if supervisor.failure:
+        say(supervisor.failure)
+    return supervisor.exit_code
+
+
+class _Signals:
+    """SIGTERM and Ctrl-C stop the supervisor, in order; a context manager."""
+
+    def __init__(self, supervisor: Supervisor) -> None:
+        self._supervisor = supervisor
+        self.caught = False
+
+    def __enter__(self) -> _Signals:
+        self._before = {number: signal.signal(number, self._stop) for number in (signal.SIGTERM, signal.SIGINT)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        self.caught = True
+        self._supervisor.request_stop()
+
+
+# ---- all services ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class UpOptions:
+    """What `softseam up` is told.
+
+    directory  where the recorder's files go
+    command    argv to run once all services are ready (a client); its end stops the services
+    ready      longest wait for all services to be ready, compilation included [s]
+    """
+
+    bus: BusOptions = field(default_factory=BusOptions.from_environment)
+    directory: Path = RECORDINGS
+    command: tuple[str, ...] = ()
+    ready: float = 300.0
+    limits: Limits = field(default_factory=Limits)
+
+
+def supervisor(options: UpOptions, report: Callable[[str], None] = say) -> Supervisor:
+    """All services of this machine, the router first; use as a context manager."""
+    serve_options = ServeOptions(options.bus, options.directory.absolute())
+    order = ("router", "fem", "pbd", "recorder", "orchestrator")
+    return Supervisor([child(role, serve_options) for role in order], report, options.limits)
+
+
+def up(options: UpOptions, report: Callable[[str], None] = say) -> int:
+    """Run all services until Ctrl-C, or until the command has ended; then stop them in order.
+
+    Returns the command's exit code, 0 without one; 2 where a service cannot run as set up (a busy port).
+    """
+    with supervisor(options, report) as services, _Signals(services) as signals:
+        if not services.wait_ready(options.ready):
+            if not services.failure and not signals.caught:
+                report(f"not all services were ready within {options.ready:g} s")
+                services.request_stop()
+                services.wait_stopped()
+                return 1
+        elif options.command:
+            return _run_client(options.command, services)
+        else:
+            report(f"all services are ready at {options.bus.connect}; Ctrl-C stops them")
+        services.wait_stopped()
+    return _verdict(services)
+
+
+def _run_client(command: Sequence[str], services: Supervisor) -> int:
+    """Run the client's command beside the services; it is stopped where they give up."""
+    process = subprocess.Popen(command)
+    ended = threading.Thread(target=lambda: (process.wait(), services.request_stop()), daemon=True)
+    ended.start()
+    services.wait_stopped()
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+    if services.failure:
+        return _verdict(services)
+    return os.EX_SOFTWARE if process.returncode is None else process.returncode

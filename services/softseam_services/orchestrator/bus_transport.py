@@ -1,0 +1,157 @@
+"""Participants as processes on the bus."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from time import perf_counter
+
+from softseam_protocol.bus import Bus, Pending
+from softseam_protocol.codec import decode, encode
+from softseam_protocol.errors import BusTimeout, NoReply, ProtocolError, Refused
+from softseam_protocol.messages import Advanced, Configure, Failure, Reply, Request
+from softseam_protocol.topics import Keys, ParticipantReply
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
+
+TIMEOUT = 60.0
+"""longest wait for a reply [s]; a process that dies or freezes is noticed long before"""
+SERVICES = {"fem": "fem", "pbd": "pbd"}
+_RETRY = 0.25
+
+
+@dataclass
+class BusTimes:
+    """What the bus has cost so far."""
+
+    exchanges: int = 0
+    """exchanges in which every participant advanced"""
+    overhead: float = 0.0
+    """wall time of these exchanges beyond the slowest participant's own work [s]"""
+    payload: float = 0.0
+    """bytes sent and received in them, a participant"""
+
+    @property
+    def mean_overhead(self) -> float:
+        """[s] an exchange"""
+        return self.overhead / self.exchanges if self.exchanges else 0.0
+
+    @property
+    def mean_payload(self) -> int:
+        """bytes sent and received an exchange, a participant"""
+        return round(self.payload / self.exchanges) if self.exchanges else 0
+
+
+class BusTransport:
+    """Sends requests to the services that run the models; all of an exchange are under way at once.
+
+    bus        a session on the bus, not closed by the transport
+    services   name of the process that serves a model, or that serves a participant (which goes first)
+    timeout    longest wait for a reply [s]
+    """
+
+    def __init__(
+        self, bus: Bus, keys: Keys, *, services: Mapping[str, str] | None = None, timeout: float = TIMEOUT
+    ) -> None:
+        self._bus, self._keys, self._timeout = bus, keys, timeout
+        self._services = SERVICES | dict(services or {})
+        self._service_of: dict[str, str] = {}
+        self._key_of: dict[str, str] = {}
+        self.times = BusTimes()
+
+    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        """Send all requests at once and wait for all replies; see `Transport`."""
+        began = perf_counter()
+        size = 0
+        pending = []
+        for name, request in requests.items():
+            if isinstance(request, Configure):
+                self._route(name, request.model)
+            elif name not in self._key_of:
+                raise ParticipantFailed(name, Failure("not_configured", f"no participant {name!r} was configured"))
+            payload = encode(request)
+            size += len(payload)
+            pending.append(self._bus.start(self._key_of[name], payload, self._timeout))
+        replies: dict[str, Reply] = {}
+        slowest = 0.0
+        advanced = True
+        for (name, request), one in zip(requests.items(), pending, strict=True):
+            raw = self._collect(name, one)
+            size += len(raw)
+            reply = replies[name] = self._decoded(name, request, raw)
+            if isinstance(reply, Advanced):
+                slowest = max(slowest, reply.seconds)
+            else:
+                advanced = False
+        if advanced and requests:
+            times = self.times
+            times.exchanges += 1
+            times.overhead += max(0.0, perf_counter() - began - slowest)
+            times.payload += size / len(requests)
+        return replies
+
+    def wait_alive(self, participant: str, timeout: float) -> bool:
+        """Whether the process that serves the participant answers within `timeout` [s]: its solver's thread does."""
+        service = self._service_of.get(participant)
+        if service is None:
+            return False
+        end = time.monotonic() + timeout
+        changes = self._bus.watch_live(self._keys.every_live("participant", service))
+        try:
+            while (left := end - time.monotonic()) > 0.0:
+                if self._answers(service, min(left, 1.0)):
+                    return True
+                changes.get(min(left, _RETRY))  # until a process comes or goes, or a while has passed
+        finally:
+            changes.close()
+        return False
+
+    def echo(self, size: int, count: int = 100) -> float:
+        """Median round trip of `size` bytes, half of them each way, to one participant [s]; 0 without one."""
+        if not self._service_of:
+            return 0.0
+        key = self._keys.echo(next(iter(self._service_of.values())))
+        payload = bytes(max(1, size // 2))
+        trips = []
+        for _ in range(count):
+            began = perf_counter()
+            self._bus.request(key, payload, 1.0)
+            trips.append(perf_counter() - began)
+        return sorted(trips)[count // 2]
+
+    def close(self) -> None:
+        """Nothing to close: the bus belongs to the service."""
+
+    def _route(self, participant: str, model: str) -> None:
+        service = self._services.get(participant) or self._services.get(model)
+        if service is None:
+            raise ParticipantFailed(participant, Failure("invalid", f"no service runs the model {model!r}"))
+        self._service_of[participant] = service
+        self._key_of[participant] = self._keys.participant(service)
+
+    def _collect(self, name: str, pending: Pending) -> bytes:
+        try:
+            return pending.collect()
+        except Refused as error:
+            raise ParticipantFailed(name, error.failure) from None
+        except (NoReply, BusTimeout) as error:
+            raise ParticipantLost(name, str(error)) from None
+        except ProtocolError as error:
+            raise ParticipantFailed(name, Failure("invalid", str(error))) from None
+
+    def _decoded(self, name: str, request: Request, raw: bytes) -> Reply:
+        try:
+            reply: Reply = decode(raw, ParticipantReply)
+        except ProtocolError as error:
+            raise ParticipantFailed(name, Failure("invalid", f"its reply cannot be read: {error}")) from None
+        if isinstance(reply, Failure):
+            raise ParticipantFailed(name, reply)
+        if reply.header != request.header:
+            raise ParticipantFailed(name, Failure("invalid", f"it answered another request: {reply.header}"))
+        return reply
+
+    def _answers(self, service: str, timeout: float) -> bool:
+        try:
+            return self._bus.request(self._keys.echo(service), b"alive?", timeout) == b"alive?"
+        except ProtocolError:
+            return False

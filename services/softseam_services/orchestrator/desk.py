@@ -1,0 +1,160 @@
+"""One client's session in the orchestrator: its simulation, its publications, its last answer."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from softseam_protocol.bus import Bus
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Begin,
+    Bundle,
+    Event,
+    Frame,
+    Header,
+    Observation,
+    Step,
+    StepReport,
+)
+from softseam_protocol.topics import Keys
+from softseam_services.orchestrator.bus_transport import BusTransport
+from softseam_services.orchestrator.client_view import observation, restore, snapshot
+from softseam_services.orchestrator.recorder_feed import RecorderFeed
+from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.recorder.begin import begin
+
+FRAME_PERIOD = 0.04
+"""simulated time between recorded frames [s]"""
+_MOST_EVENTS = 1000
+
+
+class Stopped(RuntimeError):
+    """The session is being closed, or the service stopped, in the middle of a request."""
+
+
+@dataclass
+class Answer:
+    """The last request of a session and what it was answered."""
+
+    kind: type
+    number: int
+    payload: bytes
+
+
+class Desk:
+    """Runs one session. One request at a time: whoever calls holds `lock`."""
+
+    def __init__(self, bus: Bus, keys: Keys, session: str, stopping: Callable[[], bool]) -> None:
+        self.lock = threading.Lock()
+        self.answer: Answer | None = None
+        self.cancelled = False
+        self.used = time.monotonic()
+        """when the last request ended; now, while one is at work"""
+        self.steps = 0
+        """steps taken, for the heartbeat"""
+        self._bus, self._keys, self._session = bus, keys, session
+        self._stopping = stopping
+        self._simulation: Simulation | None = None
+        self._last: StepReport | None = None
+        self._events: list[Event] = []
+
+    @property
+    def opened(self) -> bool:
+        return self._simulation is not None
+
+    @property
+    def simulation(self) -> Simulation:
+        assert self._simulation is not None
+        return self._simulation
+
+    def open(self, bundle: Bundle, record: bool) -> Observation:
+        """Build the simulation and configure its participants."""
+        self._bundle, self._record = bundle, record
+        self._transport = BusTransport(self._bus, self._keys)
+        self._feed = RecorderFeed(self._bus, self._keys, self._session, record=record, warn=self._warn)
+        try:
+            self._simulation = Simulation(bundle, self._transport, session=self._session, emit=self._emit)
+        except BaseException:
+            self._feed.close()
+            raise
+        self._seed = self._simulation.scene.seed
+        self._frame_every = max(1, round(FRAME_PERIOD / self._simulation.scene.step))
+        return self._observe(fields=True)
+
+    def reset(self, seed: int) -> Observation:
+        self._feed.end("reset")
+        self.simulation.reset(seed)
+        self._seed, self._last, self.steps = seed, None, 0
+        self._events.clear()
+        self._feed.begin(self._begin())
+        return self._observe(fields=True)
+
+    def step(self, request: Step) -> Observation:
+        """Take `count` steps, fewer where the scene's motion ends before."""
+        velocities = None if request.program else {name: v.tolist() for name, v in request.velocities.items()}
+        if not self._feed.begun:
+            self._feed.begin(self._begin())
+        for remaining in range(request.count, 0, -1):
+            if self.cancelled or self._stopping():
+                raise Stopped("the session is being closed: the steps left were not taken")
+            if request.program and self.simulation.done:
+                break
+            due = self._record and (self.steps + 1) % self._frame_every == 0
+            self._last = self.simulation.step(velocities, fields=due or (request.fields and remaining == 1))
+            self.steps += 1
+            self.used = time.monotonic()
+        return self._observe(request.fields)
+
+    def save(self) -> bytes:
+        return snapshot(self.simulation, self._last)
+
+    def load(self, state: bytes) -> Observation:
+        self._last = restore(self.simulation, state)
+        self._warn("restored", f"the state of step {round(self.simulation.time / self.simulation.scene.step)} is back")
+        return self._observe(fields=True)
+
+    def close(self, reason: str) -> None:
+        """End the recording, release the participants."""
+        if self._simulation is None:
+            return
+        simulation, self._simulation = self._simulation, None
+        try:
+            self._tell_bus_times()
+            self._feed.end(reason)
+        finally:
+            self._feed.close()
+            simulation.close()
+
+    def _begin(self) -> Begin:
+        return begin(self._bundle, self.simulation.body, self._session, self._seed)
+
+    def _observe(self, fields: bool) -> Observation:
+        events, self._events = self._events, []
+        return observation(self.simulation, self._last, fields=fields, events=events, session=self._session)
+
+    def _emit(self, message: StepReport | Frame | Event) -> None:
+        if isinstance(message, Event):
+            self._events.append(message)
+            del self._events[:-_MOST_EVENTS]
+        self._feed.publish(message)
+
+    def _warn(self, kind: str, message: str) -> None:
+        header = Header(SCHEMA_VERSION, self._session, "", 0, 0, 0, 0.0) if self._last is None else self._last.header
+        self._emit(Event(header, kind, message))
+
+    def _tell_bus_times(self) -> None:
+        """An event that compares the cost of an exchange with an echo of the same size."""
+        times = self._transport.times
+        if times.exchanges == 0:
+            return
+        echo = self._transport.echo(times.mean_payload)
+        if echo > 0.0:
+            self._warn(
+                "bus",
+                f"{times.exchanges} exchanges cost {1e6 * times.mean_overhead:.0f} us each beyond the solvers' work; "
+                f"an echo of the same {times.mean_payload} B takes {1e6 * echo:.0f} us "
+                f"({times.mean_overhead / echo:.2f} times)",
+            )

@@ -1,0 +1,187 @@
+"""Publishes a session's messages, and never lets a recorder hold the simulation up for long.
+
+A recorder says now and then how many messages are safe in its file. While too many (or too many bytes) are on their
+way, publishing waits, `patience` seconds once; after that the run goes on, messages that do not fit are dropped on the
+way, and an event says so. A recorder that dies and comes back is given the session's beginning again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+from softseam_protocol.bus import Bus
+from softseam_protocol.codec import decode, encode
+from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.messages import Begin, End, Event, Frame, Recorded, StepReport
+from softseam_protocol.topics import Keys, topic_of
+
+MOST_MESSAGES = 2048
+MOST_BYTES = 48 * 2**20
+"""on their way to the recorder; it holds 64 MiB for its disk"""
+PATIENCE = 2.0
+_ANSWER = 5.0
+_FINISH = 20.0
+
+
+class RecorderFeed:
+    """One session's publications. `record` wants them in a file too.
+
+    warn    called with (kind, message) where a recording is at risk
+    """
+
+    def __init__(self, bus: Bus, keys: Keys, session: str, *, record: bool, warn: Callable[[str, str], None]) -> None:
+        self._bus, self._keys, self._session = bus, keys, session
+        self._record, self._warn = record, warn
+        self._begun: Begin | None = None
+        self._following = False
+        """a recorder keeps up with this session"""
+        self._late = False
+        self._sent = 0
+        """messages since the beginning"""
+        self._safe = 0
+        """of these, what the recorder has in its file or has given up"""
+        self._under_way: deque[int] = deque()
+        self._bytes = 0
+        self._acks = bus.subscribe(keys.session(session, Recorded), latest=True) if record else None
+        self._recorders = bus.watch_live(keys.every_live("recorder")) if record else None
+        self.waited = 0.0
+        """wall time that the recorder cost the run [s]"""
+
+    @property
+    def begun(self) -> bool:
+        return self._begun is not None
+
+    def begin(self, begin: Begin) -> None:
+        """Announce a run of the session; ends the run before."""
+        if self._begun is not None:
+            self.end("reset")
+        self._begun = begin
+        self._sent = self._safe = self._bytes = 0
+        self._under_way.clear()
+        self._late = False
+        self._publish(begin)
+        if self._record:
+            self._drain()
+            self._invite(begin)
+
+    def publish(self, message: StepReport | Frame | Event) -> None:
+        """Publish, after waiting for a recorder that lags behind (bounded)."""
+        size = self._publish(message)
+        if not self._record or self._begun is None:
+            return
+        self._watch()
+        if self._following:
+            self._sent += 1
+            self._under_way.append(size)
+            self._bytes += size
+            self._read_acks()
+            if self._too_many():
+                self._wait()
+
+    def end(self, reason: str) -> Recorded | None:
+        """The run is over: let the recorder finish its file, and say what became of it (None without one)."""
+        if self._begun is None:
+            return None
+        end = End(self._begun.header, reason)
+        self._begun = None
+        recorded = None
+        self._publish(end)
+        if self._following:
+            try:
+                recorded = self._bus.call(self._keys.recorder, end, Recorded, _FINISH)
+            except ProtocolError as error:
+                self._warn("recording", f"the recorder did not confirm the end of the recording: {error}")
+            self._following = False
+        return recorded
+
+    def close(self) -> None:
+        """Forget the session."""
+        for inbox in (self._acks, self._recorders):
+            if inbox is not None:
+                inbox.close()
+        self._bus.forget(self._keys.session(self._session, StepReport).rpartition("/")[0] + "/")
+
+    def _publish(self, message: Begin | End | StepReport | Frame | Event) -> int:
+        payload = encode(message)
+        topic = topic_of(type(message))
+        # without a recorder that keeps up, nobody may slow the run down
+        droppable = topic.droppable or not self._following or self._late
+        self._bus.publish(self._keys.session(self._session, type(message)), payload, droppable)
+        return len(payload)
+
+    def _invite(self, begin: Begin) -> None:
+        """Ask the recorder to open a file; the answer comes once it listens."""
+        try:
+            self._bus.call(self._keys.recorder, begin, Recorded, _ANSWER)
+        except Refused as error:
+            self._following = False
+            self._warn("recording", f"the recorder refuses: {error.failure.message}")
+        except ProtocolError as error:
+            self._following = False
+            self._warn("recording", f"nothing is recorded, no recorder answers: {error}")
+        else:
+            self._following = True
+
+    def _drain(self) -> None:
+        """Forget what was said about runs before."""
+        for inbox in (self._acks, self._recorders):
+            while inbox is not None and inbox.get(0.0) is not None:
+                continue
+
+    def _watch(self) -> None:
+        """Notice a recorder that dies or comes back."""
+        assert self._recorders is not None and self._begun is not None
+        while len(self._recorders) > 0:
+            change = self._recorders.get(0.0)
+            if change is None:
+                return
+            if not change.alive and self._following:
+                self._following = False
+                self._warn("recording", "the recorder is gone: what is not in its file yet is lost, the run goes on")
+            elif change.alive and not self._following:
+                self._sent = self._safe = self._bytes = 0
+                self._under_way.clear()
+                self._late = False
+                self._invite(self._begun)
+                if self._following:
+                    self._warn("recording", "a recorder is back and records from here on")
+
+    def _read_acks(self, timeout: float = 0.0) -> None:
+        assert self._acks is not None
+        if timeout == 0.0 and len(self._acks) == 0:
+            return
+        received = self._acks.get(timeout)
+        if received is None:
+            return
+        try:
+            recorded = decode(received.payload, Recorded)
+        except ProtocolError:
+            return
+        self._acknowledge(min(self._sent, recorded.messages + recorded.lost))
+
+    def _acknowledge(self, safe: int) -> None:
+        while self._safe < safe:
+            self._safe += 1
+            self._bytes -= self._under_way.popleft()
+        if self._late and not self._too_many():
+            self._late = False
+            self._warn("recording", "the recorder has caught up")
+
+    def _too_many(self) -> bool:
+        return len(self._under_way) > MOST_MESSAGES or self._bytes > MOST_BYTES
+
+    def _wait(self) -> None:
+        """Wait for acknowledgements, once; then the run goes on without looking back."""
+        if self._late:
+            return
+        began = time.monotonic()
+        while self._too_many() and (left := began + PATIENCE - time.monotonic()) > 0.0:
+            self._read_acks(left)
+        self.waited += time.monotonic() - began
+        if self._too_many():
+            self._late = True
+            self._warn(
+                "recording", f"the recorder lags behind after {PATIENCE:g} s: the run goes on, messages may be lost"
+            )

@@ -1,0 +1,201 @@
+"""Serves clients: opens sessions, steps them, publishes what happens.
+
+Requests (key `Keys.orchestrator`), all with `header.session` naming the client's session (the client makes it up) and
+`header.exchange` counting its requests: 1, 2, 3, ... A request with the number of the last one is the same request and
+gets the same reply, so a client may repeat what it got no answer to; a lower number is refused as stale.
+
+    Open    scene and files -> Observation at rest; `record` has the bus's recorder write the session to a file
+    Reset   -> Observation at rest; ends the recording at hand and begins another
+    Step    `count` steps -> Observation after the last one, with `fields` only then. With `program` the scene's own
+            motion is followed and ends the request early where it is over; a StepReport is published for every step
+            meanwhile (`Keys.session`), so one request may cover many steps and progress is still seen
+    Save    -> Saved: state of the whole simulation
+    Load    -> Observation: continues from Saved, bit for bit
+    Close   -> Closed; interrupts a Step under way; closing a session that is not there is no error
+
+Failures: 'schema' (another version), 'invalid' (a scene or value that is refused; nothing changed), 'not_configured'
+(no such session: not opened, closed, or lost with a restarted orchestrator), 'stale', 'busy' (too many sessions),
+'internal' (a participant is lost for good, or a step failed; the text says what to do).
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+
+from softseam_protocol.bus import Bus
+from softseam_protocol.codec import decode, encode
+from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.messages import Close, Closed, Failure, Header, Load, Open, Reset, Save, Saved, Step
+from softseam_protocol.scene_file import SceneError
+from softseam_protocol.topics import ClientReply, ClientRequest, Keys
+from softseam_services.bus_options import BusOptions, new_instance
+from softseam_services.lifeline import Lifeline
+from softseam_services.orchestrator.desk import Answer, Desk, Stopped
+from softseam_services.orchestrator.simulation import StepFailed
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
+from softseam_services.progress import tell_progress
+from softseam_services.warm_up import warm_orchestrator
+
+ROLE = SERVICE = "orchestrator"
+MOST_SESSIONS = 16
+IDLE_LIMIT = 1800.0
+"""a session that nobody used for so long may be closed for another one [s]"""
+_THREADS = 8
+_TURN = 110.0
+"""longest wait of a request for the one before it in the same session [s]"""
+_log = logging.getLogger(__name__)
+
+
+class ClientHandler:
+    """Bytes in, bytes out; called from several threads, one request at a time for each session."""
+
+    def __init__(self, bus: Bus, keys: Keys, life: Lifeline) -> None:
+        self._bus, self._keys, self._life = bus, keys, life
+        self._desks: dict[str, Desk] = {}
+        self._lock = threading.Lock()
+
+    def __call__(self, payload: bytes) -> bytes:
+        """The reply. Raises Refused, and what `decode` raises, which the bus answers with a Failure."""
+        request: ClientRequest = decode(payload, ClientRequest)
+        header = request.header
+        if not header.session:
+            raise Refused(Failure("invalid", "a request must name its session"))
+        if isinstance(request, Close):
+            return self._close(request)
+        desk = self._desk(header, isinstance(request, Open))
+        if not desk.lock.acquire(timeout=_TURN):
+            raise Refused(Failure("busy", "the request before is still at work: wait for its answer"))
+        try:
+            return self._answer(desk, request)
+        finally:
+            desk.used = time.monotonic()
+            desk.lock.release()
+            if not desk.opened:
+                self._forget(header.session, desk)
+
+    def last(self) -> tuple[str, int]:
+        """Session and step that were served last."""
+        desks = list(self._desks.items())
+        if not desks:
+            return "", 0
+        session, desk = max(desks, key=lambda item: item[1].used)
+        return session, desk.steps
+
+    def close(self) -> None:
+        """End all sessions: recordings are finished, participants released."""
+        for session, desk in list(self._desks.items()):
+            with desk.lock:
+                self._end(session, desk, "the orchestrator was stopped")
+
+    def _desk(self, header: Header, opening: bool) -> Desk:
+        with self._lock:
+            desk = self._desks.get(header.session)
+            if desk is not None:
+                return desk
+            if not opening:
+                raise Refused(
+                    Failure(
+                        "not_configured",
+                        f"no session {header.session!r} is open here: it was closed, or lost with an orchestrator "
+                        "that died; open it again and load your last saved state",
+                    )
+                )
+            if len(self._desks) >= MOST_SESSIONS and not self._make_room():
+                raise Refused(Failure("busy", f"{MOST_SESSIONS} sessions are open: close one"))
+            desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set)
+            self._desks[header.session] = desk
+            return desk
+
+    def _make_room(self) -> bool:
+        """Close the session that was idle longest, if it was for long enough (lock held)."""
+        session, desk = min(self._desks.items(), key=lambda item: item[1].used)
+        if time.monotonic() - desk.used < IDLE_LIMIT or not desk.lock.acquire(timeout=0.0):
+            return False
+        try:
+            self._end(session, desk, "idle for too long")
+        finally:
+            desk.lock.release()
+        return True
+
+    def _answer(self, desk: Desk, request: Open | Reset | Step | Save | Load) -> bytes:
+        """Answer a request, or repeat the answer (desk held)."""
+        kept, number = desk.answer, request.header.exchange
+        if kept is not None:
+            if number == kept.number and type(request) is kept.kind:
+                return kept.payload
+            if number <= kept.number:
+                raise Refused(Failure("stale", f"request {number} after request {kept.number}"))
+        if isinstance(request, Open) == desk.opened:
+            if desk.opened:
+                raise Refused(Failure("invalid", f"the session {request.header.session!r} is open already"))
+            raise Refused(Failure("not_configured", f"the session {request.header.session!r} could not be opened"))
+        desk.used = time.monotonic()
+        payload = encode(self._run(desk, request))
+        desk.answer = Answer(type(request), number, payload)
+        return payload
+
+    def _run(self, desk: Desk, request: Open | Reset | Step | Save | Load) -> ClientReply:
+        """Do what is asked; every expected trouble becomes a Failure that says what to do."""
+        try:
+            if isinstance(request, Open):
+                return desk.open(request.bundle, request.record)
+            if isinstance(request, Reset):
+                return desk.reset(request.seed)
+            if isinstance(request, Step):
+                return desk.step(request)
+            if isinstance(request, Save):
+                return Saved(request.header, desk.save())
+            return desk.load(request.state)
+        except ParticipantLost as error:
+            raise Refused(Failure("internal", str(error))) from error
+        except ParticipantFailed as error:
+            kind = "invalid" if error.failure.kind == "invalid" and isinstance(request, Open) else "internal"
+            raise Refused(Failure(kind, str(error))) from error
+        except (StepFailed, Stopped) as error:
+            raise Refused(Failure("internal", str(error))) from error
+        except (SceneError, ValueError) as error:  # mesh, tool and archive errors are ValueErrors
+            raise Refused(Failure("invalid", str(error))) from error
+
+    def _close(self, request: Close) -> bytes:
+        session = request.header.session
+        desk = self._desks.get(session)
+        if desk is not None:
+            desk.cancelled = True
+            if not desk.lock.acquire(timeout=_TURN):
+                raise Refused(Failure("busy", "the request before is still at work: close again"))
+            try:
+                self._end(session, desk, "closed")
+            finally:
+                desk.lock.release()
+        return encode(Closed(request.header))
+
+    def _end(self, session: str, desk: Desk, reason: str) -> None:
+        """Close a session whatever its participants do (desk held)."""
+        try:
+            desk.close(reason)
+        except (ParticipantLost, ParticipantFailed, ProtocolError) as error:
+            _log.warning("closing session %s: %s", session, error)
+        self._forget(session, desk)
+
+    def _forget(self, session: str, desk: Desk) -> None:
+        if self._desks.get(session) is desk:
+            del self._desks[session]
+
+
+def serve_orchestrator(options: BusOptions, life: Lifeline) -> None:
+    """Serve clients until the process is asked to stop."""
+    life.state = "compiling"
+    warm_orchestrator()
+    keys, instance = options.keys, new_instance()
+    with options.open() as bus:
+        handler = ClientHandler(bus, keys, life)
+        server = bus.serve({keys.orchestrator: handler}, name="softseam orchestrator")
+        tell_progress(life, bus, keys, server, ROLE, SERVICE, instance, handler.last, supervise=False)
+        bus.declare_live(keys.live(ROLE, SERVICE, instance))
+        server.start(_THREADS)
+        life.state = "ready"
+        life.stop.wait()
+        server.close()
+        handler.close()

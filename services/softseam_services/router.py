@@ -1,0 +1,13 @@
+"""The router's process: every other process connects to it."""
+
+from __future__ import annotations
+
+from softseam_protocol.bus import Router
+from softseam_services.lifeline import Lifeline
+
+
+def serve_router(listen: str, life: Lifeline) -> None:
+    """Route until the process is asked to stop. Raises PortBusy, BusError."""
+    with Router(listen):
+        life.state = "ready"
+        life.stop.wait()

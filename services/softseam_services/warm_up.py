@@ -1,0 +1,109 @@
+"""Compiles (or loads from numba's cache) everything that a service will run, before anybody waits for it.
+
+A small body between tools of every kind goes through every request that a participant answers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Advance,
+    Bundle,
+    Commit,
+    Configure,
+    Failure,
+    Header,
+    Observe,
+    Release,
+    Request,
+    Restore,
+    Snapshot,
+    SnapshotTaken,
+)
+from softseam_protocol.scene import Scene
+from softseam_services.server import ParticipantServer, build_setup
+from softseam_services.tools.motion import tool_motion
+
+SESSION = "warm-up"
+
+
+class WarmUpFailed(RuntimeError):
+    """A model cannot take its first step on this machine."""
+
+
+def warm_scene(model: str) -> Scene:
+    """A block of two cells on a plane under a ball, a plate at its side, split into two of `model`."""
+    return Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "warm-up",
+            "duration": 0.05,
+            "step": 0.005,
+            "body": {
+                "shape": {"kind": "block", "size": [0.04, 0.02, 0.02]},
+                "cell": 0.02,
+                "material": {"kind": "neo_hookean", "young": 2.0e4, "poisson": 0.45, "density": 1050.0},
+            },
+            "tools": {
+                "ground": {"kind": "plane", "friction": 0.5},
+                "plate": {"kind": "box", "size": [0.01, 0.04, 0.04], "position": [-0.025, 0.0, 0.02], "friction": 0.6},
+                "ball": {"kind": "sphere", "radius": 0.01, "position": [0.01, 0.0, 0.0301], "friction": 0.6},
+            },
+            "motion": [{"tools": ["ball"], "move": [0.0, 0.0, -0.001], "speed": 0.02}],
+            "regions": {
+                "default": model,
+                "near": {"model": model, "boxes": [{"min": [-0.03, -0.02, 0.0], "max": [0.0, 0.02, 0.03]}]},
+            },
+        }
+    )
+
+
+def warm_participant(model: str) -> None:
+    """Let a participant of `model` answer every kind of request. Raises WarmUpFailed."""
+    bundle = Bundle(warm_scene(model).model_dump_json(), {})
+    setup = build_setup(bundle)
+    server = ParticipantServer()
+    server.adopt(bundle, setup)
+
+    def ask(request: Request) -> object:
+        reply = server.handle(request)
+        if isinstance(reply, Failure):
+            raise WarmUpFailed(f"{type(request).__name__}: {reply.message}")
+        return reply
+
+    def header(step: int, exchange: int = 0) -> Header:
+        return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
+
+    tools, scene = setup.tools, setup.scene
+    shared = np.intersect1d(setup.body.cell_nodes[0], setup.body.cell_nodes[1]).astype(np.int32)
+    ask(Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
+    command = np.zeros((len(tools.names), 3))
+    command[-1, 2] = -0.02
+    position, orientation = tools.position.copy(), tools.orientation.copy()
+    for step in range(2):
+        motion = tool_motion(tools, position, orientation, command, scene.step)
+        for exchange in range(2):
+            force = np.full((len(shared), 3), 1e-4 * exchange)
+            ask(Advance(header(step, exchange), scene.step, force, motion, exchange == 0))
+        position = motion.position_next
+        ask(Observe(header(step)))
+    ask(Commit(header(2)))
+    taken = ask(Snapshot(header(2)))
+    assert isinstance(taken, SnapshotTaken)
+    ask(Restore(header(2), taken.state))
+    ask(Release(header(2)))
+
+
+def warm_orchestrator() -> None:
+    """Run a few coupled steps in this process: coupling, regions, hand-over and read-out."""
+    from softseam_services.orchestrator.embedded import EmbeddedTransport
+    from softseam_services.orchestrator.simulation import Simulation
+
+    bundle = Bundle(warm_scene("pbd").model_dump_json(), {})
+    simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
+    for _ in range(3):
+        simulation.step(None, fields=True)
+    simulation.load(simulation.save())
+    simulation.close()
