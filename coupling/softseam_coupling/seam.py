@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from softseam_coupling.kernels.extrapolate import LENGTHS, NAMES, WEIGHTS, extrapolate, remember
+from softseam_coupling.kernels.extrapolate import INERTIA, LENGTHS, NAMES, WEIGHTS, extrapolate, remember
 from softseam_coupling.kernels.quasi_newton import exchange_round
 
 Floats = NDArray[np.float64]
@@ -71,13 +71,15 @@ class SeamState:
     inverse: Floats
     """approximate inverse of the compliance, with all corrections so far (n, n) [N/m]"""
     history: Floats
-    """last committed multipliers, newest first (4, n) [N]"""
+    """of the last steps, newest first: 4 multipliers that would have closed the gap, 6 misses of them (10, n) [N]"""
     tried: Floats
     """this step's last and best multiplier, each followed by its residual (4, n)"""
+    closing: Floats
+    """multiplier that would close the gap, as far as known in this step (n,) [N]"""
     scale: Floats
     """diagonal of the compliance (n,) [m/N]"""
     errors: Floats
-    """mean square error of each way to predict (5,) [m^2]"""
+    """mean square error of each way to predict (15,) [m^2]"""
     n_history: int = 0
     n_tried: int = 0
     """rounds of this step since the last reset"""
@@ -95,7 +97,7 @@ class SeamState:
 
     @property
     def predictor_name(self) -> str:
-        return NAMES[self.predictor] if self.predictor >= 0 else "zero"
+        return NAMES[self.predictor // len(INERTIA)] if self.predictor >= 0 else "zero"
 
     def to_arrays(self) -> dict[str, Floats]:
         """Copies for a checkpoint; `from_arrays` restores them bit for bit."""
@@ -104,6 +106,7 @@ class SeamState:
             "inverse": self.inverse.copy(),
             "history": self.history.copy(),
             "tried": self.tried.copy(),
+            "closing": self.closing.copy(),
             "scale": self.scale.copy(),
             "errors": self.errors.copy(),
             "numbers": np.array(numbers, dtype=np.float64),
@@ -117,6 +120,7 @@ class SeamState:
             inverse=np.array(arrays["inverse"], order="C"),
             history=np.array(arrays["history"], order="C"),
             tried=np.array(arrays["tried"], order="C"),
+            closing=np.array(arrays["closing"], order="C"),
             scale=np.array(arrays["scale"], order="C"),
             errors=np.array(arrays["errors"], order="C"),
             n_history=int(n_history),
@@ -166,10 +170,11 @@ class SeamSolver:
         n = 3 * n_nodes
         state = SeamState(
             inverse=np.zeros((n, n)),
-            history=np.zeros((4, n)),
+            history=np.zeros((WEIGHTS.shape[1], n)),
             tried=np.zeros((4, n)),
+            closing=np.zeros(n),
             scale=np.ones(n),
-            errors=np.full(len(NAMES), np.inf),
+            errors=np.full(len(LENGTHS), np.inf),
             _work=np.zeros((4, n)),
         )
         if lambda_ is not None:
@@ -206,8 +211,11 @@ class SeamSolver:
     def predict(self, state: SeamState) -> Floats:
         """Multiplier for the first exchange of a step (s, 3) [N]; a new array."""
         out = np.empty(3 * state.n_nodes)
-        fixed = -1 if self.predictor == "auto" else NAMES.index(self.predictor)
-        state.predictor = extrapolate(state.history, state.n_history, WEIGHTS, LENGTHS, state.errors, fixed, out)
+        first, last = 0, len(LENGTHS)
+        if self.predictor != "auto":
+            first = len(INERTIA) * NAMES.index(self.predictor)
+            last = first + len(INERTIA)
+        state.predictor = extrapolate(state.history, state.n_history, WEIGHTS, LENGTHS, state.errors, first, last, out)
         state.n_tried = 0
         state.spring = 0.0
         if self.regularisation > 0.0 and out.size:
@@ -232,6 +240,7 @@ class SeamSolver:
         )
         if np.isnan(largest):
             return SeamRound(Outcome.NOT_FINITE, state.history[0].copy().reshape(-1, 3), float("nan"), float("inf"))
+        state.closing[:] = out
         first = state.n_tried == 0
         state.n_tried += 1
         if residual <= self.tolerance or (kappa <= self.kappa_accept and residual <= self.slack * self.tolerance):
@@ -245,7 +254,10 @@ class SeamSolver:
     def commit(self, state: SeamState, lambda_: Floats) -> None:
         """Accept the multiplier of the step: it enters the history, and every way to predict is scored on it."""
         flat = np.ascontiguousarray(lambda_).reshape(-1)
-        state.n_history = remember(state.history, state.n_history, WEIGHTS, LENGTHS, state.scale, flat, state.errors)
+        closing = state.closing if state.n_tried > 0 else flat
+        state.n_history = remember(
+            state.history, state.n_history, WEIGHTS, LENGTHS, state.scale, flat, closing, state.errors
+        )
         state.n_tried = 0
 
 

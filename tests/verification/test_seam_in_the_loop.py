@@ -105,11 +105,11 @@ def test_exchanges_with_a_compliance_of_another_integrator(mass_ratio: float) ->
 
 
 def test_good_prediction_saves_exchanges() -> None:
-    """A smooth motion: with the exact compliance, constant prediction needs two exchanges, the chosen one fewer."""
-    split, start = grid_bar(6, 2, 1.0, 4, 0.004)
+    """A smooth motion, exact compliance: constant prediction needs two exchanges a step, the best candidates one."""
+    split, start = grid_bar(6, 2, 1.0, 1, 0.004)
     means = {}
     for predictor in ("constant", "auto"):
-        solver = SeamSolver(tolerance=2e-6, predictor=predictor)
+        solver = SeamSolver(tolerance=1e-5, predictor=predictor)
         state = solver.init(4)
         solver.reset(state, compliance(split))
         now, total = start, 0
@@ -117,8 +117,8 @@ def test_good_prediction_saves_exchanges() -> None:
             now, n = couple(solver, state, split, now)
             total += n
         means[predictor] = total / 150
-    assert means["constant"] > 1.5
-    assert means["auto"] < 0.75 * means["constant"]
+    assert means["constant"] > 1.9
+    assert means["auto"] < 1.1
 
 
 @pytest.mark.parametrize(("substeps", "mass_ratio"), [(10, 1.0), (20, 9.0)])

@@ -11,7 +11,8 @@ symmetric positive definite up to friction and unconverged sweeps), J s = y turn
     B <- B + (s - B y) s^T / (s^T y)                                           (2)
 
 which saves a product and some rounds: 5.1 instead of 6.9 for 75 unknowns, a compliance 30 % wrong and a gap of 1e-7,
-6.0 instead of 7.5 where J is also unsymmetric by 30 %. Where s^T y is not safely positive, (1) is used, damped so that B grows tenfold at most in a round:
+6.0 instead of 7.5 where J is also unsymmetric by 30 %. Where s^T y is not safely positive, (1) is used, damped so that
+B grows tenfold at most in a round:
 
     B y <- theta B y + (1 - theta) s,  theta = 0.9 / (1 - w^T y / s^T s)       (3)
 
