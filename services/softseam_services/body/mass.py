@@ -2,9 +2,10 @@
 
 Row sums of the hex27 functions over the filled part (Simpson's weights on a full cell) keep mass, centre of mass and
 inertia exactly, but turn negative on some partly filled cells. Each cell therefore takes
-m = (1 - t) m_rowsum + t m_octant                                                                              (1)
-where m_octant spreads each octant's mass equally over its 8 nodes, and t in [0, 1] is the smallest with
-m >= 0.2 m_octant on every node. (On a full cell the corner has 0.30 m_octant, so t = 0 and nothing changes.)
+m = (1 - t) m_rowsum + t (0.8 m_trilinear + 0.2 m_octant)                                                      (1)
+with the smallest t in [0, 1] that keeps m >= 0.2 m_octant on every node. m_trilinear are the row sums of the octants'
+trilinear functions (never negative, centre of mass exact), m_octant spreads each octant's mass equally over its 8
+nodes. On a full cell the corner has 0.30 m_octant, so t = 0 and nothing changes.
 """
 
 from __future__ import annotations
@@ -38,6 +39,10 @@ def _powers(octant: int) -> Floats:
     return np.stack([0.5 * (square - line), np.array([1.0, 0.0, 0.0]) - square, 0.5 * (square + line)])
 
 
+_LINEAR = np.array([[1.0, -1.0], [0.0, 1.0]])
+"""coefficients of 1 - s and s in powers of s"""
+
+
 def lump(moments: Floats, edges: Floats, density: float) -> tuple[Floats, Floats]:
     """Fill (C, 8) of each octant and mass (C, 27) [kg] that each cell gives to its nodes, all positive.
 
@@ -48,15 +53,20 @@ def lump(moments: Floats, edges: Floats, density: float) -> tuple[Floats, Floats
     moments = moments + (fill - true_fill)[:, :, None] * FULL_MOMENTS
     octant_volume = edges.prod() / 8.0
     row_sum = np.zeros((len(fill), 27))
+    trilinear = np.zeros((len(fill), 27))
     spread = np.zeros((len(fill), 27))
     for octant in range(8):
         x, y, z = (_powers((octant >> axis) & 1) for axis in range(3))
         cube = moments[:, octant].reshape(-1, 3, 3, 3)  # r, q, p
         row_sum += np.einsum("nrqp,cr,bq,ap->ncba", cube, z, y, x, optimize=True).reshape(-1, 27)
+        corners = np.einsum("nrqp,cr,bq,ap->ncba", cube[:, :2, :2, :2], _LINEAR, _LINEAR, _LINEAR, optimize=True)
+        trilinear[:, OCTANT_NODES[octant]] += corners.reshape(-1, 8)
         spread[:, OCTANT_NODES[octant]] += fill[:, octant, None] / 8.0
-    short = MASS_SHARE * spread - row_sum
-    t = np.max(np.where(short > 0.0, short / (short + (1.0 - MASS_SHARE) * spread), 0.0), axis=1, keepdims=True)
-    mass = (1.0 - t) * row_sum + t * spread  # eq. (1)
+    # m >= 0.2 m_octant on a node asks (1 - t)(m_rowsum - 0.2 m_octant) + t 0.8 m_trilinear >= 0.
+    short = np.maximum(MASS_SHARE * spread - row_sum, 0.0)
+    gain = (1.0 - MASS_SHARE) * np.maximum(trilinear, 0.0)
+    t = np.max(np.where(short > 0.0, short / (short + gain), 0.0), axis=1, keepdims=True)
+    mass = (1.0 - t) * row_sum + t * (gain + MASS_SHARE * spread)  # eq. (1)
 
     true_cell = true_fill.sum(axis=1)
     exact = true_cell >= 8.0 * _EXACT_CELL

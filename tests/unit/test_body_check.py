@@ -1,0 +1,47 @@
+"""What a check of a body warns of."""
+
+from __future__ import annotations
+
+import pytest
+
+from softseam_protocol.scene import Scene
+from softseam_services.body.build import build_body
+from softseam_services.body.check import BodyCheck, check_body
+
+
+def check(cell: object = 0.025, **material: float) -> BodyCheck:
+    body = {
+        "shape": {"kind": "block", "size": [0.05, 0.05, 0.05]},
+        "cell": cell,
+        "material": {"young": 2e4, "poisson": 0.3, "density": 1000, **material},
+    }
+    scene = Scene.model_validate({"softseam": 1, "name": "c", "duration": 1.0, "body": body})
+    return check_body(build_body(scene, {}))
+
+
+def test_a_sound_block():
+    result = check()
+    assert result.warnings == ()
+    assert result.n_cells == result.full_cells == 8
+    assert result.n_nodes == 125
+    assert result.n_points == result.n_contact_points == 98
+    assert result.n_triangles == 192
+    assert result.volume == pytest.approx(1.25e-4, rel=1e-12)
+    assert result.area == pytest.approx(0.015, rel=1e-12)
+    assert result.mass == pytest.approx(0.125, rel=1e-12)
+    assert result.centre == pytest.approx((0, 0, 0.025), abs=1e-15)
+    assert result.smallest_fill == 1.0
+
+
+@pytest.mark.parametrize(
+    ("cell", "material", "words"),
+    [
+        ([0.05, 0.0125, 0.0125], {}, "stretched 4.0 to 1"),
+        (0.05, {}, "one cell through the thickness"),
+        (0.025, {"poisson": 0.4999}, "Poisson's ratio 0.4999"),
+        (0.025, {"density": 1.05}, "density of 1.05"),
+        (0.025, {"young": 0.02}, "Young's modulus 0.02"),
+    ],
+)
+def test_what_is_odd_is_said(cell, material, words):
+    assert any(words in warning for warning in check(cell, **material).warnings)

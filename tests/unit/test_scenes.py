@@ -1,0 +1,84 @@
+"""The scenes that ship: each validates, builds, and says what its header says; meshes are what their script makes."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from softseam_protocol.scene_file import load_scene, scene_from_bundle
+from softseam_services.body.build import build_body
+from softseam_services.body.check import check_body
+from softseam_services.tools.build import build_tools
+
+SCENES = Path(__file__).parents[2] / "scenes"
+NAMES = ["cantilever", "dumpling", "sausage", "tofu_grasp", "tofu_pads", "tofu_slab"]
+
+
+def maker() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_meshes", SCENES / "make_meshes.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_scene_is_listed():
+    assert sorted(path.stem for path in SCENES.glob("*.yaml")) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scene_builds(name):
+    loaded = load_scene(SCENES / f"{name}.yaml")
+    scene = scene_from_bundle(loaded.bundle)
+    assert scene.name == name
+    body = build_body(scene, loaded.bundle.files)
+    tools = build_tools(scene, body)
+    check = check_body(body)
+    assert check.warnings == () or name == "dumpling"
+    assert check.mass == pytest.approx(scene.body.material.density * check.volume, rel=1e-12)
+    assert tools.near.any() == bool(scene.motion)
+
+
+def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach():
+    """The reference wants plates clear of the cube at first; the switch wants them farther than `within`."""
+    loaded = load_scene(SCENES / "tofu_grasp.yaml")
+    scene = scene_from_bundle(loaded.bundle)
+    body, near = build_body(scene, {}), scene.regions.near
+    assert near is not None
+    assert near.within is not None
+    tools = build_tools(scene, body)
+    for t in np.flatnonzero(tools.near):
+        clear = abs(tools.position[t, 0]) - tools.shape[t, 0] - 0.025
+        assert near.within < clear < 0.016
+        assert tools.position[t, 2] - tools.shape[t, 2] >= 0.0009
+
+
+def test_cantilever_is_half_near():
+    scene = scene_from_bundle(load_scene(SCENES / "cantilever.yaml").bundle)
+    body = build_body(scene, {})
+    middles = body.x_rest[body.cell_nodes[:, 13]]
+    assert scene.regions.near is not None
+    (box,) = scene.regions.near.boxes
+    assert ((middles >= box.min) & (middles <= box.max)).all(axis=1).sum() == body.n_cells // 2
+    np.testing.assert_array_equal(body.fixed, body.x_rest[:, 0] == 0.0)
+
+
+@pytest.mark.parametrize("name", ["sausage.obj", "dumpling.obj"])
+def test_meshes_are_what_the_script_makes(name):
+    """To the last digit written, 0.1 um, whose rounding may differ between mathematical libraries."""
+    committed = (SCENES / name).read_text(encoding="ascii").splitlines()
+    made = maker().obj_text(name).splitlines()
+    assert len(made) == len(committed)
+    for a, b in zip(made, committed, strict=True):
+        if a.startswith("v "):
+            np.testing.assert_allclose(
+                np.array(a.split()[1:], dtype=float), np.array(b.split()[1:], dtype=float), rtol=0, atol=1.01e-4
+            )
+        else:
+            assert a == b
+    assert (SCENES / name).stat().st_size < 100_000
