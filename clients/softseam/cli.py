@@ -27,6 +27,7 @@ app = typer.Typer(
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
 Model = Literal["fem", "pbd", "hybrid"]
+Role = Literal["router", "fem", "pbd", "orchestrator", "recorder"]
 
 
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a bundled scene.")]
@@ -37,6 +38,13 @@ Endpoint = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. tools.left.friction=0.05. Repeatable."),
+]
+
+Deployment = Annotated[
+    str | None, typer.Option("--deployment", metavar="NAME", help="Keeps apart what shares a router; default: local.")
+]
+Recordings = Annotated[
+    Path | None, typer.Option("--recordings", metavar="FOLDER", help="Where the recorder writes; default: recordings.")
 ]
 
 
@@ -112,6 +120,49 @@ def check(scene: SceneArgument, settings: Settings = None) -> None:
     from softseam.checking import check_scene
 
     check_scene(scene, tuple(settings or ()), _out())
+
+
+@app.command(
+    epilog="[bold]Examples[/bold]\n\nsoftseam up\n\nsoftseam up -- softseam run tofu_grasp --connect tcp/127.0.0.1:7447"
+)
+def up(
+    command: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[-- COMMAND]", help="Run this once all services are ready, then stop."),
+    ] = None,
+    connect: Endpoint = None,
+    deployment: Deployment = None,
+    recordings: Recordings = None,
+) -> None:
+    """Run router, fem, pbd, orchestrator and recorder on this machine; what dies or freezes is restarted."""
+    from softseam.processes import up as run_all
+
+    raise typer.Exit(run_all(connect, deployment, recordings, tuple(command or ())))
+
+
+@app.command(
+    epilog="[bold]Examples[/bold]\n\nsoftseam serve router --connect tcp/0.0.0.0:7447\n\n"
+    "softseam serve fem --guard --connect tcp/router.example:7447"
+)
+def serve(
+    role: Annotated[Role, typer.Argument(help="What to serve.")],
+    connect: Endpoint = None,
+    deployment: Deployment = None,
+    recordings: Recordings = None,
+    guard: Annotated[bool, typer.Option("--guard", help="Restart it when it dies or freezes.")] = False,
+) -> None:
+    """Run one service until Ctrl-C: for several machines, containers, or a supervisor of your own."""
+    from softseam.processes import serve as run_one
+
+    raise typer.Exit(run_one(role, connect, deployment, recordings, guard=guard))
+
+
+@app.command(epilog="[bold]Example[/bold]\n\nsoftseam health --connect tcp/127.0.0.1:7447")
+def health(connect: Endpoint = None, deployment: Deployment = None) -> None:
+    """Which services are well; exit code 0 if all are, 1 if not, 2 where no router answers."""
+    from softseam.processes import health as ask
+
+    raise typer.Exit(ask(connect, deployment))
 
 
 @app.command()

@@ -11,8 +11,8 @@ from softseam_protocol.scene import MeshShape, Scene
 from softseam_protocol.scene_file import SceneError, bundle_scene
 from softseam_protocol.scene_file import load_scene as _load
 
-_INSTALLED = Path(__file__).parent / "scenes"
 _CHECKOUT = Path(__file__).parents[2] / "scenes"
+_INSTALLED = Path(__file__).parents[1] / "softseam_scenes"
 
 
 def scene_names() -> list[str]:
@@ -55,4 +55,4 @@ def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
 
 
 def _folder() -> Path:
-    return _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
+    return _CHECKOUT if (_CHECKOUT / "tofu_grasp.yaml").is_file() else _INSTALLED

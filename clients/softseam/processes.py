@@ -1,0 +1,78 @@
+"""Services of this machine: started, watched and asked from the command line. Loads them when they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from softseam.errors import BadInput, NoConnection, missing_extra
+
+if TYPE_CHECKING:
+    from softseam_services.bus_options import BusOptions
+
+ROLES = ("router", "fem", "pbd", "orchestrator", "recorder")
+PURPOSE = "running services"
+
+
+def serve(role: str, connect: str | None, deployment: str | None, directory: Path | None, *, guard: bool) -> int:
+    """Serve one role until SIGTERM or Ctrl-C; returns the exit code."""
+    try:
+        from softseam_services import launch
+    except ImportError as error:
+        raise missing_extra(error, PURPOSE) from error
+    return launch.serve(role, launch.ServeOptions(_options(connect, deployment), directory or launch.RECORDINGS, guard))
+
+
+def up(connect: str | None, deployment: str | None, directory: Path | None, command: tuple[str, ...]) -> int:
+    """Run all services until Ctrl-C, or until `command` has ended; returns the exit code."""
+    try:
+        from softseam_services import launch
+    except ImportError as error:
+        raise missing_extra(error, PURPOSE) from error
+    return launch.up(launch.UpOptions(_options(connect, deployment), directory or launch.RECORDINGS, command=command))
+
+
+@contextmanager
+def services(connect: str, directory: Path, report: Callable[[str], None], ready: float = 240.0) -> Iterator[None]:
+    """All services of this machine for as long as the context lasts; recordings go to `directory`.
+
+    report  told what the services say
+    ready   longest wait until all of them are ready, compilation included [s]
+    """
+    try:
+        from softseam_services import launch
+    except ImportError as error:
+        raise missing_extra(error, PURPOSE) from error
+    options = launch.UpOptions(_options(connect, None), directory)
+    with launch.supervisor(options, report) as supervisor:
+        if not supervisor.wait_ready(ready):
+            raise NoConnection(supervisor.failure or f"the services were not ready within {ready:g} s")
+        yield
+
+
+def health(connect: str | None, deployment: str | None) -> int:
+    """Print which services are well; 0 if all are."""
+    try:
+        from softseam_services.__main__ import show_health
+    except ImportError as error:
+        raise missing_extra(error, PURPOSE) from error
+    return show_health(replace(_options(connect, deployment), listen="", wait=3.0), ROLES)
+
+
+def _options(connect: str | None, deployment: str | None) -> BusOptions:
+    """Options from the environment, changed by what the user says. Raises BadInput."""
+    from softseam_protocol.topics import checked
+    from softseam_services.bus_options import BusOptions
+
+    options = BusOptions.from_environment()
+    try:
+        return replace(
+            options,
+            connect=connect or options.connect,
+            deployment=checked("deployment", deployment or options.deployment),
+        )
+    except ValueError as error:
+        raise BadInput(str(error)) from None
