@@ -79,7 +79,8 @@ def _array_reader(where: str, array: Array) -> Callable[[Any], Any]:
     name, dtype, rank = array.name, array.dtype, len(array.shape)
     itemsize, is_float = dtype.itemsize, dtype.kind == "f"
     fixed = tuple((axis, n) for axis, n in enumerate(array.shape) if n is not None)
-    frombuffer = np.frombuffer
+    # vdot, for dot warns when it overflows
+    frombuffer, vdot = np.frombuffer, np.vdot
 
     def check_floats(values: Any) -> None:
         """The exact test, after the fast one raised a suspicion."""
@@ -107,8 +108,8 @@ def _array_reader(where: str, array: Array) -> Callable[[Any], Any]:
             return np.zeros(shape, dtype)
         values = frombuffer(bytearray(data), dtype)
         if is_float:
-            # the square's sum is finite only if every entry is; overflow is settled by the exact test
-            if not math.isfinite(values.dot(values)):
+            # the squares' sum is finite only if every entry is; overflow is settled by the exact test
+            if not math.isfinite(vdot(values, values)):
                 check_floats(values)
         elif array.least is not None and values.min() < array.least:
             raise _Wrong(f"{where}: entry {int(values.argmin())} is {values.min()}, less than {array.least}")

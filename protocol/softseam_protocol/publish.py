@@ -1,6 +1,6 @@
 """What other languages and editors read: `softseam.proto`, `scene.schema.json`, and the lock of field numbers.
 
-    python -m softseam_protocol.publish        writes them, run from the repository's root
+python -m softseam_protocol.publish        writes them, run from the repository's root
 """
 
 from __future__ import annotations
