@@ -120,7 +120,7 @@ class RegionRule:
     patience: int = 20
     """steps a cell stays near after its last reason"""
     min_patch: int = 4
-    """far patches beside the near region with fewer cells become near"""
+    """far patches beside the near region with fewer cells (or fewer than a sixth of a small body's) become near"""
     max_cells: int | None = None
     """most cells raised in one switch, closest first, before patches are cleaned; None for all"""
 
@@ -180,8 +180,9 @@ class RegionRule:
         """The smallest growth of `near` found that has no far islands and no edge or corner contacts."""
         near = near.copy()
         label, stack = np.empty((2, grid.n_cells), dtype=np.int32)
+        min_patch = min(self.min_patch, max(1, grid.n_cells // 6))
         while True:
-            added = fill_islands(near, grid.neighbours, self.min_patch, label, stack)
+            added = fill_islands(near, grid.neighbours, min_patch, label, stack)
             added += mend_contacts(near, was_near, distance, grid.blocks)
             if added == 0:
                 return near
