@@ -1,0 +1,287 @@
+"""Forces, tangents, energies and stresses of hex27 cells with split quadrature (fem/hex27.py, eq. 1).
+
+With w_q = f_q V/8, H = cof F and the volumetric part of the material, s = dpsi_J/dJ, ds = d2psi_J/dJ2:
+  f_ia = sum_q w_q (mu F + s H)_ij dN_a,j + mean(f) mu sum_b S_ab x_ib                                          (1)
+  K_ia,kb = delta_ik L_ab + sum_q w_q [(ds + s/J) h_ia h_kb - s/J h_ka h_ib],  h_a = H grad N_a                 (2)
+For the small-strain material F = I in H, and the remainder stress of its file takes the place of s H:
+  f_ia = sum_q w_q (mu F + mu F^T + (lambda tr(F - I) - 2 mu) I)_ij dN_a,j + ...                                (3)
+  K_ia,kb = delta_ik L_ab + sum_q w_q [lambda dN_a,i dN_b,k + mu dN_a,k dN_b,i]                                 (4)
+so that both share one loop: K = delta_ik L_ab + sum_q (A_q h_ia h_kb + B_q h_ka h_ib).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.body.materials.neo_hookean import volumetric
+from softseam_services.fem.kernels.lapack import multiply
+
+LANES = 32  # nodes of a cell, padded so that loops over them fill vector registers
+
+
+@njit(cache=True, error_model="numpy")
+def gather(x, cell_nodes, xe):
+    """Node positions relative to each cell's centre node, which keeps rounding small far from the origin.
+
+    x (n, 3), cell_nodes (c, 27); xe (c, 3, 27) updated in place
+    """
+    for cell in range(len(cell_nodes)):
+        centre = cell_nodes[cell, 13]
+        cx, cy, cz = x[centre, 0], x[centre, 1], x[centre, 2]
+        for a in range(27):
+            node = cell_nodes[cell, a]
+            xe[cell, 0, a] = x[node, 0] - cx
+            xe[cell, 1, a] = x[node, 1] - cy
+            xe[cell, 2, a] = x[node, 2] - cz
+
+
+@njit(cache=True, error_model="numpy")
+def deformation(x, model, work):
+    """Fill work.xe and work.F: deformation gradients at the octants' points, F[c, i, 3 q + j] (c, 3, 24)."""
+    gather(x, model.cell_nodes, work.xe)
+    multiply(work.xe, model.gradient, work.F, 3 * len(model.cell_nodes), 24, 27, False, work.ints)
+
+
+@njit(cache=True, error_model="numpy")
+def point_stress(F, at, linear, mu, lam, weight, P):
+    """Write w P of eq. (1) or (3) for the 3 columns at `at` of F (3, 24) into P (3, 24); returns J."""
+    f00, f01, f02 = F[0, at], F[0, at + 1], F[0, at + 2]
+    f10, f11, f12 = F[1, at], F[1, at + 1], F[1, at + 2]
+    f20, f21, f22 = F[2, at], F[2, at + 1], F[2, at + 2]
+    wm = weight * mu
+    if linear:
+        pressure = weight * (lam * (f00 + f11 + f22 - 3.0) - 2.0 * mu)
+        P[0, at], P[0, at + 1], P[0, at + 2] = 2.0 * wm * f00 + pressure, wm * (f01 + f10), wm * (f02 + f20)
+        P[1, at], P[1, at + 1], P[1, at + 2] = wm * (f01 + f10), 2.0 * wm * f11 + pressure, wm * (f12 + f21)
+        P[2, at], P[2, at + 1], P[2, at + 2] = wm * (f02 + f20), wm * (f12 + f21), 2.0 * wm * f22 + pressure
+        return 1.0
+    h00, h01, h02 = f11 * f22 - f12 * f21, f12 * f20 - f10 * f22, f10 * f21 - f11 * f20
+    J = f00 * h00 + f01 * h01 + f02 * h02
+    ws = weight * volumetric(J, mu, lam)[1]
+    P[0, at] = wm * f00 + ws * h00
+    P[0, at + 1] = wm * f01 + ws * h01
+    P[0, at + 2] = wm * f02 + ws * h02
+    P[1, at] = wm * f10 + ws * (f02 * f21 - f01 * f22)
+    P[1, at + 1] = wm * f11 + ws * (f00 * f22 - f02 * f20)
+    P[1, at + 2] = wm * f12 + ws * (f01 * f20 - f00 * f21)
+    P[2, at] = wm * f20 + ws * (f01 * f12 - f02 * f11)
+    P[2, at + 1] = wm * f21 + ws * (f02 * f10 - f00 * f12)
+    P[2, at + 2] = wm * f22 + ws * (f00 * f11 - f01 * f10)
+    return J
+
+
+@njit(cache=True, error_model="numpy")
+def subtract_forces(x, model, work, r):
+    """r <- r - f(x), eqs. (1) and (3), in elimination order; returns the least J and the cell where it occurs.
+
+    x (n, 3), r (3 n_free,) updated in place; work.xe, work.F, work.P are overwritten
+    """
+    deformation(x, model, work)
+    mu, lam = model.mu, model.lambda_
+    least, worst = np.inf, -1
+    n_cells = len(model.cell_nodes)
+    for cell in range(n_cells):
+        for q in range(8):
+            J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, model.weight[cell, q], work.P[cell])
+            if not least <= J:
+                least, worst = J, cell
+    multiply(work.P, model.gradient_t, work.fe, 3 * n_cells, 27, 24, False, work.ints)
+    if model.partial:
+        for cell in range(n_cells):
+            for i in range(3):
+                for a in range(27):
+                    work.xe[cell, i, a] *= model.mean_fill[cell]
+    multiply(work.xe, model.stabilisation, work.fe, 3 * n_cells, 27, 27, True, work.ints)
+    for cell in range(n_cells):
+        for a in range(27):
+            place = model.cell_order[cell, a]
+            if place >= 0:
+                r[3 * place] -= work.fe[cell, 0, a]
+                r[3 * place + 1] -= work.fe[cell, 1, a]
+                r[3 * place + 2] -= work.fe[cell, 2, a]
+    return least, worst
+
+
+@njit(cache=True, error_model="numpy")
+def _least_square_stretch(F, at):
+    """Least eigenvalue of F^T F, from the trigonometric solution of the cubic."""
+    c00 = c11 = c22 = c01 = c02 = c12 = 0.0
+    for i in range(3):
+        a, b, c = F[i, at], F[i, at + 1], F[i, at + 2]
+        c00 += a * a
+        c11 += b * b
+        c22 += c * c
+        c01 += a * b
+        c02 += a * c
+        c12 += b * c
+    mean = (c00 + c11 + c22) / 3.0
+    d0, d1, d2 = c00 - mean, c11 - mean, c22 - mean
+    size = np.sqrt((d0 * d0 + d1 * d1 + d2 * d2 + 2.0 * (c01 * c01 + c02 * c02 + c12 * c12)) / 6.0)
+    if size <= 1e-14 * mean:
+        return mean
+    det = d0 * (d1 * d2 - c12 * c12) - c01 * (c01 * d2 - c12 * c02) + c02 * (c01 * c12 - d1 * c02)
+    cosine = min(1.0, max(-1.0, 0.5 * det / (size * size * size)))
+    return max(0.0, mean + 2.0 * size * np.cos((np.arccos(cosine) + 2.0 * np.pi) / 3.0))
+
+
+@njit(cache=True, error_model="numpy")
+def _point_factors(F, at, linear, mu, lam, weight, safe, H):
+    """A_q, B_q of the module's last line; H (3, 3) = cof F (or I) updated in place.
+
+    safe: |B| is kept below mu times the least square stretch, which makes the cell's matrix positive semi-definite:
+    with dF = G F the rest is mu |dF|^2 + B tr(G G) + A' tr(G)^2 (times J^2 in B), and |G|^2 <= |dF|^2 / stretch^2.
+    """
+    if linear:
+        for i in range(3):
+            for j in range(3):
+                H[i, j] = 1.0 if i == j else 0.0
+        return weight * lam, weight * mu
+    f00, f01, f02 = F[0, at], F[0, at + 1], F[0, at + 2]
+    f10, f11, f12 = F[1, at], F[1, at + 1], F[1, at + 2]
+    f20, f21, f22 = F[2, at], F[2, at + 1], F[2, at + 2]
+    H[0, 0], H[0, 1], H[0, 2] = f11 * f22 - f12 * f21, f12 * f20 - f10 * f22, f10 * f21 - f11 * f20
+    H[1, 0], H[1, 1], H[1, 2] = f02 * f21 - f01 * f22, f00 * f22 - f02 * f20, f01 * f20 - f00 * f21
+    H[2, 0], H[2, 1], H[2, 2] = f01 * f12 - f02 * f11, f02 * f10 - f00 * f12, f00 * f11 - f01 * f10
+    J = f00 * H[0, 0] + f01 * H[0, 1] + f02 * H[0, 2]
+    _, s, ds = volumetric(J, mu, lam)
+    divisor = J if abs(J) > 1e-3 else (1e-3 if J >= 0.0 else -1e-3)
+    b = -s / divisor
+    if safe:
+        limit = mu * _least_square_stretch(F, at) / (divisor * divisor)
+        b = min(limit, max(-limit, b))
+        return weight * max(0.0, ds - b), weight * b
+    return weight * (ds - b), weight * b
+
+
+@njit(cache=True, error_model="numpy")
+def _block_row(a, h, A, B, L, row):
+    """row[(3 i + k) * LANES + b] <- K_ia,kb of eq. (2) for all b; h[(3 q + i) * LANES + b] = h_ib at point q."""
+    for b in range(9 * LANES):
+        row[b] = 0.0
+    for b in range(27):
+        row[b] = row[4 * LANES + b] = row[8 * LANES + b] = L[a, b]
+    for q in range(8):
+        at = 3 * q * LANES
+        hx, hy, hz = h[at + a], h[at + LANES + a], h[at + 2 * LANES + a]
+        ax, ay, az = A[q] * hx, A[q] * hy, A[q] * hz
+        bx, by, bz = B[q] * hx, B[q] * hy, B[q] * hz
+        cx, cy, cz = ax + bx, ay + by, az + bz
+        for b in range(LANES):
+            x, y, z = h[at + b], h[at + LANES + b], h[at + 2 * LANES + b]
+            row[b] += cx * x
+            row[LANES + b] += ax * y + by * x
+            row[2 * LANES + b] += ax * z + bz * x
+            row[3 * LANES + b] += ay * x + bx * y
+            row[4 * LANES + b] += cy * y
+            row[5 * LANES + b] += ay * z + bz * y
+            row[6 * LANES + b] += az * x + bx * z
+            row[7 * LANES + b] += az * y + by * z
+            row[8 * LANES + b] += cz * z
+
+
+@njit(cache=True, error_model="numpy")
+def add_cell_tangents(x, model, tree, work, safe):
+    """Add K of eq. (2) at x, every cell into its front of work.values (lower triangle), updated in place."""
+    deformation(x, model, work)
+    h, row = work.h, work.row
+    A, B, H = np.empty(8), np.empty(8), np.empty((3, 3))
+    for cell in range(len(model.cell_nodes)):
+        for q in range(8):
+            weight = model.weight[cell, q]
+            A[q], B[q] = _point_factors(
+                work.F[cell], 3 * q, model.linear, model.mu, model.lambda_, weight, safe, H
+            )
+            for i in range(3):
+                h0, h1, h2 = H[i, 0], H[i, 1], H[i, 2]
+                at = (3 * q + i) * LANES
+                for b in range(LANES):
+                    g = model.lanes
+                    h[at + b] = h0 * g[3 * q, b] + h1 * g[3 * q + 1, b] + h2 * g[3 * q + 2, b]
+        front = tree.cell_front[cell]
+        offset, m = tree.meta[front, 4], 3 * tree.meta[front, 2]
+        place = tree.cell_place[cell]
+        L = model.laplacian[model.pattern[cell]]
+        for a in range(27):
+            if place[a] < 0:
+                continue
+            _block_row(a, h, A, B, L, row)
+            for b in range(a + 1):
+                if place[b] < 0:
+                    continue
+                _add_block(work.values, offset, m, 3 * place[a], 3 * place[b], row, b)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_block(values, offset, m, pa, pb, row, b):
+    """Add the 3 x 3 block row[(3 i + k) * LANES + b] at node places pa, pb (times 3), in the lower triangle."""
+    if pa >= pb:
+        for k in range(3):
+            at = offset + (pb + k) * m + pa
+            values[at] += row[k * LANES + b]
+            values[at + 1] += row[(3 + k) * LANES + b]
+            values[at + 2] += row[(6 + k) * LANES + b]
+    else:
+        for i in range(3):
+            at = offset + (pa + i) * m + pb
+            values[at] += row[3 * i * LANES + b]
+            values[at + 1] += row[(3 * i + 1) * LANES + b]
+            values[at + 2] += row[(3 * i + 2) * LANES + b]
+
+
+@njit(cache=True, error_model="numpy")
+def strain_energy(x, model, work):
+    """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(f) mu/2 sum_ab S_ab x_a . x_b."""
+    deformation(x, model, work)
+    mu, lam = model.mu, model.lambda_
+    n_cells = len(model.cell_nodes)
+    multiply(work.xe, model.stabilisation, work.fe, 3 * n_cells, 27, 27, False, work.ints)
+    total = 0.0
+    for cell in range(n_cells):
+        F = work.F[cell]
+        for q in range(8):
+            at = 3 * q
+            square = cross = 0.0
+            for i in range(3):
+                for j in range(3):
+                    f = F[i, at + j] - (1.0 if i == j else 0.0)
+                    square += f * f
+                    cross += f * (F[j, at + i] - (1.0 if i == j else 0.0))
+            trace = F[0, at] + F[1, at + 1] + F[2, at + 2] - 3.0
+            if model.linear:
+                density = 0.5 * mu * (square + cross) + 0.5 * lam * trace * trace
+            else:
+                # F : F - 3 = |F - I|^2 + 2 tr(F - I): no cancellation near rest
+                J = F[0, at] * (F[1, at + 1] * F[2, at + 2] - F[1, at + 2] * F[2, at + 1])
+                J += F[0, at + 1] * (F[1, at + 2] * F[2, at] - F[1, at] * F[2, at + 2])
+                J += F[0, at + 2] * (F[1, at] * F[2, at + 1] - F[1, at + 1] * F[2, at])
+                density = 0.5 * mu * (square + 2.0 * trace) + volumetric(J, mu, lam)[0]
+            total += model.weight[cell, q] * density
+        quadratic = 0.0
+        for i in range(3):
+            for a in range(27):
+                quadratic += work.xe[cell, i, a] * work.fe[cell, i, a]
+        total += 0.5 * model.mean_fill[cell] * quadratic
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def cauchy_stress(x, model, work, out):
+    """Cauchy stress xx yy zz yz xz xy at the 8 octants' Gauss points; out (c, 8, 6) [Pa] updated in place.
+
+    P F^T / J; zero in an empty octant.
+    """
+    deformation(x, model, work)
+    P = np.zeros((3, 24))
+    for cell in range(len(model.cell_nodes)):
+        F = work.F[cell]
+        for q in range(8):
+            at = 3 * q
+            J = point_stress(F, at, model.linear, model.mu, model.lambda_, 1.0, P)
+            for n in range(6):
+                i, j = (0, 1, 2, 1, 0, 0)[n], (0, 1, 2, 2, 2, 1)[n]
+                if model.linear:
+                    sigma = P[i, at + j]
+                else:
+                    sigma = (P[i, at] * F[j, at] + P[i, at + 1] * F[j, at + 1] + P[i, at + 2] * F[j, at + 2]) / J
+                out[cell, q, n] = sigma if model.filled[cell, q] else 0.0

@@ -1,0 +1,194 @@
+"""Contact of surface points with rigid tools: augmented Lagrangian, Coulomb friction with true stick and slip.
+
+A candidate is a pair (point, tool) that may touch in this step. With the multiplier f of the last step split along the
+tool's normal n into lambda_n = f . n and lambda_t, the gap g at the end of the step, the tangential displacement D of
+the point relative to the tool over the step, and the penalty r [N/m]:
+  p = max(0, lambda_n - r g),   t = lambda_t - r D,   tau = t min(1, mu p/|t|)                                  (1)
+and p n + tau is both the force on the body and the next multiplier: in a hold the gap and the slip tend to zero.
+Tangent -df/dx, symmetric and positive definite, dp/dx in the friction bound dropped:
+  stick  r I,    slip  r (B/|t|)(I - n n^T - q e e^T) + r n n^T,   B = mu p,  e = t/|t|                         (2)
+with q = 1/2 where the same contact slipped the same way in the iterate before, else 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
+
+OPEN, STICK, SLIP = 0, 1, 2
+# columns of work.contact
+GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
+N_COLUMNS = 13
+
+
+@njit(cache=True, error_model="numpy")
+def point_position(x, model, point, out):
+    """out (3,) <- position of a surface point, the weighted sum of its nodes."""
+    out[0] = out[1] = out[2] = 0.0
+    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        node, weight = model.point_node[entry], model.point_weight[entry]
+        out[0] += weight * x[node, 0]
+        out[1] += weight * x[node, 1]
+        out[2] += weight * x[node, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def find_candidates(x, model, tools, multiplier, reach, work):
+    """Pairs whose gap to the tool at the end of the step is below `reach`, that carry a force, or that the factor has.
+
+    x (n, 3) positions at the start, multiplier (p, t, 6) contact state at the start; fills work.pair, work.start,
+    work.multiplier and resets the states; returns how many.
+    """
+    n_tools = len(tools.kind)
+    xp = np.empty(3)
+    count = 0
+    for point in range(len(model.point_stiffness)):
+        if model.point_stiffness[point] == 0.0:
+            continue
+        point_position(x, model, point, xp)
+        for tool in range(n_tools):
+            kind, shape = tools.kind[tool], tools.shape[tool]
+            gap = tool_gap(kind, shape, tools.position_next[tool], tools.orientation_next[tool], xp)[0]
+            f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
+            touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
+            if gap < reach or touched or work.factored_state[point, tool] != OPEN:
+                work.pair[count, 0] = point
+                work.pair[count, 1] = tool
+                work.start[count] = xp
+                work.multiplier[count, 0] = f0
+                work.multiplier[count, 1] = f1
+                work.multiplier[count, 2] = f2
+                work.state[count] = OPEN
+                work.contact[count] = 0.0
+                count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def evaluate_contacts(x, model, tools, count, work):
+    """Eq. (1) for every candidate: fills work.contact and work.state.
+
+    Returns how many candidates touch whose stiffness the factor does not have.
+    """
+    xp, previous = np.empty(3), np.empty(3)
+    missing = 0
+    for c in range(count):
+        point, tool = work.pair[c, 0], work.pair[c, 1]
+        row = work.contact[c]
+        point_position(x, model, point, xp)
+        orientation = tools.orientation_next[tool]
+        gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
+        f = work.multiplier[c]
+        stiffness = model.point_stiffness[point]
+        along = f[0] * nx + f[1] * ny + f[2] * nz
+        pressure = max(0.0, along) - stiffness * gap
+        was = work.state[c]
+        row[GAP] = gap
+        if pressure <= 0.0:
+            row[PRESSURE:] = 0.0
+            work.state[c] = OPEN
+            continue
+        # where the tool's material point that is now at xp was when the step began
+        bx, by, bz = rotate_back(
+            orientation,
+            xp[0] - tools.position_next[tool, 0],
+            xp[1] - tools.position_next[tool, 1],
+            xp[2] - tools.position_next[tool, 2],
+        )
+        bx, by, bz = rotate(tools.orientation[tool], bx, by, bz)
+        previous[0] = tools.position[tool, 0] + bx
+        previous[1] = tools.position[tool, 1] + by
+        previous[2] = tools.position[tool, 2] + bz
+        dx, dy, dz = previous[0] - work.start[c, 0], previous[1] - work.start[c, 1], previous[2] - work.start[c, 2]
+        across = dx * nx + dy * ny + dz * nz
+        dx, dy, dz = dx - across * nx, dy - across * ny, dz - across * nz
+        tx = f[0] - along * nx - stiffness * dx
+        ty = f[1] - along * ny - stiffness * dy
+        tz = f[2] - along * nz - stiffness * dz
+        size = np.sqrt(tx * tx + ty * ty + tz * tz)
+        bound = tools.friction[tool] * pressure
+        sticks = size <= bound
+        scale = 1.0 if sticks else bound / size
+        same_way = row[TRACTION] * tx + row[TRACTION + 1] * ty + row[TRACTION + 2] * tz > 0.0
+        row[RELAXED] = 0.5 if (not sticks and was == SLIP and same_way) else 0.0
+        row[PRESSURE] = pressure
+        row[NORMAL], row[NORMAL + 1], row[NORMAL + 2] = nx, ny, nz
+        row[TRACTION], row[TRACTION + 1], row[TRACTION + 2] = scale * tx, scale * ty, scale * tz
+        row[TRIAL] = size
+        row[SLIDE], row[SLIDE + 1], row[SLIDE + 2] = dx, dy, dz
+        work.state[c] = STICK if sticks else SLIP
+        missing += work.factored_state[point, tool] == OPEN
+    return missing
+
+
+@njit(cache=True, error_model="numpy")
+def add_contact_forces(model, count, work, r):
+    """r <- r + p n + tau on the nodes of each touching point, in elimination order; r updated in place."""
+    for c in range(count):
+        if work.state[c] == OPEN:
+            continue
+        row = work.contact[c]
+        point = work.pair[c, 0]
+        fx = row[PRESSURE] * row[NORMAL] + row[TRACTION]
+        fy = row[PRESSURE] * row[NORMAL + 1] + row[TRACTION + 1]
+        fz = row[PRESSURE] * row[NORMAL + 2] + row[TRACTION + 2]
+        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            place = model.point_place[entry]
+            if place >= 0:
+                weight = model.point_weight[entry]
+                r[3 * place] += weight * fx
+                r[3 * place + 1] += weight * fy
+                r[3 * place + 2] += weight * fz
+
+
+@njit(cache=True, error_model="numpy")
+def add_contact_tangents(model, tools, tree, count, work):
+    """Add eq. (2) for every touching candidate to the front of the point's cell in work.values, updated in place."""
+    block = np.empty((3, 3))
+    for c in range(count):
+        row = work.contact[c]
+        point, tool = work.pair[c, 0], work.pair[c, 1]
+        work.factored_state[point, tool] = work.state[c]
+        if work.state[c] == OPEN:
+            continue
+        stiffness = model.point_stiffness[point]
+        tangential = stiffness
+        relaxed = 0.0
+        if work.state[c] == SLIP:
+            tangential = stiffness * tools.friction[tool] * row[PRESSURE] / row[TRIAL]
+            traction = tools.friction[tool] * row[PRESSURE]
+            relaxed = tangential * row[RELAXED] / (traction * traction) if traction > 0.0 else 0.0
+        for i in range(3):
+            for j in range(3):
+                block[i, j] = (stiffness - tangential) * row[NORMAL + i] * row[NORMAL + j]
+                block[i, j] -= relaxed * row[TRACTION + i] * row[TRACTION + j]
+            block[i, i] += tangential
+        cell = model.point_cell[point]
+        front = tree.cell_front[cell]
+        offset, m = tree.meta[front, 4], 3 * tree.meta[front, 2]
+        for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            place_a = tree.cell_place[cell, model.point_local[a]]
+            if place_a < 0:
+                continue
+            for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
+                place_b = tree.cell_place[cell, model.point_local[b]]
+                if place_b < 0 or place_b > place_a:
+                    continue
+                weight = model.point_weight[a] * model.point_weight[b]
+                for k in range(3):
+                    for i in range(3):
+                        work.values[offset + (3 * place_b + k) * m + 3 * place_a + i] += weight * block[i, k]
+
+
+@njit(cache=True, error_model="numpy")
+def augment(count, work):
+    """Take the forces as multipliers; returns the deepest penetration [m]."""
+    deepest = 0.0
+    for c in range(count):
+        row = work.contact[c]
+        deepest = max(deepest, -row[GAP])
+        for i in range(3):
+            work.multiplier[c, i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]
+    return deepest

@@ -1,0 +1,215 @@
+"""What a region's FEM computes with: frozen arrays, built once from body, region and tools."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.interpolate import point_weights
+from softseam_services.fem.dissection import Tree, dissect
+from softseam_services.fem.hex27 import cell_tables
+from softseam_services.fem.kernels.cells import LANES
+from softseam_services.fem.kernels.contact import N_COLUMNS
+
+# An octant that the body does not fill keeps this share of stiffness, so that its nodes stay where their cell takes
+# them and the matrix stays regular; it changes a partly filled cell by as much.
+FILL_FLOOR = 1e-3
+# Contact penalty r = PENALTY E A / h at a surface point, h the spacing of nodes: softer lets points sink in between steps, stiffer slows
+# the stick-slip iteration.
+PENALTY = 20.0
+# Columns of Anderson acceleration.
+MEMORY = 8
+
+
+class FemModel(NamedTuple):
+    """n nodes, c cells, p surface points, s seam nodes. A plain tuple of arrays for the kernels."""
+
+    x_rest: Floats
+    """(n, 3) [m]"""
+    mass: Floats
+    """(n,) [kg]"""
+    acceleration: Floats
+    """of gravity (3,) [m/s^2]"""
+    cell_nodes: Ints
+    """(c, 27)"""
+    cell_order: Ints
+    """elimination place of each cell's nodes, -1 for clamped nodes (c, 27)"""
+    order: Ints
+    """elimination place of each node, -1 for clamped nodes (n,)"""
+    linear: bool
+    """small-strain material"""
+    mu: float
+    lambda_: float
+    edge: float
+    """least edge of a cell [m]"""
+    weight: Floats
+    """f_q V/8, fill raised to FILL_FLOOR (c, 8) [m^3]"""
+    filled: NDArray[np.bool_]
+    """(c, 8)"""
+    mean_fill: Floats
+    """times mu, as the stabilisation below has mu in it: mean(f) only (c,)"""
+    partial: bool
+    """some cell is not full"""
+    gradient: Floats
+    """(27, 24) [1/m]"""
+    gradient_t: Floats
+    """(24, 27)"""
+    lanes: Floats
+    """the transpose, nodes padded to LANES with zeros (24, LANES)"""
+    stabilisation: Floats
+    """mu S (27, 27) [N/m]"""
+    laplacian: Floats
+    """L of each fill pattern (k, 27, 27) [N/m]"""
+    pattern: Ints
+    """fill pattern of each cell (c,)"""
+    seam: Ints
+    """(s,)"""
+    point_ptr: Ints
+    """(p + 1,)"""
+    point_node: Ints
+    point_place: Ints
+    """elimination place of point_node"""
+    point_local: Ints
+    """number of point_node in the point's cell"""
+    point_weight: Floats
+    point_cell: Ints
+    """(p,)"""
+    point_stiffness: Floats
+    """r, 0 at points that are for display only (p,) [N/m]"""
+
+
+class Tools(NamedTuple):
+    """Tools over one step (t tools), for the kernels."""
+
+    kind: Ints
+    shape: Floats
+    friction: Floats
+    near: NDArray[np.bool_]
+    position: Floats
+    orientation: Floats
+    position_next: Floats
+    orientation_next: Floats
+
+
+class Work(NamedTuple):
+    """Scratch of one solver; nothing in it outlives a step but the factor, and `snapshot` drops that."""
+
+    xe: Floats
+    F: Floats
+    P: Floats
+    fe: Floats
+    h: Floats
+    row: Floats
+    ints: Ints
+    values: Floats
+    """the fronts: matrix, then its factor"""
+    r: Floats
+    d: Floats
+    d_last: Floats
+    dx: Floats
+    q: Floats
+    s: Floats
+    t: Floats
+    pair: Ints
+    start: Floats
+    multiplier: Floats
+    contact: Floats
+    state: NDArray[np.int8]
+    factored_state: NDArray[np.int8]
+    """contact states that the factor holds (p, t)"""
+    x_hat: Floats
+    force: Floats
+    node_gap: Floats
+    seam_block: Floats
+
+
+def build_model(body: Body, region: Region) -> tuple[FemModel, Tree]:
+    """Tables, elimination tree and point weights of a region."""
+    n_nodes = len(region.nodes)
+    tree = dissect(region.cell_nodes, body.cell_grid[region.cells], n_nodes, region.fixed, region.seam)
+    tables = cell_tables(body.edges)
+    mu = body.material.mu
+    fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
+    weight = fill * (tables.volume / 8.0)
+    mean_fill = fill.mean(axis=1)
+    patterns, pattern = np.unique(fill, axis=0, return_inverse=True)
+    gradient = tables.gradient.reshape(27, 8, 3)
+    squares = np.einsum("aqi,bqi->qab", gradient, gradient) * (mu * tables.volume / 8.0)
+    laplacian = np.einsum("kq,qab->kab", patterns, squares)
+    laplacian += patterns.mean(axis=1)[:, None, None] * (mu * tables.stabilisation)
+    lanes = np.zeros((24, LANES))
+    lanes[:, :27] = tables.gradient_t
+    pointer, node, point_weight = point_weights(body, region, "fem")
+    of_point = np.repeat(np.arange(len(region.points)), np.diff(pointer))
+    local = np.argmax(region.cell_nodes[region.point_cell[of_point]] == node[:, None], axis=1)
+    spacing = 0.5 * float(body.edges.min())
+    stiffness = PENALTY * body.material.young * body.surface.area[region.points] / spacing
+    model = FemModel(
+        x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
+        mass=region.mass,
+        acceleration=body.gravity,
+        cell_nodes=region.cell_nodes,
+        cell_order=tree.position[region.cell_nodes],
+        order=tree.position,
+        linear=body.material.kind == "linear",
+        mu=mu,
+        lambda_=body.material.lambda_,
+        edge=float(body.edges.min()),
+        weight=weight,
+        filled=body.fill[region.cells] > 0.0,
+        mean_fill=mean_fill,
+        partial=bool(np.any(fill < 1.0)),
+        gradient=tables.gradient,
+        gradient_t=tables.gradient_t,
+        lanes=lanes,
+        stabilisation=mu * tables.stabilisation,
+        laplacian=np.ascontiguousarray(laplacian),
+        pattern=pattern.reshape(-1).astype(np.int32),
+        seam=region.seam,
+        point_ptr=pointer,
+        point_node=node,
+        point_place=tree.position[node],
+        point_local=local.astype(np.int32),
+        point_weight=point_weight,
+        point_cell=region.point_cell,
+        point_stiffness=stiffness,
+    )
+    return model, tree
+
+
+def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
+    """Scratch arrays of the right sizes."""
+    n_cells, n_nodes = model.cell_nodes.shape[0], len(model.mass)
+    n_free = int(np.count_nonzero(tree.position >= 0))
+    n_pairs = int(np.count_nonzero(model.point_stiffness)) * n_tools
+    widest_seam = int(np.max(np.diff(tree.seam_ptr), initial=0))
+    return Work(
+        xe=np.empty((n_cells, 3, 27)),
+        F=np.empty((n_cells, 3, 24)),
+        P=np.empty((n_cells, 3, 24)),
+        fe=np.empty((n_cells, 3, 27)),
+        h=np.zeros(24 * LANES),
+        row=np.zeros(9 * LANES),
+        ints=np.zeros(4, dtype=np.int32),
+        values=np.zeros(tree.n_values),
+        r=np.zeros(3 * n_free),
+        d=np.zeros(3 * n_free),
+        d_last=np.zeros(3 * n_free),
+        dx=np.zeros(3 * n_free),
+        q=np.zeros((MEMORY, 3 * n_free)),
+        s=np.zeros((MEMORY, 3 * n_free)),
+        t=np.zeros(3 * tree.widest),
+        pair=np.zeros((n_pairs, 2), dtype=np.int32),
+        start=np.zeros((n_pairs, 3)),
+        multiplier=np.zeros((n_pairs, 3)),
+        contact=np.zeros((n_pairs, N_COLUMNS)),
+        state=np.zeros(n_pairs, dtype=np.int8),
+        factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),
+        x_hat=np.zeros((n_nodes, 3)),
+        force=np.zeros((n_nodes, 3)),
+        node_gap=np.zeros(n_nodes),
+        seam_block=np.zeros(9 * widest_seam * widest_seam),
+    )

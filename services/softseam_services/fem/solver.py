@@ -1,0 +1,243 @@
+"""The FEM participant's solver: implicit Euler on hex27 cells, contact by augmented Lagrangian."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
+from softseam_protocol.scene import Scene
+
+from softseam_services.body.body import Body, Floats, Region
+from softseam_services.fem.kernels import step as kernel
+from softseam_services.fem.kernels.cells import cauchy_stress
+from softseam_services.fem.kernels.newton import (
+    CONVERGED,
+    INDEFINITE,
+    LEAST_J,
+    N_MEMO,
+    NOT_FINITE,
+    STALLED,
+    WORST_CELL,
+)
+from softseam_services.fem.model import Tools, build_model, build_work
+from softseam_services.fem.snapshot import pack, unpack
+from softseam_services.tools.tool_set import ToolSet
+
+_FAILURES = {
+    STALLED: "Newton's method did not converge",
+    INDEFINITE: "the stiffness matrix stayed indefinite",
+    NOT_FINITE: "forces grew beyond all bounds",
+}
+
+
+@dataclass
+class FemState:
+    """Everything of a region that evolves (n nodes, p surface points, t tools)."""
+
+    x: Floats
+    """(n, 3) [m]"""
+    v: Floats
+    """(n, 3) [m/s]"""
+    contact: Floats
+    """per point and tool: force on the body [N], slip since contact began [m] (p, t, 6)"""
+
+    def copy(self) -> FemState:
+        return FemState(self.x.copy(), self.v.copy(), self.contact.copy())
+
+
+class FemSolver:
+    """One region computed with finite elements; a `participant.Solver`."""
+
+    def __init__(
+        self, scene: Scene, body: Body, region: Region, tools: ToolSet, state: BodyState | None = None
+    ) -> None:
+        """state: of the whole body, taken over at a region switch; None is rest with the initial velocities."""
+        self._body, self._region, self._tools = body, region, tools
+        self._spec = scene.models.fem
+        n_tools = len(tools.names)
+        self._model, self._tree = build_model(body, region)
+        self._work = build_work(self._model, self._tree, n_tools)
+        self._memo = np.zeros(N_MEMO)
+        shape = (len(region.points), n_tools, 6)
+        if state is None:
+            x, v, contact = body.x_rest[region.nodes], body.v_initial[region.nodes], np.zeros(shape)
+        else:
+            x, v, contact = state.x[region.nodes], state.v[region.nodes], np.zeros(shape)
+            touching = np.flatnonzero(state.contact_tool[region.points] >= 0)
+            tool = state.contact_tool[region.points[touching]]
+            contact[touching, tool, :3] = state.contact_force[region.points[touching]]
+        self._committed = FemState(
+            np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(v, dtype=np.float64), contact
+        )
+        self._next = self._committed.copy()
+        self._tentative = False
+        self._step: tuple[int, int] | None = None
+        n_seam = len(region.seam)
+        self._wrench = np.zeros((n_tools, 6))
+        self._out = np.zeros(kernel.N_OUT)
+        self._seam_x = np.zeros((n_seam, 3))
+        self._inverse = np.zeros((3 * n_seam, 3 * n_seam))
+        self._distance = np.zeros(len(region.cells))
+        self._start = np.zeros_like(self._committed.x)
+        self._part = self._tool_tuple(
+            *(np.zeros((n_tools, width)) for width in (3, 4, 3, 4))
+        )
+
+    def _tool_tuple(self, position: Floats, orientation: Floats, position_next: Floats, orientation_next: Floats) -> Tools:
+        tools = self._tools
+        return Tools(
+            tools.kind, tools.shape, tools.friction, tools.near, position, orientation, position_next, orientation_next
+        )
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self._region.nodes)
+
+    @property
+    def state(self) -> FemState:
+        """State at the end of the last advanced step, or the committed one."""
+        return self._next if self._tentative else self._committed
+
+    def advance(self, request: Advance) -> Advanced:
+        """Advance tentatively by request.dt; a new step number commits the tentative step before it."""
+        began = time.perf_counter()
+        key = (request.header.epoch, request.header.step)
+        again = self._tentative and self._step == key
+        if not again:
+            self.commit()
+        self._step = key
+        now, end = self._committed, self._next
+        motion = request.tools
+        problem = self._refuse(request)
+        if problem:
+            return self._failed(request, problem, began)
+        if again:
+            self._start[:] = end.x
+        else:
+            np.multiply(now.v, request.dt, out=self._start)
+            self._start += now.x
+        whole = self._tool_tuple(
+            motion.position, motion.orientation, motion.position_next, motion.orientation_next
+        )
+        status = kernel.advance(
+            now.x, now.v, now.contact, request.dt, request.seam_force, self._start, self._model, self._tree, whole,
+            self._part, self._spec.tolerance * self._model.edge, self._spec.iterations, request.compliance, self._work,
+            self._memo, end.x, end.v, end.contact, self._wrench, self._out, self._seam_x, self._inverse, self._distance,
+        )  # fmt: skip
+        self._tentative = status == CONVERGED
+        return self._reply(request, "converged" if status == CONVERGED else self._why(status), began)
+
+    def _refuse(self, request: Advance) -> str:
+        """What makes the request impossible to serve, or ''."""
+        motion = request.tools
+        n_tools, n_seam = len(self._tools.names), len(self._region.seam)
+        if not (np.isfinite(request.dt) and request.dt > 0.0):
+            return f"the time step is {request.dt}: it must be finite and > 0 s"
+        if request.seam_force.shape != (n_seam, 3):
+            return f"the seam force has shape {request.seam_force.shape}, this region's seam needs ({n_seam}, 3)"
+        if not np.isfinite(request.seam_force).all():
+            return "the seam force is not finite: the seam solver must send finite multipliers"
+        poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
+        for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
+            if pose.shape != (n_tools, width) or not np.isfinite(pose).all():
+                return f"tool poses must be finite, of shape ({n_tools}, {width}): got {pose.shape}"
+        return ""
+
+    def _why(self, status: int) -> str:
+        cell = int(self._memo[WORST_CELL])
+        where = f"cell {self._region.cells[cell]} (J = {self._memo[LEAST_J]:.3g})" if cell >= 0 else "no cell"
+        return (
+            f"{_FAILURES[status]}, also in 32 sub-steps; worst is {where}: shorten the step, move the tools more "
+            "slowly, or refine the cells there"
+        )
+
+    def _failed(self, request: Advance, text: str, began: float) -> Advanced:
+        now, end = self._committed, self._next
+        end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
+        self._tentative = False
+        self._wrench[:] = 0.0
+        self._out[:] = 0.0
+        self._seam_x[:] = now.x[self._region.seam]
+        return self._reply(request, text, began)
+
+    def _reply(self, request: Advance, status: str, began: float) -> Advanced:
+        out = self._out
+        good = status == "converged"
+        return Advanced(
+            header=request.header,
+            status=status,
+            seam_x=self._seam_x.copy(),
+            compliance=self._inverse.copy() if request.compliance and good else np.zeros((0, 0)),
+            wrench=self._wrench.copy(),
+            kinetic=float(out[kernel.KINETIC]),
+            strain=float(out[kernel.STRAIN]),
+            gravity=float(out[kernel.GRAVITY]),
+            tool_work=float(out[kernel.TOOL_WORK]),
+            seam_work=float(out[kernel.SEAM_WORK]),
+            momentum=out[kernel.MOMENTUM : kernel.MOMENTUM + 3].copy(),
+            angular_momentum=out[kernel.ANGULAR : kernel.ANGULAR + 3].copy(),
+            penetration=float(out[kernel.PENETRATION]),
+            slip=float(out[kernel.SLIPPED]),
+            n_contacts=int(out[kernel.N_CONTACTS]),
+            iterations=int(out[kernel.N_ITERATIONS]),
+            seconds=time.perf_counter() - began,
+            cell_distance=self._distance.copy(),
+            bounds=out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3).copy(),
+        )
+
+    def commit(self) -> None:
+        """Accept the tentative step; does nothing if there is none."""
+        if self._tentative:
+            self._committed, self._next = self._next, self._committed
+            self._tentative = False
+
+    def fields(self, request_header: Header) -> Fields:
+        """Fields of the last advanced step."""
+        state, region = self.state, self._region
+        cauchy = np.zeros((len(region.cells), 8, 6))
+        cauchy_stress(state.x, self._model, self._work, cauchy)
+        weights = self._model.point_weight[:, None] * state.x[self._model.point_node]
+        point_x = np.add.reduceat(weights, self._model.point_ptr[:-1], axis=0) if len(weights) else np.zeros((0, 3))
+        force = state.contact[:, :, :3]
+        size = np.einsum("pti,pti->pt", force, force)
+        return Fields(
+            header=request_header,
+            nodes=region.nodes,
+            x=state.x.copy(),
+            v=state.v.copy(),
+            cauchy=cauchy,
+            points=region.points,
+            point_x=point_x,
+            contact_force=force.sum(axis=1),
+            contact_tool=_touched(size),
+        )
+
+    def snapshot(self) -> bytes:
+        """Commit, drop the factor and the first guess, and return the state."""
+        self.commit()
+        self._forget()
+        return pack(self._committed.x, self._committed.v, self._committed.contact)
+
+    def restore(self, state: bytes) -> None:
+        """Replace the state by one that `snapshot` of an equal region returned."""
+        now = self._committed
+        x, v, contact = unpack(state, now.x.shape, now.v.shape, now.contact.shape)
+        self._committed = FemState(x, v, contact)
+        self._next = self._committed.copy()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._tentative = False
+        self._step = None
+        self._memo[:] = 0.0
+        self._work.factored_state[:] = 0
+
+
+def _touched(size: Floats) -> NDArray[np.int32]:
+    """Tool with the largest force on each point, -1 for none; size (p, t) >= 0."""
+    if size.shape[1] == 0:
+        return np.full(len(size), -1, dtype=np.int32)
+    return np.where(size.max(axis=1) > 0.0, size.argmax(axis=1), -1).astype(np.int32)
