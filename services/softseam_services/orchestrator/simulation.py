@@ -284,7 +284,7 @@ class Simulation:
             if not coupled:
                 return replies, lambda_, 0.0, 1
             gap = replies[NEAR].seam_x - replies[FAR].seam_x
-            if compliance:
+            if compliance and replies[NEAR].compliance.size == replies[FAR].compliance.size:  # a failed solve has none
                 self._seam.reset(self._seam_state, replies[NEAR].compliance + replies[FAR].compliance)
                 self._fresh = False
             answer = self._seam.update(self._seam_state, lambda_, gap)

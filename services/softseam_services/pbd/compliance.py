@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from softseam_protocol.messages import ToolMotion
 
+from softseam_protocol.messages import ToolMotion
 from softseam_services.body.body import Floats
 
 from .blocks import build_blocks
@@ -12,8 +12,10 @@ from .kernels.probe import probe_seam
 from .kernels.sweep import new_workspace
 from .model import KAPPA, PbdModel
 
-LAYERS = 6
-"""blocks further from the seam than this many layers are held still: a step's waves hardly reach them"""
+REACH = 0.45
+"""blocks further from the seam than this share of a P wave's way in a step are held still: measured, what they would
+add to the compliance is below 3 %"""
+LEAST_LAYERS, MOST_LAYERS = 3, 8
 STRAIN = 1e-6
 """displacement that a probe aims at, in block edges"""
 
@@ -21,15 +23,17 @@ STRAIN = 1e-6
 class SeamProbe:
     """The blocks within some layers of the seam, numbered on their own."""
 
-    def __init__(self, model: PbdModel) -> None:
+    def __init__(self, model: PbdModel, dt: float) -> None:
         region = model.region
+        way = dt * model.body.material.wave_speed / float(model.blocks.edges.min())
+        layers = int(np.clip(np.ceil(REACH * way), LEAST_LAYERS, MOST_LAYERS))
         all_nodes = np.concatenate([model.blocks.nodes.transpose(0, 2, 1).reshape(-1, 8)])
         octants = model.blocks.octant.ravel()
         all_nodes, octants = all_nodes[octants >= 0], octants[octants >= 0]
         reached = np.zeros(model.n_nodes, dtype=np.bool_)
         reached[region.seam] = True
         inside = np.zeros(len(all_nodes), dtype=np.bool_)
-        for _ in range(LAYERS):
+        for _ in range(layers):
             inside = reached[all_nodes].any(axis=1)
             reached[all_nodes[inside]] = True
         blocks = build_blocks(model.body, region, model.spec.hourglass, only=octants[inside])
@@ -42,6 +46,7 @@ class SeamProbe:
         held[all_nodes[~inside]] = True
         held[region.seam] = False
         inverse_mass = np.where(held, 0.0, model.inverse_mass)[ids]
+        self._dt = dt
         self._model, self._ids, self._blocks = model, ids, blocks
         self._nodes = number[blocks.nodes]
         padded = np.concatenate([model.inverse_mass[ids], np.zeros(8)])
@@ -64,16 +69,21 @@ class SeamProbe:
         self._ws = new_workspace()
 
     @property
+    def dt(self) -> float:
+        """The step that the probe was built for [s]."""
+        return self._dt
+
+    @property
     def n_blocks(self) -> int:
         return int((self._blocks.octant >= 0).sum())
 
-    def compliance(self, x: Floats, force: Floats, motion: ToolMotion, dt: float, n_substeps: int) -> Floats:
+    def compliance(self, x: Floats, force: Floats, motion: ToolMotion) -> Floats:
         """d(seam x at the end of a step)/d(seam force), constant over the step, about the positions x (3s, 3s) [m/N].
 
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
         contacts stay as they are, tools stand still. Equal to the derivative of the step up to the motion within it.
         """
-        tools, blocks = self._model.tools, self._blocks
+        tools, blocks, dt = self._model.tools, self._blocks, self._dt
         seam_mass = self._xw[self._seam, 3]
         n_seam = len(self._seam)
         free = seam_mass[seam_mass > 0.0]
@@ -102,7 +112,7 @@ class SeamProbe:
             self._seam,
             probe,
             dt,
-            n_substeps,
+            self._model.substeps(dt),
             self._model.spec.sweeps,
             KAPPA,
             result,

@@ -5,14 +5,15 @@ from __future__ import annotations
 import time
 
 import numpy as np
+
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
 from softseam_protocol.scene import Scene
-
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.tools.tool_set import ToolSet
 
 from .compliance import SeamProbe
 from .kernels import substep as k
+from .kernels.contact import place_points
 from .kernels.stress import octant_stress
 from .kernels.sweep import block_forces, exact_stress, new_workspace
 from .model import KAPPA, build_model
@@ -117,8 +118,13 @@ class PbdSolver:
         iterations = 0
         fault = "a tool pose, the seam force or dt is not finite: check the request"
         if np.isfinite(request.dt) and request.dt > 0.0 and _finite(request):
-            for _ in range(RETRIES + 1):
+            for attempt in range(RETRIES + 1):
                 np.copyto(work.buffer, committed.buffer)
+                if attempt:
+                    # Forces of a torn shape would throw the nodes apart; without them the blocks pull from zero.
+                    work.stress[:] = 0.0
+                    work.a[:] = 0.0
+                    work.force[:] = 0.0
                 k.advance_step(
                     work.x,
                     work.v,
@@ -184,11 +190,9 @@ class PbdSolver:
         )
 
     def _compliance(self, request: Advance) -> Floats:
-        if self._probe is None:
-            self._probe = SeamProbe(self.model)
-        n_substeps = self.model.substeps(request.dt)
-        state = self._committed
-        return self._probe.compliance(state.x, state.force, request.tools, request.dt, n_substeps)
+        if self._probe is None or self._probe.dt != request.dt:
+            self._probe = SeamProbe(self.model, request.dt)
+        return self._probe.compliance(self._committed.x, self._committed.force, request.tools)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
@@ -206,7 +210,7 @@ class PbdSolver:
         blocks = model.blocks
         octant_stress(self._ws, self._xw, blocks.nodes, blocks.octant, blocks.constants, blocks.linear, cauchy)
         point_x = np.zeros((model.n_points, 3))
-        k.place_points(self._xw, model.indptr, model.node, model.weight, point_x)
+        place_points(self._xw, model.indptr, model.node, model.weight, point_x)
         size = np.einsum("ptc,ptc->pt", state.force_mean, state.force_mean)
         tool = np.full(model.n_points, -1, dtype=np.int32)
         if model.n_tools and model.n_points:

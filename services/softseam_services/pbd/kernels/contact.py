@@ -1,6 +1,6 @@
 """Contact of surface points with rigid tools at position level: exact non-penetration, Coulomb friction that sticks.
 
-Each pair (point, tool) carries its force in the stress form of the blocks: a normal part p >= 0 and a tangential part t.
+Each pair (point, tool) carries its force as blocks carry their stress: a normal part p >= 0 and a tangential part t.
 With the gap g, the slip s of this substep relative to the tool, and the compliance c = h^2 sum w_i N_i^2 of the point,
 p = max(0, p_old - g/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                         (1)
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
+from softseam_services.tools.tool_set import PLANE
 
 
 @njit(cache=True, error_model="numpy")
@@ -27,6 +28,14 @@ def find_pairs(kind, shape, position, orientation, point_x, active, force, margi
         if not active[point]:
             continue
         for tool in range(len(kind)):
+            if kind[tool] != PLANE:
+                # Cheap: outside the ball around the tool there is nothing to touch.
+                radius = margin + np.sqrt(shape[tool, 0] ** 2 + shape[tool, 1] ** 2 + shape[tool, 2] ** 2)
+                square = 0.0
+                for c in range(3):
+                    square += (point_x[point, c] - position[tool, c]) ** 2
+                if square > radius * radius and not force[point, tool].any():
+                    continue
             gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])[0]
             carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
             if gap < margin or carried:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from .block import ROWS, shape_lanes, volumetric_lanes
+from .block import ROWS, shape_lanes
+from .neo_hookean import volumetric_lanes
 from .sweep import gather
 
 

@@ -215,6 +215,26 @@ def advance_step(
         fraction = (substep + 1) / n_substeps
         tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
         predict(xw, x_prev, x_star, x, v, a, push, h)
+        project_contacts(
+            xw,
+            x_prev,
+            indptr,
+            node,
+            weight,
+            n_pairs,
+            pair_point,
+            pair_tool,
+            kind,
+            shape,
+            friction,
+            pose[1],
+            quaternion[1],
+            pose[0],
+            quaternion[0],
+            force,
+            slipped,
+            h,
+        )
         for _ in range(n_sweeps):
             sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h)
             project_contacts(
@@ -263,7 +283,23 @@ def advance_step(
             seam_work += seam_force[s, c] * x[seam[s], c]
     place_points(xw, indptr, node, weight, point_x)
     summarise(
-        xw, x, v, mass, x_rest, gravity, point_x, active, kind, shape, near, pose[1], quaternion[1], force, slip, result
+        x,
+        v,
+        mass,
+        x_rest,
+        gravity,
+        point_x,
+        n_pairs,
+        pair_point,
+        pair_tool,
+        kind,
+        shape,
+        near,
+        pose[1],
+        quaternion[1],
+        force,
+        slip,
+        result,
     )
     result[STRAIN], result[LEAST_J] = strain_energy(ws, xw, nodes, volume, constants, linear)
     result[TOOL_WORK], result[SEAM_WORK], result[N_PAIRS] = tool_work, seam_work, n_pairs
@@ -272,7 +308,23 @@ def advance_step(
 
 @njit(cache=True, error_model="numpy")
 def summarise(
-    xw, x, v, mass, x_rest, gravity, point_x, active, kind, shape, near, position, orientation, force, slip, result
+    x,
+    v,
+    mass,
+    x_rest,
+    gravity,
+    point_x,
+    n_pairs,
+    pair_point,
+    pair_tool,
+    kind,
+    shape,
+    near,
+    position,
+    orientation,
+    force,
+    slip,
+    result,
 ):
     """Energies, momenta, bounds and contact figures at the end of the step into result (N_RESULTS,)."""
     result[:] = 0.0
@@ -288,18 +340,17 @@ def summarise(
             result[ANGULAR + c] += m * (x[i, d] * v[i, e] - x[i, e] * v[i, d])
             result[BOUNDS + c] = min(result[BOUNDS + c], x[i, c])
             result[BOUNDS + 3 + c] = max(result[BOUNDS + 3 + c], x[i, c])
-    for point in range(len(point_x)):
-        if not active[point]:
-            continue
-        touching = False
-        for tool in range(len(kind)):
-            gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])[0]
-            result[PENETRATION] = max(result[PENETRATION], -gap)
-            f = force[point, tool]
-            if f[0] != 0.0 or f[1] != 0.0 or f[2] != 0.0:
-                touching = True
-                if near[tool]:
-                    s = slip[point, tool]
-                    result[SLIP] = max(result[SLIP], np.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]))
-        if touching:
-            result[N_CONTACTS] += 1.0
+    last = -1
+    for pair in range(n_pairs):
+        point, tool = pair_point[pair], pair_tool[pair]
+        gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])[0]
+        result[PENETRATION] = max(result[PENETRATION], -gap)
+        f = force[point, tool]
+        if f[0] != 0.0 or f[1] != 0.0 or f[2] != 0.0:
+            # Pairs come point after point, so a point that touches two tools counts once.
+            if point != last:
+                result[N_CONTACTS] += 1.0
+                last = point
+            if near[tool]:
+                s = slip[point, tool]
+                result[SLIP] = max(result[SLIP], np.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]))

@@ -7,17 +7,9 @@ from numba import njit
 
 from softseam_services.body.materials.neo_hookean import volumetric
 
-from .block import (
-    LAM,
-    MU,
-    ROWS,
-    _hourglass,
-    project_blocks,
-    shape_lanes,
-    stress_lanes,
-    stress_lanes_linear,
-    volumetric_lanes,
-)
+from .block import LAM, MU, ROWS, hourglass, move_lanes, shape_lanes
+from .linear import solve_lanes_linear, stress_lanes_linear
+from .neo_hookean import solve_lanes, stress_lanes, volumetric_lanes
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -53,7 +45,15 @@ def sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h):
         for lane in range(8):
             ws[424 + lane] = kappa * hh * softness[batch, lane]
             ws[432 + lane] = volume[batch, lane]
-        project_blocks(ws, constants, linear)
+        shape_lanes(ws, constants)
+        if linear:
+            stress_lanes_linear(ws, constants)
+            solve_lanes_linear(ws, constants)
+        else:
+            volumetric_lanes(ws, constants)
+            stress_lanes(ws, constants)
+            solve_lanes(ws, constants)
+        move_lanes(ws, constants)
         for entry in range(168):
             stress[batch, entry] = ws[256 + entry]
         for node in range(8):
@@ -144,9 +144,7 @@ def strain_energy(ws, xw, nodes, volume, constants, linear):
                             + F[1, c] * ws[544 + 24 * m + lane]
                             + F[2, c] * ws[552 + 24 * m + lane]
                         )
-            t = _hourglass(
-                ws,
-                lane,
+            t = hourglass(
                 constants,
                 (q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], q[8], q[9], q[10], q[11]),
                 V,
