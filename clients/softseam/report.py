@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -23,16 +22,9 @@ from softseam.columns import SPENT, UNITS, Columns
 from softseam.verdict import Verdict, judge
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Event, Frame, StepReport
 from softseam_protocol.scene import Scene
+from softseam_protocol.scene_file import scene_hash
 
 REPORT_VERSION = 1
-
-
-def scene_hash(bundle: Bundle) -> str:
-    """SHA-256 of the scene and of the files that it names."""
-    digest = hashlib.sha256(json.dumps(json.loads(bundle.scene), sort_keys=True).encode())
-    for name in sorted(bundle.files):
-        digest.update(b"\0" + name.encode() + b"\0" + hashlib.sha256(bundle.files[name]).digest())
-    return digest.hexdigest()
 
 
 class ReportBuilder:

@@ -33,7 +33,7 @@ def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> di
     tabs: dict[str, list[Plot]] = {"Grip": [], "Shape": []}
     for name in columns.names("quantity."):
         unit, factor = _SHOWN.get(UNITS.get(name, ""), (UNITS.get(name, ""), 1.0))
-        plot = writer.plot(f"{name.replace('_', ' ')} [{unit}]", f"quantities/{name}")
+        plot = writer.plot(f"{colors.label(name)} [{unit}]", f"quantities/{name}")
         tab = tabs["Grip" if name in _GRIP else "Shape"]
         writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab))
         tab.append(plot)

@@ -27,7 +27,7 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str
     lines += ["| | |", "|---|---|"]
     for name, entry in report["quantities"].items():
         if entry["max"] is not None:
-            lines.append(f"| {name.replace('_', ' ')}, most | {_figure(entry['max'], entry['unit'])} |")
+            lines.append(f"| {colors.label(name)}, most | {_figure(entry['max'], entry['unit'])} |")
     lines += [
         f"| worst seam gap | {colors.engineering(seam['worst_gap']['value'], 'm')} |",
         f"| exchanges a step | {report['exchanges']['mean']:.2f} |",

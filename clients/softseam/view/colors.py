@@ -20,14 +20,14 @@ SERIES = (NEAR, FAR, MULTIPLIER, CONTACT, (190, 132, 214), (226, 96, 128), (150,
 # Viridis-like knots lifted at the dark end, so that an unstressed body still shows its shading: sRGB, equal steps.
 _KNOTS = np.array(
     [
-        (46, 44, 104),
-        (62, 73, 137),
-        (49, 104, 142),
-        (38, 130, 142),
-        (31, 158, 137),
-        (53, 183, 121),
-        (110, 206, 88),
-        (181, 222, 43),
+        (74, 78, 150),
+        (64, 101, 160),
+        (51, 123, 161),
+        (40, 143, 155),
+        (45, 163, 141),
+        (79, 182, 118),
+        (130, 199, 86),
+        (190, 214, 58),
         (253, 231, 37),
     ],
     dtype=np.float64,
@@ -56,3 +56,8 @@ def engineering(value: float, unit: str) -> str:
         if abs(value) >= factor:
             return f"{value / factor:.3g} {prefix}{unit}"
     return f"{value:.3g} {unit}"
+
+
+def label(name: str) -> str:
+    """A quantity's name as people write it: 'peak_von_mises' -> 'peak von Mises'."""
+    return name.replace("_", " ").replace("mises", "Mises")

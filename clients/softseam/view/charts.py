@@ -1,0 +1,145 @@
+"""Curves of a run, and where its wall time went."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from softseam.columns import UNITS, Columns
+from softseam.recording import Recording
+from softseam.report import ReportBuilder
+from softseam.view import colors
+from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
+
+Floats = NDArray[np.float64]
+
+_SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "N": ("N", 1.0)}
+_TIME = "simulated time [s]"
+
+
+def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
+    """The quantities, then the seam's and the ledger's account of how far to trust them."""
+    columns = builder.columns
+    time = columns["time"]
+    wanted = recording.scene.quantities or tuple(columns.names("quantity."))
+    quantities = [name for name in wanted if np.isfinite(columns[f"quantity.{name}"]).any()]
+    coupled = bool(np.nanmax(columns["seam_nodes"], initial=0.0) > 0.0)
+    n_plots = len(quantities) + (2 if coupled else 0) + 1
+    rows = -(-n_plots // 3)
+    figure = Figure(figsize=(12.6, 1.25 + 2.55 * rows), dpi=150, facecolor=PAPER)
+    heading(figure, recording.scene.name.replace("_", " "), builder.verdict.text)
+    grid = figure.subplots(rows, 3, squeeze=False)
+    tall = figure.get_figheight()
+    figure.subplots_adjust(left=0.055, right=0.985, top=1.0 - 1.3 / tall, bottom=0.55 / tall, wspace=0.2, hspace=0.42)
+    every = list(grid.ravel())
+    for axes in every[n_plots:]:
+        axes.set_axis_off()
+    for i, name in enumerate(quantities):
+        unit, factor = _SHOWN.get(UNITS.get(name, ""), (UNITS.get(name, ""), 1.0))
+        plain(every[i], f"{colors.label(name)} [{unit}]")
+        every[i].plot(time, columns[f"quantity.{name}"] * factor, color=_tone(0), linewidth=1.8)
+        if name == "lift_height":
+            _tool_rise(every[i], recording, columns)
+    at = len(quantities)
+    if coupled:
+        _gap(every[at], columns)
+        _exchanges(every[at + 1], columns)
+    _energy(every[n_plots - 1], columns)
+    for axes in every[:n_plots]:
+        _phases(axes, columns)
+    for axes in every[max(0, n_plots - 3) : n_plots]:
+        axes.set_xlabel(_TIME, fontsize=9.5, color=SOFT)
+    return write(figure, path)
+
+
+def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
+    """Wall time by part, and step by step beside the regions' sizes."""
+    columns = builder.columns
+    time, total = columns["time"], columns["seconds.total"]
+    wall = builder.build()["wall"]
+    figure = Figure(figsize=(12.6, 4.6), dpi=150, facecolor=PAPER)
+    rtf = f"real-time factor {wall['rtf']:.1f}" if wall["rtf"] else "real-time factor not known"
+    spent = 1e3 * wall["total"] / max(len(columns), 1)
+    text = f"{rtf}: {spent:.2f} ms a step for {1e3 * recording.scene.step:g} ms of motion"
+    heading(figure, "Where the time went", text)
+    left, middle, right = figure.subplots(1, 3, width_ratios=[1.0, 1.25, 1.0])
+    figure.subplots_adjust(left=0.075, right=0.985, top=0.70, bottom=0.13, wspace=0.22)
+    parts = [(name, wall[name]) for name in ("record", "bus", "coupling", "pbd", "fem") if wall[name] > 0.0]
+    plain(left, "part of the wall time [%]; parts may overlap")
+    shares = [100.0 * spent / wall["total"] if wall["total"] else 0.0 for _, spent in parts]
+    tones = {"fem": 0, "pbd": 1, "coupling": 2, "bus": 3, "record": 4}
+    left.barh([name for name, _ in parts], shares, color=[_tone(tones[name]) for name, _ in parts], height=0.62)
+    left.grid(axis="y", visible=False)
+    left.grid(axis="x", color=RULE, linewidth=0.8)
+    left.set_xlim(0.0, max([*shares, 1.0]) * 1.18)
+    for row, share in enumerate(shares):
+        left.text(share, row, f" {share:.0f}", va="center", fontsize=9, color=INK)
+    plain(middle, "wall time of a step [ms]", _TIME)
+    middle.plot(time, 1e3 * total, color="#c3c7ce", linewidth=0.8)
+    middle.plot(time, 1e3 * _running_median(total), color=INK, linewidth=1.6)
+    middle.set_ylim(0.0, 1e3 * max(float(np.quantile(total, 0.99)), 1e-9) * 1.35)
+    _phases(middle, columns)
+    plain(right, "cells in each region", _TIME)
+    for name, model in columns.models.items():
+        tone = _tone(0 if name == "near" else 1)
+        cells = np.nan_to_num(columns[f"{name}.cells"])
+        right.step(time, cells, where="post", color=tone, linewidth=1.8, label=f"{name} ({model})")
+    right.set_ylim(bottom=0.0)
+    right.legend(frameon=False, fontsize=9, labelcolor=INK)
+    return write(figure, path)
+
+
+def _tool_rise(axes: Axes, recording: Recording, columns: Columns) -> None:
+    """How far the tools that move have risen, to compare."""
+    movers = [name for phase in recording.scene.motion for name in getattr(phase, "tools", ())]
+    rises = [columns[f"tool.{name}.z"] - columns[f"tool.{name}.z"][0] for name in dict.fromkeys(movers)]
+    rise = max(rises, key=lambda z: float(np.abs(z).max()), default=None)
+    if rise is not None and np.abs(rise).max() > 0.0:
+        axes.plot(columns["time"], 1e3 * rise, color=SOFT, linewidth=1.1, linestyle=(0, (4, 3)), label="tools")
+        axes.legend(frameon=False, fontsize=9, loc="upper left", labelcolor=INK)
+
+
+def _gap(axes: Axes, columns: Columns) -> None:
+    plain(axes, "seam gap at commit [µm]")
+    gap = np.where(columns["gap"] > 0.0, 1e6 * columns["gap"], np.nan)
+    if np.isfinite(gap).any():
+        axes.semilogy(columns["time"], gap, color=_tone(2), linewidth=1.2)
+        axes.tick_params(axis="y", which="both", length=0, colors=SOFT, labelsize=9)
+
+
+def _exchanges(axes: Axes, columns: Columns) -> None:
+    counts = columns["exchanges"]
+    plain(axes, f"exchanges a step; mean {np.nanmean(counts):.2f}")
+    axes.plot(columns["time"], counts, linestyle="none", marker=".", markersize=3.5, color=_tone(2))
+    axes.set_ylim(0.0, max(4.0, float(np.nanmax(counts))) + 0.5)
+
+
+def _energy(axes: Axes, columns: Columns) -> None:
+    plain(axes, "energy [mJ]; work and loss summed")
+    for i, name in enumerate(("strain", "kinetic", "tool_work", "dissipation")):
+        values = 1e3 * np.nan_to_num(columns[f"energy.{name}"])
+        shown = np.cumsum(values) if i >= 2 else values
+        axes.plot(columns["time"], shown, color=_tone(i), linewidth=1.6, label=name.replace("_", " "))
+    axes.legend(frameon=False, fontsize=8.5, loc="upper left", labelcolor=INK, ncols=2)
+
+
+def _phases(axes: Axes, columns: Columns) -> None:
+    """Every other phase of the motion on a faint ground."""
+    time, phase = columns["time"], columns["phase"]
+    borders = [time[0], *time[1:][np.diff(phase) != 0.0], time[-1]]
+    for i in range(1, len(borders) - 1, 2):
+        axes.axvspan(borders[i], borders[i + 1], color="#f5f5f3", zorder=0, linewidth=0)
+
+
+def _running_median(values: Floats, reach: int = 7) -> Floats:
+    padded = np.pad(values, reach, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1))
+
+
+def _tone(index: int) -> tuple[float, float, float]:
+    red, green, blue = colors.SERIES[index % len(colors.SERIES)]
+    return red / 255.0, green / 255.0, blue / 255.0

@@ -1,0 +1,149 @@
+"""The body at a few moments of a run, twice: which model computes what, and how it is stressed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from softseam.recording import Recording
+from softseam.report import ReportBuilder
+from softseam.view import colors
+from softseam.view.paper import INK, PAPER, SOFT, heading, write
+from softseam.view.raster import Camera, Canvas
+from softseam.view.surface import DisplaySurface, von_mises
+from softseam.view.tool_shapes import ToolShape, grid_spacing, rotate, tool_shapes
+from softseam_protocol.messages import Frame
+
+Floats = NDArray[np.float64]
+
+_MOMENTS = 5
+_WIDTH, _HEIGHT = 460, 500
+_GROUND = np.array([0.905, 0.90, 0.885])
+_GLASS = np.array([0.62, 0.66, 0.72])
+_TOOL_LINE = np.array([0.36, 0.39, 0.45])
+_CELL_LINE = np.array([0.12, 0.13, 0.18])
+
+
+def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
+    """Two rows of pictures, one column a moment; the stress scale is the same in all of them."""
+    assert recording.surface is not None
+    surface = DisplaySurface(recording.surface)
+    frames = _pick(recording, builder)
+    stresses = [surface.at_points(von_mises(frame.cauchy)) for frame in frames]
+    top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
+    tools = tool_shapes(recording.scene, surface.extent)
+    camera = _camera(frames, tools, surface.extent)
+    figure = Figure(figsize=(3.05 * len(frames), 7.6), dpi=160, facecolor=PAPER)
+    heading(figure, recording.scene.name.replace("_", " "), builder.verdict.text)
+    axes = figure.subplots(2, len(frames), squeeze=False)
+    figure.subplots_adjust(left=0.012, right=0.988, top=0.845, bottom=0.105, wspace=0.025, hspace=0.03)
+    for column, (frame, stress) in enumerate(zip(frames, stresses, strict=True)):
+        near = surface.near(frame.cell_near)
+        tint = np.where(near[:, None], colors.NEAR, colors.FAR) / 255.0
+        shades = colors.stress_colors(stress, top)[surface.vertex_point] / 255.0
+        corners = shades[surface.triangles]
+        paint = np.concatenate([np.broadcast_to(tint[:, None, :], corners.shape), corners], axis=2)
+        images = _draw(frame, surface, tools, camera, paint)
+        for row, image in enumerate(images):
+            axes[row, column].imshow(image, interpolation="lanczos")
+            axes[row, column].set_axis_off()
+        time = frame.header.time + recording.scene.step
+        axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
+    _legend(figure, builder, top)
+    return write(figure, path)
+
+
+def _pick(recording: Recording, builder: ReportBuilder) -> list[Frame]:
+    """Frames spread over the run: the first, the last, and where the phases of the motion end."""
+    steps = [frame.header.step for frame in recording.frames()]
+    columns = builder.columns
+    phase = columns["phase"]
+    ends = columns["step"][:-1][np.diff(phase) != 0.0]
+    wanted = [steps[0], *ends[np.isin(ends, steps)].astype(int).tolist(), steps[-1]]
+    while len(dict.fromkeys(wanted)) < min(_MOMENTS, len(steps)):
+        known = sorted(dict.fromkeys(wanted))
+        gaps = np.diff(known)
+        at = int(np.argmax(gaps))
+        middle = 0.5 * (known[at] + known[at + 1])
+        between = [step for step in steps if known[at] < step < known[at + 1]]
+        if not between:
+            break
+        wanted.append(min(between, key=lambda step: abs(step - middle)))
+    chosen = sorted(dict.fromkeys(wanted))
+    while len(chosen) > _MOMENTS:
+        gaps = np.array(chosen[2:]) - np.array(chosen[:-2])
+        del chosen[1 + int(np.argmin(gaps))]
+    return [frame for frame in recording.frames() if frame.header.step in chosen][-_MOMENTS:]
+
+
+def _camera(frames: list[Frame], tools: list[ToolShape], extent: float) -> Camera:
+    """See the body and the tools that come near it in every frame, from the front right."""
+    seen = [frame.point_x for frame in frames]
+    for frame in frames:
+        for tool, at, turn in zip(tools, frame.tool_position, frame.tool_orientation, strict=True):
+            corners = rotate(turn, tool.vertices) + at
+            if tool.kind != "plane" and np.ptp(corners, axis=0).max() < 3.0 * extent:
+                seen.append(corners)
+    everything = np.concatenate(seen)
+    middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
+    eye = middle + 10.0 * extent * np.array([0.50, -0.87, 0.36])
+    return Camera(eye, middle).fitted(everything, _WIDTH, _HEIGHT)
+
+
+def _draw(
+    frame: Frame, surface: DisplaySurface, tools: list[ToolShape], camera: Camera, paint: Floats
+) -> list[NDArray[np.uint8]]:
+    """Two pictures of one moment; paint (T, 3, 6) colours each triangle's corners in the one and the other."""
+    canvas = Canvas(_WIDTH, _HEIGHT, camera, layers=2)
+    vertices = surface.vertices(frame.point_x)
+    posed = [
+        (tool, rotate(turn, tool.vertices) + at, rotate(turn, tool.normals), at, turn)
+        for tool, at, turn in zip(tools, frame.tool_position, frame.tool_orientation, strict=True)
+    ]
+    for tool, _, normals, at, _ in posed:
+        if tool.kind == "plane":
+            centre = vertices.mean(axis=0)
+            canvas.floor(at, normals[0], centre, 2.6 * surface.extent, grid_spacing(surface.extent), _GROUND)
+            flat = vertices - np.outer((vertices - at) @ normals[0], normals[0])
+            canvas.shadow(flat, surface.triangles, 0.30, 5)
+    canvas.mesh(vertices, surface.normals(vertices), surface.triangles, paint)
+    if len(surface.cell_lines):
+        canvas.lines(frame.point_x[surface.cell_lines], _CELL_LINE, alpha=0.45, layer=0)
+    for tool, corners, normals, at, turn in posed:
+        if tool.kind != "plane":
+            canvas.mesh(corners, normals, tool.triangles, np.tile(_GLASS, (len(tool.triangles), 3, 2)), alpha=0.16)
+            edges = rotate(turn, tool.lines.reshape(-1, 3)).reshape(-1, 2, 3) + at
+            canvas.lines(edges, _TOOL_LINE, width=1.5, alpha=0.85)
+    return [canvas.image(layer) for layer in range(2)]
+
+
+def _legend(figure: Figure, builder: ReportBuilder, top: float) -> None:
+    """What the colours mean, below the rows."""
+    models = builder.columns.models
+    patches = [
+        Patch(color=np.array(tone) / 255.0, label=f"{name} region: {models[name].upper()}")
+        for name, tone in (("near", colors.NEAR), ("far", colors.FAR))
+        if name in models
+    ]
+    patches.append(Patch(color=(0.78, 0.80, 0.83), label="tools"))
+    figure.legend(
+        handles=patches,
+        loc="lower left",
+        bbox_to_anchor=(0.012, 0.018),
+        ncols=3,
+        frameon=False,
+        fontsize=10,
+        labelcolor=INK,
+    )
+    scale = figure.add_axes((0.60, 0.066, 0.37, 0.022))
+    ramp = colors.stress_colors(np.linspace(0.0, top, 512), top)
+    scale.imshow(ramp[None], aspect="auto", extent=(0.0, top / 1e3, 0.0, 1.0))
+    scale.set_yticks([])
+    scale.tick_params(labelsize=9, colors=SOFT, length=2)
+    scale.set_xlabel("von Mises stress [kPa]", fontsize=9.5, color=INK, labelpad=1)
+    for spine in scale.spines.values():
+        spine.set_visible(False)
