@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from softseam_coupling.kernels.extrapolate import INERTIA, LENGTHS, NAMES, WEIGHTS, extrapolate, remember
+from softseam_coupling.kernels.extrapolate import INERTIA, LENGTHS, N_CLOSING, NAMES, WEIGHTS, extrapolate, remember
 from softseam_coupling.kernels.quasi_newton import exchange_round
 
 Floats = NDArray[np.float64]
@@ -94,6 +94,11 @@ class SeamState:
     @property
     def n_nodes(self) -> int:
         return len(self.scale) // 3
+
+    @property
+    def multiplier(self) -> Floats:
+        """The last committed multiplier, a copy; zero before the first (s, 3) [N]."""
+        return (self.history[0] + self.history[N_CLOSING]).reshape(-1, 3)
 
     @property
     def predictor_name(self) -> str:
@@ -239,7 +244,7 @@ class SeamSolver:
             out,
         )
         if np.isnan(largest):
-            return SeamRound(Outcome.NOT_FINITE, state.history[0].copy().reshape(-1, 3), float("nan"), float("inf"))
+            return SeamRound(Outcome.NOT_FINITE, state.multiplier, float("nan"), float("inf"))
         state.closing[:] = out
         first = state.n_tried == 0
         state.n_tried += 1

@@ -65,6 +65,7 @@ def test_exact_compliance_needs_one_correction(n_nodes: int) -> None:
     n, lambda_, _ = exchanges(solver, state, linear(h, target))
     assert n == 2
     assert np.abs(linear(h, target)(lambda_)).max() < 1e-12
+    assert_allclose(state.multiplier, lambda_, rtol=1e-15)
 
 
 def test_a_positive_multiplier_pushes_the_near_side_along_the_axis() -> None:

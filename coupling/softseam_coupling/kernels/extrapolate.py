@@ -107,9 +107,9 @@ def remember(history, n_history, weights, lengths, scale, lambda_, closing, erro
             total += (scale[i] * (_candidate(history, weights[k], i) - closing[i])) ** 2
         errors[k] = (1.0 - FORGET) * errors[k] + FORGET * total if np.isfinite(errors[k]) else total
     for j in range(history.shape[0] - 1, 0, -1):
-        if j != 4:  # the newest miss
+        if j != N_CLOSING:  # where the newest miss goes
             history[j] = history[j - 1]
     for i in range(n):
         history[0, i] = closing[i]
-        history[4, i] = lambda_[i] - closing[i]
-    return min(n_history + 1, 4)
+        history[N_CLOSING, i] = lambda_[i] - closing[i]
+    return min(n_history + 1, N_CLOSING)
