@@ -167,7 +167,32 @@ def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind):
     np.testing.assert_allclose(np.bincount(row, weights=weight), 1.0, atol=1e-13)
     x = body.x_rest[region.nodes[node]]
     at = np.stack([np.bincount(row, weights=weight * x[:, c]) for c in range(3)], axis=1)
-    np.testing.assert_allclose(at, rest_points(body)[region.points], atol=1e-15)
+    points = rest_points(body)[region.points]
+    np.testing.assert_allclose(at, points, atol=1e-15)
+    # FEM's functions reproduce quadratic fields as well, PBD's are positive and belong to one octant.
+    square = np.bincount(row, weights=weight * x[:, 0] ** 2) - points[:, 0] ** 2
+    if kind == "fem":
+        np.testing.assert_allclose(square, 0.0, atol=1e-17)
+    else:
+        assert np.abs(square).max() > 1e-6
+        assert weight.min() > 0
+        assert np.diff(indptr).max() == 8
+
+
+def test_a_tip_in_an_almost_empty_cell_keeps_the_cell():
+    """A ridge that rises a ten-thousandth of a cell above a plane of the grid: its points still lie in a cell."""
+    profile = np.array([[0, 0], [4, 0], [4, 3], [2, 0.5], [1.5, 1.0001], [0.5, 0.5]])
+    n = len(profile)
+    vertices = 0.01 * np.concatenate([np.insert(profile, 1, y, axis=1) for y in (0.0, 1.0)])
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    caps = np.array([[0, 1, 3], [1, 2, 3], [0, 3, 5], [3, 4, 5]])
+    triangles = np.concatenate([caps, caps[:, ::-1] + n, np.stack([i, n + j, j], 1), np.stack([i, n + i, n + j], 1)])
+    body = embedded(vertices, triangles, 0.01)
+    assert (body.fill <= FILL_FLOOR).all(axis=1).sum() == 1  # the cell of the tip
+    points = rest_points(body)
+    assert np.abs(body.surface.local).max() <= 1.0
+    assert (np.abs(points[:, None] - (vertices - [0.02, 0.005, 0])).max(axis=2).min(axis=0) < 1e-12).all()
+    assert body.cell_mass.sum() == pytest.approx(DENSITY * enclosed_volume(points, body.surface.triangles), rel=1e-12)
 
 
 def test_local_nodes_of_embedded_cells_are_on_the_lattice():
