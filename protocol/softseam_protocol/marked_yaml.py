@@ -87,7 +87,7 @@ class _Builder:
         if len(self.values) > MAX_ENTRIES:
             raise YamlError(f"more than {MAX_ENTRIES:,} entries", mark, path)
         if len(path) > MAX_DEPTH:
-            raise YamlError(f"nested deeper than {MAX_DEPTH} levels", mark, path)
+            raise YamlError(f"nested deeper than {MAX_DEPTH} levels, or an alias that contains itself", mark, path[:1])
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
         if isinstance(node, yaml.SequenceNode):

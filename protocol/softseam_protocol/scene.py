@@ -113,11 +113,13 @@ class BodySpec(Spec):
 
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:
-        if isinstance(self.shape, BlockShape) and self.cell is not None:
-            edges = self.cell if isinstance(self.cell, tuple) else (self.cell,) * 3
+        if isinstance(self.shape, BlockShape):
+            cell = min(self.shape.size) / 3.0 if self.cell is None else self.cell
+            edges = cell if isinstance(cell, tuple) else (cell,) * 3
             n_cells = math.prod(max(1, round(size / edge)) for size, edge in zip(self.shape.size, edges, strict=True))
             if n_cells > MOST_CELLS:
-                raise _wrong(f"{n_cells:,} cells, more than {MOST_CELLS:,}: give a longer cell edge", "cell")
+                at = "cell" if self.cell is not None else "shape"
+                raise _wrong(f"{n_cells:,} cells, more than {MOST_CELLS:,}: give a longer cell edge", at)
         return self
 
 
@@ -206,9 +208,13 @@ class HoldPhase(Spec):
     hold: NonNegative = Field(description="[s]")
 
 
+PHASE_KEYS = ("close", "move", "hold")
+"""the keys that name a phase"""
+
+
 def _phase_tag(value: Any) -> str | None:
     keys = value if isinstance(value, dict) else getattr(type(value), "model_fields", ())
-    for key in ("close", "move", "hold"):
+    for key in PHASE_KEYS:
         if key in keys:
             return f"{key} phase"
     return None

@@ -6,6 +6,7 @@ import difflib
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from pydantic_core import ErrorDetails
 from softseam_protocol import marked_yaml
 from softseam_protocol.marked_yaml import Mark, Marked
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import MeshShape, Scene
+from softseam_protocol.scene import PHASE_KEYS, MeshShape, Scene
 from softseam_protocol.scene_keys import described, keys_allowed
 
 MAX_SCENE_BYTES = 2**20
@@ -24,18 +25,31 @@ MAX_FILE_BYTES = 128 * 2**20
 
 
 class SceneError(Exception):
-    """What is wrong in a scene, and where: one error, one remedy."""
+    """What is wrong in a scene, and where: one error, one remedy.
+
+    `allowed` lists what may stand there, `expected` says what it means, `nearest` is the likeliest correction.
+    """
 
     def __init__(
-        self, file: str, line: int, column: int, key: str, problem: str, allowed: str = "", nearest: str = ""
+        self,
+        file: str,
+        line: int,
+        column: int,
+        key: str,
+        problem: str,
+        allowed: str = "",
+        nearest: str = "",
+        expected: str = "",
     ) -> None:
-        self.file, self.line, self.column, self.key = file, line, column, key
-        self.problem, self.allowed, self.nearest = problem, allowed, nearest
+        self.file, self.line, self.column, self.key, self.problem = file, line, column, key, problem
+        self.allowed, self.nearest, self.expected = allowed, nearest, expected
         text = f"{file}:{line}:{column}: " + (f"{key}: " if key else "") + problem
         if nearest:
             text += f"; did you mean {nearest!r}?"
         if allowed:
             text += f" (allowed: {allowed})"
+        if expected:
+            text += f" (expected: {expected})"
         super().__init__(text)
 
 
@@ -135,8 +149,12 @@ def _parse(text: str, name: str) -> tuple[Scene, Marked]:
         # strict JSON: a list becomes a tuple and 1 a float, but "1" and true are not numbers
         return Scene.model_validate_json(json.dumps(marked.data), strict=True), marked
     except ValidationError as error:
-        errors = [_located(details, marked, name) for details in error.errors(include_url=False)]
-        raise min(errors, key=lambda e: (e.line, e.column)) from None
+        details = error.errors(include_url=False)
+        # a misspelt key is also a missing one: speak of the misspelling
+        missing = [d["type"] == "missing" for d in details]
+        located = [_located(d, marked, name) for d in details]
+        order = zip(missing, (e.line for e in located), (e.column for e in located), range(len(located)), strict=True)
+        raise located[min(order)[-1]] from None
 
 
 def _walk(data: Any, path: marked_yaml.Path) -> Any:
@@ -151,39 +169,49 @@ def _located(details: ErrorDetails, marked: Marked, name: str) -> SceneError:
     kind, context = details["type"], details.get("ctx", {})
     loc = (*details["loc"], *context.get("at", ()))
     path, missing = _real_path(loc, marked.data)
-    problem, allowed, nearest = details["msg"], "", ""
     found = _at(marked.data, path)
-    mark = marked.keys.get(path) or marked.values[path]
-    if kind == "missing":
-        problem = f"the key {str(loc[-1])!r} is missing"
-        path = (*path, str(loc[-1]))
-    elif kind == "extra_forbidden":
+    mark, value_mark = marked.keys.get(path, marked.values[path]), marked.values[path]
+
+    def error(problem: str, place: Mark = value_mark, key: marked_yaml.Path = path, **hints: str) -> SceneError:
+        return SceneError(name, place.line, place.column, _dotted(key), problem, **hints)
+
+    if kind == "extra_forbidden":
         keys = keys_allowed(loc[:-1])
-        problem, allowed = "unknown key", ", ".join(keys)
-        nearest = _nearest(str(path[-1]), keys)
-    elif kind in ("literal_error", "union_tag_invalid"):
-        path, found, mark = _tag_place(kind, path, context, marked)
-        options = context["expected" if kind == "literal_error" else "expected_tags"]
-        problem, allowed = f"{found!r} is not known here", options
-        nearest = _nearest(str(found), [o.strip().strip("'") for o in options.replace(" or ", ", ").split(",")])
-    elif kind == "union_tag_not_found":
-        problem = f"the key {'kind'!r} is missing"
-        path = (*path, "kind")
-    elif "have" in context:
-        allowed = ", ".join(context["have"]) or "the scene has no tools"
-        nearest = _nearest(str(found), context["have"])
-        mark = marked.values[path]
-    elif kind not in ("scene", "phase"):
-        mark = mark if missing else marked.values[path]
-        problem = f"{_plain(problem)}, but this is {_called(found)}"
-        allowed = described(loc)
-    return SceneError(name, mark.line, mark.column, _dotted(path), problem, allowed, nearest)
-
-
-def _tag_place(kind: str, path: marked_yaml.Path, context: dict[str, Any], marked: Marked) -> tuple[Any, Any, Mark]:
+        return error("unknown key", mark, allowed=", ".join(keys), nearest=_nearest(str(path[-1]), keys))
+    if kind in ("missing", "too_long", "too_short") and isinstance(found, list):
+        few = kind != "too_long"
+        return error(f"a list of {len(found)} has too {'few' if few else 'many'} entries", expected=described(loc))
+    if kind in ("missing", "union_tag_not_found"):
+        key = "kind" if kind == "union_tag_not_found" else str(loc[-1])
+        return error(f"the key {key!r} is missing", mark, (*path, key))
     if kind == "union_tag_invalid":
-        path = (*path, "kind")
-    return path, _at(marked.data, path), marked.values[path]
+        at_tag = (*path, "kind")
+        problem, allowed, nearest = _not_among(found["kind"], context["expected_tags"])
+        return error(problem, marked.values[at_tag], at_tag, allowed=allowed, nearest=nearest)
+    if kind == "literal_error":
+        problem, allowed, nearest = _not_among(found, context["expected"])
+        return error(problem, allowed=allowed, nearest=nearest)
+    if kind == "phase":
+        keys = [key for key in found if key not in PHASE_KEYS] if isinstance(found, dict) else []
+        return error(details["msg"], mark, nearest=next(filter(None, (_nearest(k, PHASE_KEYS) for k in keys)), ""))
+    if kind == "scene":
+        have = context.get("have")
+        if have is None:
+            return error(details["msg"], value_mark if context.get("at") else mark)
+        return error(details["msg"], allowed=", ".join(have) or "the scene has no tools", nearest=_nearest(found, have))
+    if "[key]" in loc:
+        return error(f"{path[-1]!r} is not a name: a letter, then letters, digits, _ and -", mark)
+    if kind == "string_pattern_mismatch":
+        return error(f"{found!r} is not a name: letters, digits, _ and -")
+    problem = f"{_plain(details['msg'])}, but this is {_called(found)}"
+    return error(problem, mark if missing else value_mark, expected=described(loc))
+
+
+def _not_among(found: Any, options: str) -> tuple[str, str, str]:
+    """Problem, allowed values and the nearest one, for a value that is none of pydantic's list of options."""
+    names = [option.strip().strip("'") for option in options.replace(" or ", ", ").split(",")]
+    nearest = _nearest(found, names) if isinstance(found, str) else ""
+    return f"{_called(found)} is not known here", ", ".join(names), nearest
 
 
 def _real_path(loc: tuple[str | int, ...], data: Any) -> tuple[marked_yaml.Path, bool]:
@@ -211,7 +239,7 @@ def _at(data: Any, path: marked_yaml.Path) -> Any:
     return data
 
 
-def _nearest(word: str, options: list[str]) -> str:
+def _nearest(word: str, options: Sequence[str]) -> str:
     return next(iter(difflib.get_close_matches(word, options, 1, 0.6)), "")
 
 
