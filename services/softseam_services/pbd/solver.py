@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import Enum
 
 import numpy as np
 
@@ -15,14 +16,27 @@ from .compliance import SeamProbe
 from .kernels import substep as k
 from .kernels.contact import place_points
 from .kernels.stress import octant_stress
-from .kernels.sweep import block_forces, exact_stress, new_workspace
+from .kernels.sweep import block_forces, exact_stress, new_workspace, strain_energy
 from .model import KAPPA, build_model
 from .state import decode_state, encode_state, new_state
 
 RETRIES = 3
 """how often a failed step is tried again, each time with twice the substeps and one more sweep"""
+COLD = 2
+"""attempt from which on carried forces start from zero"""
+RISE = 1.0
+"""largest rise of the energy in a step beyond the work done on it, relative to energy plus work; impacts reach 0.1"""
 CRUSHED = 0.3
 """least volume ratio below which a step takes two sweeps: one is not always enough to turn a block right side out"""
+
+
+class Fault(Enum):
+    """Outcome of a step; the text names the remedy."""
+
+    NONE = "converged"
+    INPUT = "a tool pose, the seam force or dt is not finite or not positive: check the request"
+    DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
+    ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
 
 
 class PbdSolver:
@@ -104,72 +118,40 @@ class PbdSolver:
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
         np.add.at(force, model.node, model.weight[:, None] * state.force.sum(axis=1)[rows])
         state.a[:] = model.inverse_mass[:, None] * force[:n]
-        state.least_j[0] = 1.0
+        strain, least_j = strain_energy(
+            self._ws, self._xw, blocks.nodes, blocks.volume, blocks.constants, blocks.linear
+        )
+        kinetic = 0.5 * float(region.mass @ np.einsum("nc,nc->n", state.v, state.v))
+        gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
+        state.monitor[:] = least_j, kinetic, strain, gravity
+        self._floor = 1e-8 * model.body.material.mu * float(blocks.volume.sum())
 
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
         committed, work = self._committed, self._work
-        motion = request.tools
-        n_substeps = self.model.substeps(request.dt)
-        n_sweeps = self.model.spec.sweeps
-        if committed.least_j[0] < CRUSHED:
-            n_sweeps = max(n_sweeps, 2)
         result = self._result
         iterations = 0
-        fault = "a tool pose, the seam force or dt is not finite: check the request"
-        if np.isfinite(request.dt) and request.dt > 0.0 and _finite(request):
+        fault = Fault.INPUT
+        if _finite(request):
             for attempt in range(RETRIES + 1):
-                np.copyto(work.buffer, committed.buffer)
-                if attempt:
-                    # Forces of a torn shape would throw the nodes apart; without them the blocks pull from zero.
-                    work.stress[:] = 0.0
-                    work.a[:] = 0.0
-                    work.force[:] = 0.0
-                k.advance_step(
-                    work.x,
-                    work.v,
-                    work.a,
-                    work.stress,
-                    work.force,
-                    work.slip,
-                    *self._constants,
-                    motion.position,
-                    motion.orientation,
-                    motion.position_next,
-                    motion.orientation_next,
-                    self.model.region.seam,
-                    request.seam_force,
-                    *self._scratch,
-                    work.force_mean,
-                    self._wrench,
-                    self._cell_distance,
-                    result,
-                    request.dt,
-                    n_substeps,
-                    n_sweeps,
-                    KAPPA,
-                    float(self.model.blocks.edges.min()),
-                )
-                iterations += n_substeps * n_sweeps
-                if np.isfinite(result[: k.N_PAIRS]).all():
-                    fault = ""
+                iterations += self._try(request, attempt)
+                fault = self._check()
+                if fault is Fault.NONE:
                     break
-                fault = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
-                n_substeps, n_sweeps = 2 * n_substeps, n_sweeps + 1
-        if fault:
+        if fault in (Fault.INPUT, Fault.DIVERGED):
             np.copyto(work.buffer, committed.buffer)
             result[:] = 0.0
             self._wrench[:] = 0.0
             self._cell_distance[:] = 0.0
         else:
-            work.least_j[0] = result[k.LEAST_J]
+            work.monitor[:] = result[[k.LEAST_J, k.KINETIC, k.STRAIN, k.GRAVITY]]
         self._tentative = True
         compliance = np.zeros((0, 0))
         if request.compliance:
             compliance = self._compliance(request)
         return Advanced(
             header=request.header,
-            status=fault or "converged",
+            status=fault.value,
             seam_x=work.x[self.model.region.seam],
             compliance=compliance,
             wrench=self._wrench.copy(),
@@ -188,6 +170,60 @@ class PbdSolver:
             cell_distance=self._cell_distance.copy(),
             bounds=result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3).copy(),
         )
+
+    def _try(self, request: Advance, attempt: int) -> int:
+        """One attempt at the step from the committed state into the tentative one; returns the sweeps taken.
+
+        Attempt 0 is the plan. Later ones halve the substep each time and sweep once more; from the second on the
+        carried forces start from zero, because those of a torn shape throw the nodes apart.
+        """
+        work, motion = self._work, request.tools
+        np.copyto(work.buffer, self._committed.buffer)
+        if attempt >= COLD:
+            work.stress[:] = 0.0
+            work.a[:] = 0.0
+            work.force[:] = 0.0
+        n_substeps = self.model.substeps(request.dt) * 2**attempt
+        n_sweeps = self.model.spec.sweeps + attempt
+        if work.monitor[0] < CRUSHED:
+            n_sweeps = max(n_sweeps, 2)
+        k.advance_step(
+            work.x,
+            work.v,
+            work.a,
+            work.stress,
+            work.force,
+            work.slip,
+            *self._constants,
+            motion.position,
+            motion.orientation,
+            motion.position_next,
+            motion.orientation_next,
+            self.model.region.seam,
+            request.seam_force,
+            *self._scratch,
+            work.force_mean,
+            self._wrench,
+            self._cell_distance,
+            self._result,
+            request.dt,
+            n_substeps,
+            n_sweeps,
+            KAPPA,
+            float(self.model.blocks.edges.min()),
+        )
+        return int(n_substeps * n_sweeps)
+
+    def _check(self) -> Fault:
+        """Whether the tentative step can be believed."""
+        result = self._result
+        if not np.isfinite(result[: k.N_PAIRS]).all():
+            return Fault.DIVERGED
+        _, kinetic, strain, gravity = self._committed.monitor
+        work = result[k.TOOL_WORK], result[k.SEAM_WORK]
+        rise = result[k.KINETIC] + result[k.STRAIN] + result[k.GRAVITY] - kinetic - strain - gravity - sum(work)
+        scale = kinetic + strain + abs(work[0]) + abs(work[1]) + self._floor
+        return Fault.ENERGY if rise > RISE * scale else Fault.NONE
 
     def _compliance(self, request: Advance) -> Floats:
         if self._probe is None or self._probe.dt != request.dt:
@@ -248,4 +284,4 @@ def _finite(request: Advance) -> bool:
         motion.orientation_next,
         request.seam_force,
     )
-    return all(np.isfinite(value).all() for value in values)
+    return bool(np.isfinite(request.dt) and request.dt > 0.0) and all(np.isfinite(value).all() for value in values)

@@ -28,13 +28,13 @@ class PbdState:
     """slip of each touching point on each tool since it began to touch (p, t, 3) [m]"""
     force_mean: Floats
     """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
-    least_j: Floats
-    """least volume ratio of all blocks (1,)"""
+    monitor: Floats
+    """least volume ratio of all blocks, kinetic, strain and gravity energy [J] at the end of the last step (4,)"""
 
 
 def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     """A zero state for n nodes, b batches, p points and t tools."""
-    shapes = ((n, 3), (n, 3), (n, 3), (b, 168), (p, t, 3), (p, t, 3), (p, t, 3), (1,))
+    shapes = ((n, 3), (n, 3), (n, 3), (b, 168), (p, t, 3), (p, t, 3), (p, t, 3), (4,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .contact import find_pairs, place_points, project_contacts
+from .contact import find_pairs, place_points
+from .relax import relax
 from .substep import finish, predict
-from .sweep import exact_stress, sweep
+from .sweep import exact_stress
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -75,28 +76,35 @@ def probe_seam(
             push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
         for _ in range(n_substeps):
             predict(xw, x_prev, x_star, x, v, a, push, h)
-            for _ in range(n_sweeps):
-                sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h)
-                project_contacts(
-                    xw,
-                    x_prev,
-                    indptr,
-                    node,
-                    weight,
-                    n_pairs,
-                    pair_point,
-                    pair_tool,
-                    kind,
-                    shape,
-                    friction,
-                    position,
-                    orientation,
-                    position,
-                    orientation,
-                    force,
-                    slipped,
-                    h,
-                )
+            relax(
+                ws,
+                xw,
+                x_prev,
+                nodes,
+                volume,
+                softness,
+                stress,
+                constants,
+                linear,
+                indptr,
+                node,
+                weight,
+                n_pairs,
+                pair_point,
+                pair_tool,
+                kind,
+                shape,
+                friction,
+                position,
+                orientation,
+                position,
+                orientation,
+                force,
+                slipped,
+                n_sweeps,
+                kappa,
+                h,
+            )
             finish(xw, x_prev, x_star, x, v, a, h)
         for row in range(3 * len(seam)):
             moved = x[seam[row // 3], row % 3]

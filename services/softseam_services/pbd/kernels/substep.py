@@ -12,8 +12,9 @@ from numba import njit
 
 from softseam_services.tools.kernels import cell_distances, tool_gap
 
-from .contact import carry_point, find_pairs, place_points, project_contacts
-from .sweep import strain_energy, sweep
+from .contact import carry_point, find_pairs, place_points
+from .relax import relax
+from .sweep import strain_energy
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, N_PAIRS) = range(10)
 MOMENTUM, ANGULAR, BOUNDS = 10, 13, 16
@@ -215,9 +216,16 @@ def advance_step(
         fraction = (substep + 1) / n_substeps
         tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
         predict(xw, x_prev, x_star, x, v, a, push, h)
-        project_contacts(
+        relax(
+            ws,
             xw,
             x_prev,
+            nodes,
+            volume,
+            softness,
+            stress,
+            constants,
+            linear,
             indptr,
             node,
             weight,
@@ -233,30 +241,10 @@ def advance_step(
             quaternion[0],
             force,
             slipped,
+            n_sweeps,
+            kappa,
             h,
         )
-        for _ in range(n_sweeps):
-            sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h)
-            project_contacts(
-                xw,
-                x_prev,
-                indptr,
-                node,
-                weight,
-                n_pairs,
-                pair_point,
-                pair_tool,
-                kind,
-                shape,
-                friction,
-                pose[1],
-                quaternion[1],
-                pose[0],
-                quaternion[0],
-                force,
-                slipped,
-                h,
-            )
         finish(xw, x_prev, x_star, x, v, a, h)
         tool_work += account(
             xw,

@@ -1,0 +1,68 @@
+"""The constraint solve of one substep: contacts, then sweeps each followed by contacts."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from .contact import project_contacts
+from .sweep import sweep
+
+
+@njit(cache=True, error_model="numpy")
+def relax(
+    ws,
+    xw,
+    x_prev,
+    nodes,
+    volume,
+    softness,
+    stress,
+    constants,
+    linear,
+    indptr,
+    node,
+    weight,
+    n_pairs,
+    pair_point,
+    pair_tool,
+    kind,
+    shape,
+    friction,
+    position,
+    orientation,
+    position_prev,
+    orientation_prev,
+    force,
+    slipped,
+    n_sweeps,
+    kappa,
+    h,
+):
+    """Move xw from the prediction to the end of the substep; arguments as in `sweep` and `project_contacts`.
+
+    Contacts come first, because the carried contact force throws a point that has just stopped off its tool, and the
+    blocks would answer to that; and they come last, so that no point ends inside a tool.
+    """
+    for round_ in range(n_sweeps + 1):
+        if round_ > 0:
+            sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h)
+        project_contacts(
+            xw,
+            x_prev,
+            indptr,
+            node,
+            weight,
+            n_pairs,
+            pair_point,
+            pair_tool,
+            kind,
+            shape,
+            friction,
+            position,
+            orientation,
+            position_prev,
+            orientation_prev,
+            force,
+            slipped,
+            h,
+        )
