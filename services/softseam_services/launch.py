@@ -16,6 +16,7 @@ from types import FrameType
 from softseam_protocol.errors import BusError, ProtocolError
 from softseam_services.bus_options import BusOptions
 from softseam_services.lifeline import Lifeline
+from softseam_services.recorder.whole_file import RecordError
 from softseam_services.supervisor import WRONG_SET_UP, Limits, Service, Supervisor, service_argv
 
 ROLES = ("router", "fem", "pbd", "orchestrator", "recorder")
@@ -56,7 +57,7 @@ def serve(role: str, options: ServeOptions) -> int:
     try:
         with Lifeline() as life:
             _serve(role, options, life)
-    except BusError as error:
+    except (BusError, RecordError) as error:
         say(str(error))
         return WRONG_SET_UP
     except ProtocolError as error:

@@ -56,9 +56,13 @@ class RecorderHandler:
         if known is not None and known.begin == begin.header and known.messages == 0:
             return known.progress()  # the same request again
         if known is not None:
-            self._end(session, "begun anew")
+            self._end(session, "begun anew", 0.0)
+        orchestrators = self._bus.live(self._keys.every_live("orchestrator"))
+        for other, taping in list(self._tapings.items()):
+            if not taping.orchestrators & orchestrators:
+                self._end(other, "its orchestrator is gone", 0.0)
         try:
-            taping = Taping(self._bus, self._keys, self._directory, session, begin)
+            taping = Taping(self._bus, self._keys, self._directory, session, begin, frozenset(orchestrators))
         except RecordError as error:
             raise Refused(Failure("disk", str(error))) from None
         self._tapings[session] = taping
@@ -66,10 +70,10 @@ class RecorderHandler:
         _log.info("recording session %s to %s", session, taping.path)
         return taping.progress()
 
-    def _end(self, session: str, reason: str) -> Recorded:
+    def _end(self, session: str, reason: str, wait: float = _DRAIN) -> Recorded:
         if session not in self._tapings and session in self._finished:
             return self._finished[session]
-        recorded = self._taping(session).finish(_DRAIN)
+        recorded = self._taping(session).finish(wait)
         del self._tapings[session]
         self._finished[session] = recorded
         _log.info(
@@ -87,7 +91,7 @@ class RecorderHandler:
         """Finish all files."""
         with self._lock:
             for session in list(self._tapings):
-                self._end(session, "the recorder stops")
+                self._end(session, "the recorder stops", 0.5)
 
     def last(self) -> tuple[str, int]:
         """Session and step of the last message recorded."""

@@ -15,6 +15,8 @@ from softseam_services.recorder.recorder import McapRecorder
 
 _TELL = 0.1
 """time between looks at what to tell [s]"""
+_CLOSE = 10.0
+"""longest wait for the disk when a file is finished [s]"""
 _PATIENCE = 5.0
 """wait for a slow disk before messages are dropped [s]; meanwhile they pile up in the inbox, not in the simulation"""
 
@@ -22,8 +24,12 @@ _PATIENCE = 5.0
 class Taping:
     """Listens from the moment it is built. Raises RecordError where the file cannot be created."""
 
-    def __init__(self, bus: Bus, keys: Keys, directory: Path, session: str, begin: Begin) -> None:
+    def __init__(
+        self, bus: Bus, keys: Keys, directory: Path, session: str, begin: Begin, orchestrators: frozenset[str]
+    ) -> None:
         self.begin = begin.header
+        self.orchestrators = orchestrators
+        """tokens of the orchestrators that lived when the session began, its own among them"""
         self.step = 0
         """step of the last message"""
         self._bus, self._key = bus, keys.session(session, Recorded)
@@ -71,8 +77,8 @@ class Taping:
         self._ended.wait(timeout)
         self._inbox.close()
         self._stop.set()
-        self._thread.join(timeout)
-        self._recorder.close(timeout)
+        self._thread.join(_CLOSE)
+        self._recorder.close(_CLOSE)
         self._tell()
         return self.progress()
 
