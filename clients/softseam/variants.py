@@ -7,9 +7,8 @@ import json
 from collections.abc import Iterable
 from typing import Any, Literal, get_args
 
-import yaml
-
 from softseam.errors import BadInput, SceneRefused
+from softseam_protocol import marked_yaml
 from softseam_protocol.scene import RegionsSpec, Scene
 from softseam_protocol.scene_file import SceneError, parse_scene, scene_json
 
@@ -46,8 +45,8 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
         if not equals or not all(keys):
             raise BadInput(f"--set {setting}: write it as key=value, e.g. --set tools.left.friction=0.05")
         try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError:
+            value = marked_yaml.parse(text).data
+        except marked_yaml.YamlError:
             raise BadInput(f"--set {setting}: the value is not YAML: {text!r}") from None
         _assign(document, keys, value, setting)
     try:

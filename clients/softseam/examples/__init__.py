@@ -1,0 +1,1 @@
+"""Programs to begin with; a test runs each of them."""

@@ -1,0 +1,23 @@
+"""Every example program runs to its end and says something."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+import softseam.examples
+
+EXAMPLES = sorted(p.stem for p in Path(softseam.examples.__path__[0]).glob("[a-z]*.py"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_example_runs(name, capsys):
+    runpy.run_module(f"softseam.examples.{name}", run_name="__main__")
+    assert len(capsys.readouterr().out.splitlines()) >= 2
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 3

@@ -1,0 +1,216 @@
+"""The Python client in this process, on a cube of eight cells between two plates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import softseam
+from softseam.observation import principal_stress, von_mises
+
+SCENE = """\
+softseam: 1
+name: cube
+step: 0.01
+body:
+  shape: {kind: block, size: [0.02, 0.02, 0.02]}
+  cell: 0.01
+  material: {kind: neo_hookean, young: 2.0e4, poisson: 0.45, density: 1000}
+tools:
+  ground: {kind: plane, friction: 0.5}
+  left: {kind: box, size: [0.01, 0.03, 0.03], position: [-0.0155, 0, 0.016], friction: 0.5}
+  right: {kind: box, size: [0.01, 0.03, 0.03], position: [0.0155, 0, 0.016], friction: 0.5}
+motion:
+  - {tools: [left, right], close: 0.02, until: {time: 0.05}}
+  - {hold: 0.05}
+regions: {default: pbd, near: {model: fem, within: 0.004}}
+quantities: [grip_force, peak_von_mises]
+"""
+CLOSE = {"left": [0.02, 0.0, 0.0], "right": [-0.02, 0.0, 0.0]}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("scene") / "cube.yaml"
+    file.write_text(SCENE)
+    return file
+
+
+@pytest.fixture
+def sim(path: Path) -> Iterator[softseam.Session]:
+    with softseam.open(path) as session:
+        yield session
+
+
+def test_observation_of_a_squeeze(sim):
+    """Plates that close by 2 x 1 mm push back on a cube with equal and opposite forces; everything is typed and SI."""
+    obs = sim.reset(seed=3)
+    assert (obs.step, obs.time, obs.grip_force, obs.done) == (0, 0.0, 0.0, False)
+    for _ in range(5):
+        obs = sim.step(CLOSE)
+    assert obs.step == 5
+    assert obs.time == pytest.approx(0.05)
+    assert obs.tools["left"].position[0] == pytest.approx(-0.0145)
+    np.testing.assert_array_equal(obs.tools["right"].velocity, CLOSE["right"])
+    assert obs.grip_force > 0.1
+    # Newton's third law through the body; what is left over is the body's own acceleration and the ground
+    left, right = obs.wrench["left"][0], obs.wrench["right"][0]
+    assert left < 0.0 < right
+    assert abs(left + right) < 0.05 * right
+    assert obs.positions.shape == (125, 3)
+    assert obs.cauchy.shape == (8, 8, 6)
+    assert obs.von_mises.shape == (8, 8)
+    assert obs.principal_stress.shape == (8, 8, 3)
+    assert obs.von_mises.max() == pytest.approx(obs.quantities["peak_von_mises"])
+    touching = obs.contact_tool == list(obs.tools).index("right")
+    np.testing.assert_allclose(obs.contact_force[touching].sum(axis=0), -obs.wrench["right"][:3], rtol=1e-6, atol=1e-9)
+    assert 0.0 <= obs.seam.gap < 1e-3 * 0.01
+    assert obs.regions and all(region.model in ("fem", "pbd") for region in obs.regions.values())
+    with pytest.raises(ValueError, match="read-only"):
+        obs.positions[0, 0] = 1.0
+    with pytest.raises(AttributeError):
+        obs.time = 1.0
+
+
+def test_run_follows_the_motion(sim):
+    """`run` resets, follows the scene to its end, and tells every step."""
+    seen = []
+    last = sim.run(seen.append)
+    assert sim.done and last.done
+    assert [obs.step for obs in seen] == list(range(1, 11))
+    assert last.time == pytest.approx(0.1)
+
+
+def test_same_inputs_same_bits(path):
+    """Two sessions, and a reset one, give the same bits."""
+    trajectories = []
+    with softseam.open(path) as first, softseam.open(path) as second:
+        for session in (first, second, first):
+            session.reset(seed=1)
+            trajectories.append(session.step(CLOSE, count=4).positions.tobytes())
+    assert trajectories[0] == trajectories[1] == trajectories[2]
+
+
+def test_snapshot_continues_bit_for_bit(sim, path):
+    """What follows a restore is what followed the snapshot, in this session and in another one."""
+    sim.reset()
+    sim.step(CLOSE, count=3)
+    state = sim.snapshot()
+    at_snapshot = sim.last
+    later = sim.step(CLOSE, count=3)
+    again = sim.restore(state)
+    assert (again.step, again.time) == (at_snapshot.step, at_snapshot.time)
+    assert again.grip_force == at_snapshot.grip_force
+    assert sim.step(CLOSE, count=3).positions.tobytes() == later.positions.tobytes()
+    with softseam.open(path) as other:
+        other.restore(state)
+        assert other.step(CLOSE, count=3).positions.tobytes() == later.positions.tobytes()
+
+
+BAD_VELOCITIES = {
+    "unknown tool": ({"lefft": [0, 0, 0]}, softseam.UnknownTool, "left"),
+    "two numbers": ({"left": [0.0, 1.0]}, softseam.BadVelocity, "three numbers"),
+    "not finite": ({"left": [0.0, float("nan"), 0.0]}, softseam.BadVelocity, "finite"),
+    "infinite": ({"left": [0.0, float("inf"), 0.0]}, softseam.BadVelocity, "finite"),
+    "words": ({"left": "fast"}, softseam.BadVelocity, "fast"),
+    "no mapping": ([0.0, 0.0, 0.0], softseam.BadVelocity, "mapping"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_VELOCITIES)
+def test_bad_velocity_changes_nothing(name, path):
+    """Bad input is refused by name, and the simulation goes on as if it had not been given."""
+    bad, error, words = BAD_VELOCITIES[name]
+    with softseam.open(path, model="pbd") as tried, softseam.open(path, model="pbd") as untouched:
+        for session in (tried, untouched):
+            session.reset(seed=0)
+            session.step(CLOSE)
+        with pytest.raises(error, match=words):
+            tried.step(bad)
+        assert tried.last.step == 1
+        assert tried.step(CLOSE).positions.tobytes() == untouched.step(CLOSE).positions.tobytes()
+
+
+def test_bad_snapshot_changes_nothing(sim, path):
+    """A damaged snapshot, foreign bytes and another scene's snapshot are refused; the session goes on."""
+    sim.reset()
+    sim.step(CLOSE)
+    good = sim.snapshot()
+    with softseam.open(path, settings=["body.material.young=1.0e4"]) as other:
+        other.reset()
+        foreign = other.snapshot()
+    for bad in (b"", b"words", good[:-7], good[:100] + b"\0" + good[101:], foreign):
+        with pytest.raises(softseam.BadSnapshot):
+            sim.restore(bad)
+    with pytest.raises(softseam.BadInput):
+        sim.restore("a path")
+    assert sim.step(CLOSE).step == 2
+
+
+def test_bad_calls_are_named(path):
+    with pytest.raises(softseam.SceneRefused, match=r"none\.yaml"):
+        softseam.open("folder/none.yaml")
+    with pytest.raises(softseam.SceneRefused, match="young"):
+        softseam.open(path, settings=["body.material.young=-1"])
+    with pytest.raises(softseam.NoConnection, match="softseam up"):
+        softseam.open(path, connect="tcp/127.0.0.1:1")
+    with pytest.raises(softseam.BadInput, match="file name"):
+        softseam.open(path, record=True)
+    session = softseam.open(path, model="pbd")
+    with pytest.raises(softseam.NotReset):
+        session.step(CLOSE)
+    for seed in (-1, 1.5, "0", True):
+        with pytest.raises(softseam.BadInput, match="seed"):
+            session.reset(seed)
+    session.reset()
+    for count in (0, -1, 2.5, True):
+        with pytest.raises(softseam.BadInput, match="count"):
+            session.step(CLOSE, count=count)
+    bare = session.step(CLOSE, fields=False)
+    with pytest.raises(softseam.FieldsNotObserved, match="fields=True"):
+        _ = bare.cauchy
+    session.close()
+    session.close()
+    for use in (session.snapshot, session.reset, session.step):
+        with pytest.raises(softseam.SessionClosed):
+            use()
+
+
+def test_models(path):
+    """A scene is simulated with one model alone, or as it says; a scene without regions cannot be a hybrid."""
+    scene = softseam.load_scene(path)
+    for model in ("fem", "pbd"):
+        varied = softseam.with_model(scene, model)
+        assert (varied.regions.default, varied.regions.near) == (model, None)
+        with softseam.open(varied) as session:
+            session.reset()
+            assert {region.model for region in session.step(CLOSE).regions.values()} == {model}
+    assert softseam.with_model(scene, "hybrid") is scene
+    with pytest.raises(softseam.BadInput, match="near region"):
+        softseam.with_model(softseam.with_model(scene, "pbd"), "hybrid")
+
+
+def test_settings(path):
+    """Settings walk through mappings and lists, begin absent parts, and are validated together."""
+    scene = softseam.load_scene(path)
+    varied = softseam.with_settings(scene, ["tools.left.friction=0.05", "motion.1.hold=0.2", "seed=4"])
+    assert varied.tools["left"].friction == 0.05
+    assert varied.motion[1].hold == 0.2
+    assert varied.seed == 4
+    bare = softseam.with_model(scene, "pbd")
+    assert softseam.with_settings(bare, ["regions.near.within=0.01"]).regions.near.within == 0.01
+    for bad in ("motion.7.hold=1", "motion.x.hold=1", "step.deep=1", "=1", "step"):
+        with pytest.raises(softseam.SoftseamError, match="--set"):
+            softseam.with_settings(scene, [bad])
+
+
+def test_stress_measures():
+    """Closed forms: uniaxial s gives s; pure shear t gives sqrt(3) t; principal stresses of both."""
+    uniaxial = np.array([7.0, 0, 0, 0, 0, 0])
+    shear = np.array([0, 0, 0, 0, 0, 2.0])
+    np.testing.assert_allclose(von_mises(np.array([uniaxial, shear])), [7.0, 2.0 * np.sqrt(3.0)], rtol=1e-14)
+    np.testing.assert_allclose(principal_stress(uniaxial), [0, 0, 7.0], atol=1e-14)
+    np.testing.assert_allclose(principal_stress(shear), [-2.0, 0, 2.0], atol=1e-14)
