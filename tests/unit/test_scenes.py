@@ -55,7 +55,7 @@ def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach():
     for t in np.flatnonzero(tools.near):
         clear = abs(tools.position[t, 0]) - tools.shape[t, 0] - 0.025
         assert near.within < clear < 0.016
-        assert tools.position[t, 2] - tools.shape[t, 2] >= 0.0009
+        assert tools.position[t, 2] - tools.shape[t, 2] <= 0.0  # covers the lowest points, or they spread under it
 
 
 def test_cantilever_is_half_near():
