@@ -98,7 +98,8 @@ class SeamState:
     @property
     def multiplier(self) -> Floats:
         """The last committed multiplier, a copy; zero before the first (s, 3) [N]."""
-        return (self.history[0] + self.history[N_CLOSING]).reshape(-1, 3)
+        committed: Floats = self.history[0] + self.history[N_CLOSING]
+        return committed.reshape(-1, 3)
 
     @property
     def predictor_name(self) -> str:
