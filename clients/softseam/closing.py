@@ -61,9 +61,9 @@ def _times(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     total = wall["total"]
     for name in ("fem", "pbd", "coupling", "bus", "record"):
         if wall[name] > 0.0 and total > 0.0:
-            yield name, _figure(wall[name], 1e3, "ms"), f"{100.0 * wall[name] / total:.0f} %"
-    yield "all steps", _figure(total, 1e3, "ms"), "solvers run at the same time, so parts may exceed the whole"
-    yield "set-up and compiling", _figure(wall["setup"], 1.0, "s"), "not part of the RTF"
+            yield name, _duration(wall[name]), f"{100.0 * wall[name] / total:.0f} %"
+    yield "all steps", _duration(total), "solvers run at the same time"
+    yield "set-up and compiling", _duration(wall["setup"]), "not part of the RTF"
     if wall["rtf"] is not None:
         yield "real-time factor", f"{wall['rtf']:.1f}", f"{wall['rtf_median_step']:.1f} at the median step"
 
@@ -83,4 +83,12 @@ def _print_events(console: Console, events: list[Mapping[str, Any]]) -> None:
 
 
 def _figure(value: float | None, factor: float, unit: str) -> str:
-    return "-" if value is None else f"{value * factor:.3g} {unit}"
+    """A value in the unit shown; what is below a millionth of that unit is noise."""
+    if value is None:
+        return "-"
+    shown = value * factor
+    return f"{0.0 if abs(shown) < 1e-6 else shown:.4g} {unit}"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"

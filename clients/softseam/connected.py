@@ -36,6 +36,7 @@ from softseam_protocol.messages import (
 )
 
 Reply = TypeVar("Reply", Observation, Saved, Closed)
+_CONNECT_TIMEOUT = 5.0
 _CLOSE_TIMEOUT = 10.0
 
 
@@ -57,7 +58,7 @@ class ConnectedBackend:
         self.session = secrets.token_hex(8)
         """names the session on the bus, and its recording"""
         try:
-            self._bus = Bus(endpoint)
+            self._bus = Bus(endpoint, min(timeout, _CONNECT_TIMEOUT))
         except errors.BusError as error:
             raise NoConnection(str(error)) from None
         try:

@@ -36,7 +36,7 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
         raise BadInput(f"cannot write into {folder}: {error.strerror}; choose another folder with --out") from None
 
     def say(text: str) -> None:
-        console.print(Text(text, style="dim"))
+        console.print(Text(text, style="dim"), soft_wrap=True)
 
     with scratch as recordings:
         endpoint = f"tcp/127.0.0.1:{_free_port()}"

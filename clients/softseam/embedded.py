@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -114,16 +114,42 @@ class EmbeddedBackend:
         self._events.append(Event(header, "record", reason))
 
 
+class Resimulation:
+    """A simulation of a recorded scene from its start, to compare with the recording: frames as they are emitted."""
+
+    def __init__(self, bundle: Bundle, seed: int) -> None:
+        from softseam_services.orchestrator.embedded import EmbeddedTransport
+        from softseam_services.orchestrator.simulation import Simulation
+
+        self._frame: Frame | None = None
+        self._simulation = Simulation(bundle, EmbeddedTransport(), emit=self._take)
+        self._simulation.reset(seed)
+
+    def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport:
+        return self._simulation.step(velocities, fields=fields)
+
+    def frame(self) -> Frame:
+        """The last step's frame. A region switch at the end of that step is not in it, as in a recording."""
+        assert self._frame is not None
+        return self._frame
+
+    def close(self) -> None:
+        self._simulation.close()
+
+    def _take(self, message: Message) -> None:
+        if isinstance(message, Frame):
+            self._frame = message
+
+
 @contextmanager
-def resimulate(bundle: Bundle, seed: int) -> Iterator[Simulation]:
-    """A simulation of a recorded scene from its start, to compare with the recording."""
-    backend = EmbeddedBackend(bundle)
-    try:
-        backend.reset(seed)
-        with translated():
-            yield backend.simulation
-    finally:
-        backend.close()
+def resimulate(bundle: Bundle, seed: int) -> Iterator[Resimulation]:
+    """Open a recorded scene again at its start."""
+    with translated():
+        simulation = Resimulation(bundle, seed)
+        try:
+            yield simulation
+        finally:
+            simulation.close()
 
 
 @contextmanager

@@ -5,6 +5,7 @@ On a terminal it is a bar; elsewhere (a log, a pipe) a line every tenth of the r
 
 from __future__ import annotations
 
+from collections import deque
 from time import perf_counter
 from types import TracebackType
 
@@ -17,6 +18,8 @@ from softseam_protocol.scene import Scene
 
 _REFRESH = 0.1
 """time between updates of the bar [s]"""
+_WINDOW = 3.0
+"""wall time that the estimate of the time left looks back [s]"""
 _LINE = 5.0
 """longest time between lines where there is no terminal [s]"""
 
@@ -30,6 +33,8 @@ class RunProgress:
         self._total = expected_duration(scene)
         self._began: float | None = None
         self._first = 0.0
+        self._recent: deque[tuple[float, float]] = deque()
+        """(wall time, simulated time) of the last moments: the time left follows from them [s]"""
         self._shown = 0.0
         self._tenth = 0
         self._bar: Progress | None = None
@@ -66,6 +71,9 @@ class RunProgress:
             self._began, self._first = now, observation.time
         elif now > self._began:
             self.rtf = (observation.time - self._first) / (now - self._began)
+        self._recent.append((now, observation.time))
+        while now - self._recent[0][0] > _WINDOW:
+            self._recent.popleft()
         if self._bar is not None and self._task is not None:
             if now - self._shown >= _REFRESH or observation.done:
                 self._shown = now
@@ -86,6 +94,8 @@ class RunProgress:
     def _eta(self, observation: Observation) -> str:
         if observation.done:
             return "0 s"
-        if not self._total or not self.rtf:
+        wall, simulated = self._recent[0]
+        done = observation.time - simulated
+        if not self._total or done <= 0.0:
             return "-"
-        return f"{max(0.0, self._total - observation.time) / self.rtf:.0f} s"
+        return f"{max(0.0, self._total - observation.time) * (self._recent[-1][0] - wall) / done:.1f} s"

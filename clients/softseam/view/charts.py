@@ -51,6 +51,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     _energy(every[n_plots - 1], columns)
     for axes in every[:n_plots]:
         _phases(axes, columns)
+        axes.set_xlim(time[0] - 0.015 * np.ptp(time), time[-1] + 0.015 * np.ptp(time))
     for axes in every[max(0, n_plots - 3) : n_plots]:
         axes.set_xlabel(_TIME, fontsize=9.5, color=SOFT)
     return write(figure, path)
