@@ -21,6 +21,7 @@ from softseam_protocol.messages import Frame
 Floats = NDArray[np.float64]
 
 _MOMENTS = 5
+_CANDIDATES = 60
 _WIDTH, _HEIGHT = 460, 500
 _GROUND = np.array([0.905, 0.90, 0.885])
 _GLASS = np.array([0.62, 0.66, 0.72])
@@ -32,7 +33,7 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     """Two rows of pictures, one column a moment; the stress scale is the same in all of them."""
     assert recording.surface is not None
     surface = DisplaySurface(recording.surface)
-    frames = _pick(recording, builder)
+    frames = _pick(recording)
     stresses = [surface.at_points(von_mises(frame.cauchy)) for frame in frames]
     top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
     tools = tool_shapes(recording.scene, surface.extent)
@@ -57,27 +58,18 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     return write(figure, path)
 
 
-def _pick(recording: Recording, builder: ReportBuilder) -> list[Frame]:
-    """Frames spread over the run: the first, the last, and where the phases of the motion end."""
-    steps = [frame.header.step for frame in recording.frames()]
-    columns = builder.columns
-    phase = columns["phase"]
-    ends = columns["step"][:-1][np.diff(phase) != 0.0]
-    wanted = [steps[0], *ends[np.isin(ends, steps)].astype(int).tolist(), steps[-1]]
-    while len(dict.fromkeys(wanted)) < min(_MOMENTS, len(steps)):
-        known = sorted(dict.fromkeys(wanted))
-        gaps = np.diff(known)
-        at = int(np.argmax(gaps))
-        middle = 0.5 * (known[at] + known[at + 1])
-        between = [step for step in steps if known[at] < step < known[at + 1]]
-        if not between:
-            break
-        wanted.append(min(between, key=lambda step: abs(step - middle)))
-    chosen = sorted(dict.fromkeys(wanted))
-    while len(chosen) > _MOMENTS:
-        gaps = np.array(chosen[2:]) - np.array(chosen[:-2])
-        del chosen[1 + int(np.argmin(gaps))]
-    return [frame for frame in recording.frames() if frame.header.step in chosen][-_MOMENTS:]
+def _pick(recording: Recording) -> list[Frame]:
+    """Moments that look different: the first, the last, then again and again the one farthest from those chosen."""
+    total = recording.counts["Frame"]
+    kept = set(np.unique(np.linspace(0, total - 1, min(total, _CANDIDATES)).astype(int)).tolist())
+    frames = [frame for i, frame in enumerate(recording.frames()) if i in kept]
+    looks = np.stack([np.concatenate([f.point_x.ravel(), f.tool_position.ravel()]) for f in frames])
+    chosen = list(dict.fromkeys((0, len(frames) - 1)))
+    away = np.min([np.linalg.norm(looks - looks[c], axis=1) for c in chosen], axis=0)
+    while len(chosen) < min(_MOMENTS, len(frames)):
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(looks - looks[chosen[-1]], axis=1))
+    return [frames[c] for c in sorted(dict.fromkeys(chosen))]
 
 
 def _camera(frames: list[Frame], tools: list[ToolShape], extent: float) -> Camera:
