@@ -40,6 +40,7 @@ from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides, contact_state, cut, resting_state, side_mass
+from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.server import build_setup
 from softseam_services.tools.kernels import cell_distances
@@ -270,11 +271,12 @@ class Simulation:
         exchange = 0
         while True:
             compliance = coupled and self._fresh
+            far_force = self._tie.far_force(lambda_)
             requests: dict[str, Request] = {
                 name: Advance(
                     self._header(name, self._step, exchange),
                     self.scene.step,
-                    lambda_ if name == NEAR else -lambda_,
+                    lambda_ if name == NEAR else far_force,
                     motion,
                     compliance,
                 )
@@ -283,9 +285,10 @@ class Simulation:
             replies = self._advanced(self._exchange(requests))
             if not coupled:
                 return replies, lambda_, 0.0, 1
-            gap = replies[NEAR].seam_x - replies[FAR].seam_x
+            gap = self._tie.gap(replies[NEAR].seam_x, replies[FAR].seam_x)
             if compliance and replies[NEAR].compliance.size == replies[FAR].compliance.size:  # a failed solve has none
-                self._seam.reset(self._seam_state, replies[NEAR].compliance + replies[FAR].compliance)
+                whole = self._tie.compliance(replies[NEAR].compliance, replies[FAR].compliance)
+                self._seam.reset(self._seam_state, whole)
                 self._fresh = False
             answer = self._seam.update(self._seam_state, lambda_, gap)
             exchange += 1
@@ -378,6 +381,7 @@ class Simulation:
         self._epoch += 1
         self._sides: Sides = cut(self.body, self._regions.near, self._near_model, self.scene.regions.default)
         sides = self._sides
+        self._tie = tie_sides(self.body, sides, self._grid.neighbours)
         self._exchange(
             {
                 name: Configure(

@@ -1,0 +1,50 @@
+"""The tie of a cut body: its seam's faces, handed to the coupling."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from softseam_coupling.mortar import SeamTie, identity_tie, mortar_tie
+
+from softseam_services.body.body import Body
+from softseam_services.orchestrator.sides import FAR, NEAR, Sides
+
+_TRACE = {"fem": "quadratic", "pbd": "linear"}
+"""what a model interpolates on a face of a cell"""
+_LATTICE = np.arange(27).reshape(3, 3, 3)  # [k, j, i]
+_OCTANTS = np.arange(8).reshape(2, 2, 2)
+
+
+def _sheet(cube: NDArray[np.int64], face: int) -> NDArray[np.int64]:
+    """Local ids on a face -x +x -y +y -z +z, the lower remaining axis fastest."""
+    axis, last = divmod(face, 2)
+    return np.take(cube, -1 if last else 0, axis=2 - axis).reshape(-1)
+
+
+def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32]) -> SeamTie:
+    """How the two sides' seam nodes belong together. neighbours (C, 6) as in `CellGrid`."""
+    if len(sides.names) < 2 or sides.models[NEAR] == sides.models[FAR]:
+        return identity_tie(len(sides.seam))
+    far = np.zeros(body.n_cells, dtype=np.bool_)
+    far[sides.cells[FAR]] = True
+    faces, edges, fill = [], [], []
+    for face in range(6):
+        cells = sides.cells[NEAR]
+        others = neighbours[cells, face]
+        meets = (others >= 0) & far[others]
+        cells, others = cells[meets], others[meets]
+        faces.append(body.cell_nodes[cells][:, _sheet(_LATTICE, face)])
+        along = [axis for axis in range(3) if axis != face // 2]
+        edges.append(np.tile(body.edges[along], (len(cells), 1)))
+        near_fill = body.fill[cells][:, _sheet(_OCTANTS, face)]
+        far_fill = body.fill[others][:, _sheet(_OCTANTS, face ^ 1)]
+        fill.append(0.5 * (near_fill + far_fill))
+    return mortar_tie(
+        np.concatenate(faces),
+        np.concatenate(edges),
+        np.concatenate(fill),
+        _TRACE[sides.models[NEAR]],
+        _TRACE[sides.models[FAR]],
+        sides.seam,
+        body.x_rest,
+    )
