@@ -57,9 +57,7 @@ def dissect(cell_nodes: Ints, cell_grid: Ints, n_nodes: int, fixed: NDArray[np.b
 
 
 class _Dissection:
-    def __init__(
-        self, cell_nodes: Ints, cell_grid: Ints, n_nodes: int, fixed: NDArray[np.bool_], seam: Ints
-    ) -> None:
+    def __init__(self, cell_nodes: Ints, cell_grid: Ints, n_nodes: int, fixed: NDArray[np.bool_], seam: Ints) -> None:
         self.cell_nodes, self.cell_grid, self.n_nodes, self.fixed, self.seam = (
             cell_nodes,
             cell_grid,

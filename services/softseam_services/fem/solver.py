@@ -7,20 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
-from softseam_protocol.scene import Scene
 
+from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ToolMotion
+from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.cells import cauchy_stress
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
+    FACTORED,
     INDEFINITE,
     LEAST_J,
     N_MEMO,
     NOT_FINITE,
     STALLED,
     WORST_CELL,
+    seam_compliance,
 )
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
@@ -31,6 +33,8 @@ _FAILURES = {
     INDEFINITE: "the stiffness matrix stayed indefinite",
     NOT_FINITE: "forces grew beyond all bounds",
 }
+_CAREFUL_ITERATIONS = 60
+_MOST_HALVINGS = 5
 
 
 @dataclass
@@ -81,15 +85,18 @@ class FemSolver:
         self._seam_x = np.zeros((n_seam, 3))
         self._inverse = np.zeros((3 * n_seam, 3 * n_seam))
         self._distance = np.zeros(len(region.cells))
-        self._start = np.zeros_like(self._committed.x)
-        self._part = self._tool_tuple(
-            *(np.zeros((n_tools, width)) for width in (3, 4, 3, 4))
-        )
 
-    def _tool_tuple(self, position: Floats, orientation: Floats, position_next: Floats, orientation_next: Floats) -> Tools:
+    def _tool_tuple(self, motion: ToolMotion) -> Tools:
         tools = self._tools
         return Tools(
-            tools.kind, tools.shape, tools.friction, tools.near, position, orientation, position_next, orientation_next
+            tools.kind,
+            tools.shape,
+            tools.friction,
+            tools.near,
+            motion.position,
+            motion.orientation,
+            motion.position_next,
+            motion.orientation_next,
         )
 
     @property
@@ -109,26 +116,68 @@ class FemSolver:
         if not again:
             self.commit()
         self._step = key
-        now, end = self._committed, self._next
-        motion = request.tools
         problem = self._refuse(request)
         if problem:
             return self._failed(request, problem, began)
-        if again:
-            self._start[:] = end.x
-        else:
-            np.multiply(now.v, request.dt, out=self._start)
-            self._start += now.x
-        whole = self._tool_tuple(
-            motion.position, motion.orientation, motion.position_next, motion.orientation_next
-        )
-        status = kernel.advance(
-            now.x, now.v, now.contact, request.dt, request.seam_force, self._start, self._model, self._tree, whole,
-            self._part, self._spec.tolerance * self._model.edge, self._spec.iterations, request.compliance, self._work,
-            self._memo, end.x, end.v, end.contact, self._wrench, self._out, self._seam_x, self._inverse, self._distance,
+        now, end = self._committed, self._next
+        if not again:
+            np.multiply(now.v, request.dt, out=end.x)
+            end.x += now.x
+        whole = self._tool_tuple(request.tools)
+        status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
+        if status != CONVERGED:
+            status = self._insist(now, end, request, whole)
+            if status != CONVERGED:
+                return self._failed(request, self._why(status), began)
+        self._tentative = True
+        if request.compliance and not seam_compliance(
+            now.x, now.v, now.contact, request.dt, end.x, self._model, self._tree, whole, self._work, self._memo,
+            self._inverse,
+        ):  # fmt: skip
+            return self._failed(request, self._why(INDEFINITE), began)
+        return self._reply(request, "converged", began)
+
+    def _advance(
+        self, now: FemState, end: FemState, dt: float, force: Floats, tools: Tools, most: int, careful: bool
+    ) -> int:
+        """One step from `now` into `end`, whose x is the first guess; returns a status of `kernels.newton`."""
+        status: int = kernel.advance(
+            now.x, now.v, now.contact, dt, force, self._model, self._tree, tools,
+            self._spec.tolerance * self._model.edge, most, careful, self._work, self._memo,
+            end.x, end.v, end.contact, self._wrench, self._out, self._seam_x, self._distance,
         )  # fmt: skip
-        self._tentative = status == CONVERGED
-        return self._reply(request, "converged" if status == CONVERGED else self._why(status), began)
+        return status
+
+    def _insist(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:
+        """What is left when the plain step failed: a careful one from `now`, then 2, 4 ... 32 parts."""
+        status = STALLED
+        for halvings in range(_MOST_HALVINGS + 1):
+            pieces = 1 << halvings
+            begin = now.copy()
+            tool_work = seam_work = iterations = 0.0
+            for piece in range(pieces):
+                tools = _part_of(whole, piece / pieces, (piece + 1) / pieces)
+                dt = request.dt / pieces
+                for careful in (False, True):
+                    if careful or pieces > 1:
+                        self._memo[:] = 0.0
+                        end.x[:] = begin.x
+                        most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
+                        status = self._advance(begin, end, dt, request.seam_force, tools, most, careful)
+                        iterations += self._out[kernel.N_ITERATIONS]
+                        if status == CONVERGED:
+                            break
+                if status != CONVERGED:
+                    break
+                tool_work += self._out[kernel.TOOL_WORK]
+                seam_work += self._out[kernel.SEAM_WORK]
+                begin = end.copy()
+            if status == CONVERGED:
+                self._out[kernel.TOOL_WORK], self._out[kernel.SEAM_WORK] = tool_work, seam_work
+                self._out[kernel.N_ITERATIONS] = iterations
+                break
+        self._memo[FACTORED] = 0.0
+        return status
 
     def _refuse(self, request: Advance) -> str:
         """What makes the request impossible to serve, or ''."""
@@ -160,6 +209,7 @@ class FemSolver:
         self._tentative = False
         self._wrench[:] = 0.0
         self._out[:] = 0.0
+        self._memo[FACTORED] = 0.0
         self._seam_x[:] = now.x[self._region.seam]
         return self._reply(request, text, began)
 
@@ -234,6 +284,24 @@ class FemSolver:
         self._step = None
         self._memo[:] = 0.0
         self._work.factored_state[:] = 0
+
+
+def _part_of(whole: Tools, first: float, last: float) -> Tools:
+    """The tools' motion between two fractions of the step; turns are interpolated along the shorter way."""
+    travel = whole.position_next - whole.position
+    turn = np.where(
+        np.sum(whole.orientation * whole.orientation_next, axis=1, keepdims=True) < 0.0,
+        -whole.orientation_next,
+        whole.orientation_next,
+    )
+    turns = [whole.orientation + f * (turn - whole.orientation) for f in (first, last)]
+    unit = [q / np.linalg.norm(q, axis=1, keepdims=True) for q in turns]
+    return whole._replace(
+        position=whole.position + first * travel,
+        position_next=whole.position + last * travel,
+        orientation=unit[0],
+        orientation_next=unit[1],
+    )
 
 
 def _touched(size: Floats) -> NDArray[np.int32]:

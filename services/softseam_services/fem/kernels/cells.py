@@ -189,9 +189,7 @@ def add_cell_tangents(x, model, tree, work, safe):
     for cell in range(len(model.cell_nodes)):
         for q in range(8):
             weight = model.weight[cell, q]
-            A[q], B[q] = _point_factors(
-                work.F[cell], 3 * q, model.linear, model.mu, model.lambda_, weight, safe, H
-            )
+            A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, model.mu, model.lambda_, weight, safe, H)
             for i in range(3):
                 h0, h1, h2 = H[i, 0], H[i, 1], H[i, 2]
                 at = (3 * q + i) * LANES

@@ -12,8 +12,13 @@ import numpy as np
 from numba import njit
 
 from softseam_services.fem.kernels.cells import add_cell_tangents, subtract_forces
-from softseam_services.fem.kernels.contact import add_contact_forces, add_contact_tangents, evaluate_contacts
-from softseam_services.fem.kernels.fronts import add_diagonal, factor, solve
+from softseam_services.fem.kernels.contact import (
+    add_contact_forces,
+    add_contact_tangents,
+    evaluate_contacts,
+    find_candidates,
+)
+from softseam_services.fem.kernels.fronts import add_diagonal, factor, seam_inverse, solve
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
@@ -53,7 +58,8 @@ def refactor(x, model, tree, tools, count, dt, safe, work, memo):
     """
     memo[FACTORED] = 0.0
     for attempt in range(1 if safe else 0, 2):
-        work.values[:] = 0.0
+        for i in range(len(work.values)):
+            work.values[i] = 0.0
         add_diagonal(tree, work.values, model.mass, 1.0 / (dt * dt))
         add_cell_tangents(x, model, tree, work, attempt == 1)
         add_contact_tangents(model, tools, tree, count, work)
@@ -66,15 +72,69 @@ def refactor(x, model, tree, tools, count, dt, safe, work, memo):
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(tree, work):
-    """work.d <- A^-1 work.r; returns the largest entry, which is not finite where one of them is not."""
-    work.d[:] = work.r
-    solve(tree, work.values, work.d, work.t, work.ints)
-    return _largest(work.d)
+def _dot(a, b):
+    """Sum of a[i] b[i] in a fixed order, four partial sums wide."""
+    s0 = s1 = s2 = s3 = 0.0
+    n = len(a)
+    whole = n - n % 4
+    for i in range(0, whole, 4):
+        s0 += a[i] * b[i]
+        s1 += a[i + 1] * b[i + 1]
+        s2 += a[i + 2] * b[i + 2]
+        s3 += a[i + 3] * b[i + 3]
+    for i in range(whole, n):
+        s0 += a[i] * b[i]
+    return (s0 + s1) + (s2 + s3)
+
+
+@njit(cache=True, error_model="numpy")
+def _add(a, scale, b):
+    """a += scale b, in place."""
+    for i in range(len(a)):
+        a[i] += scale * b[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _accelerate(known, d, d_last, step, q, s):
+    """Anderson acceleration of x <- x + d, d = A^-1 r; `step` is the last step, and the next one on return.
+
+    With D = (differences of d), S = (differences of x) + D over the last iterations, the step is d - S g with g the
+    least-squares solution of D g = d (Walker & Ni, SIAM J. Numer. Anal. 49, 2011, eq. 2.1). The rows of q are D made
+    orthonormal, those of s are S transformed alike, so g = q d. Every column keeps the sum of M x, so momentum stays
+    exact. Returns how many columns are known; `known` < 0 starts afresh.
+    """
+    memory, n = len(q), len(d)
+    if known < 0:
+        known = 0
+    else:
+        column = known % memory
+        for i in range(n):
+            q[column, i] = d[i] - d_last[i]
+            s[column, i] = step[i] + q[column, i]
+        before = np.sqrt(_dot(q[column], q[column]))
+        for other in range(min(known + 1, memory)):
+            if other != column:
+                along = _dot(q[other], q[column])
+                _add(q[column], -along, q[other])
+                _add(s[column], -along, s[other])
+        size = np.sqrt(_dot(q[column], q[column]))
+        keep = size > 1e-6 * before
+        scale = 1.0 / size if keep else 0.0
+        for i in range(n):
+            q[column, i] *= scale
+            s[column, i] *= scale
+        known += keep
+    for i in range(n):
+        d_last[i] = d[i]
+        step[i] = d[i]
+    for column in range(min(known, memory)):
+        _add(step, -_dot(q[column], d), s[column])
+    return known
 
 
 @njit(cache=True, error_model="numpy")
 def _largest(values):
+    """Largest absolute value; not finite where one of them is not."""
     largest = 0.0
     for i in range(len(values)):
         size = abs(values[i])
@@ -84,49 +144,10 @@ def _largest(values):
 
 
 @njit(cache=True, error_model="numpy")
-def _accelerate(known, work):
-    """Anderson acceleration of x <- x + d, d = A^-1 r; work.dx is the last step, and the next one on return.
-
-    With D = (differences of d), S = (differences of x) + D over the last iterations, the step is d - S g with g the
-    least-squares solution of D g = d (Walker & Ni, SIAM J. Numer. Anal. 49, 2011, eq. 2.1). The columns of D are kept
-    orthonormal (work.q) and those of S transformed alike (work.s), so g = work.q d. Every column keeps the sum of M x,
-    so momentum stays exact. Returns how many columns are known.
-    """
-    memory = len(work.q)
-    if known >= 0:
-        column = known % memory
-        q, s = work.q[column], work.s[column]
-        q[:] = work.d - work.d_last
-        s[:] = work.dx + q
-        before = np.sqrt(np.dot(q, q))
-        for other in range(min(known + 1, memory)):
-            if other != column:
-                along = np.dot(work.q[other], q)
-                q -= along * work.q[other]
-                s -= along * work.s[other]
-        size = np.sqrt(np.dot(q, q))
-        if size > 1e-6 * before:
-            q /= size
-            s /= size
-            known += 1
-        else:
-            q[:] = 0.0
-            s[:] = 0.0
-    else:
-        known = 0
-    step = work.dx
-    work.d_last[:] = work.d
-    step[:] = work.d
-    for column in range(min(known, memory)):
-        step -= np.dot(work.q[column], work.d) * work.s[column]
-    return known
-
-
-@njit(cache=True, error_model="numpy")
-def _move(x, model, step, scale):
+def _move(x, order, step, scale):
     """x (n, 3) += scale * step (3 n_free,), in place."""
-    for node in range(len(model.mass)):
-        place = model.order[node]
+    for node in range(len(order)):
+        place = order[node]
         if place >= 0:
             x[node, 0] += scale * step[3 * place]
             x[node, 1] += scale * step[3 * place + 1]
@@ -134,43 +155,10 @@ def _move(x, model, step, scale):
 
 
 @njit(cache=True, error_model="numpy")
-def newton(x, model, tree, tools, count, dt, tolerance, most, work, memo):
-    """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
-
-    The factor at hand is tried first; a new one is made where contacts are missing in it or convergence is slow.
-    """
-    known, since, first = -1, 0, 0.0
-    for iteration in range(1, most + 1):
-        missing = residual(x, model, tools, count, dt, work, memo)
-        fresh = False
-        if missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_DT] != dt:
-            if not refactor(x, model, tree, tools, count, dt, False, work, memo):
-                return INDEFINITE, iteration
-            fresh = True
-        largest = _solve(tree, work)
-        if not fresh and largest > tolerance and since > 0 and _too_slow(largest, first, tolerance, since):
-            if not refactor(x, model, tree, tools, count, dt, False, work, memo):
-                return INDEFINITE, iteration
-            largest = _solve(tree, work)
-            fresh = True
-        if not np.isfinite(largest):
-            return NOT_FINITE, iteration
-        if fresh or since == 0:
-            known, since, first = -1, 0, largest
-        since += 1
-        known = _accelerate(known, work)
-        moved = _largest(work.dx)
-        if moved > _LIMIT * model.edge:
-            work.dx[:] *= _LIMIT * model.edge / moved
-        _move(x, model, work.dx, 1.0)
-        if largest <= tolerance and moved <= tolerance:
-            return CONVERGED, iteration
-    return STALLED, most
-
-
-@njit(cache=True, error_model="numpy")
 def _too_slow(largest, first, tolerance, since):
     """Whether the mean rate so far asks for more iterations than a new factor costs."""
+    if largest <= tolerance or since == 0:
+        return False
     if largest > 2.0 * first:
         return True
     if since < _TRIALS:
@@ -180,26 +168,70 @@ def _too_slow(largest, first, tolerance, since):
 
 
 @njit(cache=True, error_model="numpy")
-def newton_carefully(x, model, tree, tools, count, dt, tolerance, most, work, memo):
-    """As `newton`, with a new, positive semi-definite matrix every time, short steps, and a line search along each."""
-    slope = 0.0
+def newton(x, model, tree, tools, count, dt, tolerance, most, careful, work, memo):
+    """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
+
+    The factor at hand is tried first, with Anderson acceleration; a new one is made where contacts are missing in it
+    or convergence is slow. careful: a new, positive semi-definite matrix every time, short steps, and a line search
+    along each.
+    """
+    known, since, first = -1, 0, 0.0
+    slope = -1.0
+    limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
     for iteration in range(1, most + 1):
-        residual(x, model, tools, count, dt, work, memo)
-        if iteration > 1:
+        missing = residual(x, model, tools, count, dt, work, memo)
+        if careful and slope > 0.0:
             # where the residual along the last step changed sign by much, go part of the way back
-            ahead = np.dot(work.r, work.dx)
+            ahead = _dot(work.r, work.dx)
             if ahead < -0.5 * slope:
-                _move(x, model, work.dx, slope / (slope - ahead) - 1.0)
-                residual(x, model, tools, count, dt, work, memo)
-        if not refactor(x, model, tree, tools, count, dt, True, work, memo):
-            return INDEFINITE, iteration
-        largest = _solve(tree, work)
+                _move(x, model.order, work.dx, slope / (slope - ahead) - 1.0)
+                slope = -1.0
+                continue
+        renew = careful or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_DT] != dt
+        largest = 0.0
+        for attempt in range(2):
+            if renew:
+                if not refactor(x, model, tree, tools, count, dt, careful, work, memo):
+                    return INDEFINITE, iteration
+                since = 0
+            for i in range(len(work.r)):
+                work.d[i] = work.r[i]
+            solve(tree, work.values, work.d, work.t, work.ints)
+            largest = _largest(work.d)
+            if attempt == 0 and not renew and _too_slow(largest, first, tolerance, since):
+                renew = True
+            else:
+                break
         if not np.isfinite(largest):
             return NOT_FINITE, iteration
-        scale = min(1.0, _CAREFUL_LIMIT * model.edge / largest) if largest > 0.0 else 1.0
-        work.dx[:] = scale * work.d
-        slope = np.dot(work.r, work.dx)
-        _move(x, model, work.dx, 1.0)
-        if largest <= tolerance:
+        if since == 0:
+            known, first = -1, largest
+        since += 1
+        known = _accelerate(-1 if careful else known, work.d, work.d_last, work.dx, work.q, work.s)
+        moved = _largest(work.dx)
+        if moved > limit:
+            for i in range(len(work.dx)):
+                work.dx[i] *= limit / moved
+        if careful:
+            slope = _dot(work.r, work.dx)
+        _move(x, model.order, work.dx, 1.0)
+        if largest <= tolerance and moved <= tolerance:
             return CONVERGED, iteration
     return STALLED, most
+
+
+@njit(cache=True, error_model="numpy")
+def seam_compliance(x0, v0, contact0, dt, x, model, tree, tools, work, memo, inverse):
+    """d(seam_x)/d(seam_force) at the end x of a step from x0, v0, contact0, contacts included.
+
+    inverse (3s, 3s) [m/N] updated in place; returns whether the matrix could be factored.
+    """
+    for node in range(len(x0)):
+        for i in range(3):
+            work.x_hat[node, i] = x0[node, i] + dt * v0[node, i]
+    count = find_candidates(x0, model, tools, contact0, model.edge, work)
+    residual(x, model, tools, count, dt, work, memo)
+    good = refactor(x, model, tree, tools, count, dt, False, work, memo)
+    if good:
+        seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
+    return good

@@ -1,4 +1,4 @@
-"""One step of a region: attempts, sub-steps as the last resort, and everything that the reply reports."""
+"""One implicit Euler step of a region, and everything that the reply reports."""
 
 from __future__ import annotations
 
@@ -16,18 +16,16 @@ from softseam_services.fem.kernels.contact import (
     augment,
     evaluate_contacts,
     find_candidates,
+    point_position,
 )
-from softseam_services.fem.kernels.fronts import seam_inverse
-from softseam_services.fem.kernels.newton import CONVERGED, newton, newton_carefully, refactor, residual
+from softseam_services.fem.kernels.newton import CONVERGED, newton
 from softseam_services.tools.kernels import cell_distances
 
 # entries of `out`
 KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, MOMENTUM, ANGULAR = 0, 1, 2, 3, 4, 5, 8
-PENETRATION, SLIPPED, N_CONTACTS, N_ITERATIONS, N_SUBSTEPS, LOWEST, HIGHEST = 11, 12, 13, 14, 15, 16, 19
-N_OUT = 22
+PENETRATION, SLIPPED, N_CONTACTS, N_ITERATIONS, LOWEST, HIGHEST = 11, 12, 13, 14, 15, 18
+N_OUT = 21
 
-_CAREFUL_ITERATIONS = 60
-_MOST_HALVINGS = 5
 _MOST_AUGMENTATIONS = 4
 # Points deeper than this after the iteration get their multipliers updated within the step [m].
 _DEEP = 20e-6
@@ -47,52 +45,12 @@ def _tool_travel(tools):
 
 
 @njit(cache=True, error_model="numpy")
-def _substep(x0, v0, contact0, dt, model, tree, tools, tolerance, most, careful, work, memo, x):
-    """From x0, v0 over dt: x (n, 3) is the first guess, and the result in place. Returns status, iterations, count."""
-    fastest = 0.0
-    for node in range(len(x0)):
-        for i in range(3):
-            work.x_hat[node, i] = x0[node, i] + dt * v0[node, i]
-            fastest = max(fastest, abs(v0[node, i]))
-    reach = 0.25 * model.edge + _tool_travel(tools) + 2.0 * dt * fastest
-    total = 0
-    augmentations = 0
-    count = find_candidates(x0, model, tools, contact0, reach, work)
-    while True:
-        if careful:
-            status, iterations = newton_carefully(x, model, tree, tools, count, dt, tolerance, most, work, memo)
-        else:
-            status, iterations = newton(x, model, tree, tools, count, dt, tolerance, most, work, memo)
-        total += iterations
-        if status != CONVERGED:
-            return status, total, count
-        farthest = 0.0
-        for node in range(len(x0)):
-            square = 0.0
-            for i in range(3):
-                square += (x[node, i] - x0[node, i]) ** 2
-            farthest = max(farthest, square)
-        if np.sqrt(farthest) > reach:
-            # a node went farther than the search for contacts looked
-            reach = 2.0 * np.sqrt(farthest)
-            count = find_candidates(x0, model, tools, contact0, reach, work)
-            continue
-        evaluate_contacts(x, model, tools, count, work)
-        deepest = 0.0
-        for c in range(count):
-            deepest = max(deepest, -work.contact[c, GAP])
-        if deepest < _DEEP or augmentations == _MOST_AUGMENTATIONS:
-            return CONVERGED, total, count
-        augmentations += 1
-        augment(count, work)
-
-
-@njit(cache=True, error_model="numpy")
 def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, out):
-    """Forces and slip of the candidates into contact (p, t, 6); wrenches, work and counts are added to."""
+    """Forces and slip of the candidates into contact (p, t, 6); wrenches, work and counts into the rest."""
     contact[:] = 0.0
     wrench[:] = 0.0
-    out[PENETRATION] = out[SLIPPED] = out[N_CONTACTS] = 0.0
+    out[PENETRATION] = out[SLIPPED] = out[N_CONTACTS] = out[TOOL_WORK] = 0.0
+    arm = np.empty(3)
     for c in range(count):
         if work.state[c] == OPEN:
             continue
@@ -111,10 +69,7 @@ def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, ou
             slipped += contact[point, tool, 3 + i] ** 2
         if tools.near[tool]:
             out[SLIPPED] = max(out[SLIPPED], np.sqrt(slipped))
-        arm = np.zeros(3)
-        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            for i in range(3):
-                arm[i] += model.point_weight[entry] * x[model.point_node[entry], i]
+        point_position(x, model, point, arm)
         fx, fy, fz = contact[point, tool, 0], contact[point, tool, 1], contact[point, tool, 2]
         out[TOOL_WORK] += (
             fx * (arm[0] - work.start[c, 0]) + fy * (arm[1] - work.start[c, 1]) + fz * (arm[2] - work.start[c, 2])
@@ -127,68 +82,6 @@ def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, ou
         wrench[tool, 3] -= arm[1] * fz - arm[2] * fy
         wrench[tool, 4] -= arm[2] * fx - arm[0] * fz
         wrench[tool, 5] -= arm[0] * fy - arm[1] * fx
-
-
-@njit(cache=True, error_model="numpy")
-def _interpolate_tools(whole, part, first, last):
-    """Poses of `whole` at the fractions first and last of the step into `part`, updated in place."""
-    for tool in range(len(whole.kind)):
-        for i in range(3):
-            d = whole.position_next[tool, i] - whole.position[tool, i]
-            part.position[tool, i] = whole.position[tool, i] + first * d
-            part.position_next[tool, i] = whole.position[tool, i] + last * d
-        size0 = size1 = 0.0
-        for i in range(4):
-            d = whole.orientation_next[tool, i] - whole.orientation[tool, i]
-            part.orientation[tool, i] = whole.orientation[tool, i] + first * d
-            part.orientation_next[tool, i] = whole.orientation[tool, i] + last * d
-            size0 += part.orientation[tool, i] ** 2
-            size1 += part.orientation_next[tool, i] ** 2
-        for i in range(4):
-            part.orientation[tool, i] /= np.sqrt(size0)
-            part.orientation_next[tool, i] /= np.sqrt(size1)
-
-
-@njit(cache=True, error_model="numpy")
-def _attempt(x0, v0, contact0, dt, pieces, start, model, tree, whole, part, tolerance, most, careful, work, memo,
-             x, v, contact, wrench, out):  # fmt: skip
-    """The step in `pieces` equal parts; x, v, contact, wrench and out are the result. Returns the status."""
-    n_nodes = len(x0)
-    xa, va, ca = x0, v0, contact0
-    if pieces > 1:
-        xa, va, ca = x0.copy(), v0.copy(), contact0.copy()
-    h = dt / pieces
-    out[TOOL_WORK] = out[N_ITERATIONS] = 0.0
-    for piece in range(pieces):
-        if pieces > 1:
-            _interpolate_tools(whole, part, piece / pieces, (piece + 1) / pieces)
-        tools = part if pieces > 1 else whole
-        if pieces > 1 or careful:
-            x[:] = xa
-        else:
-            x[:] = start
-        status, iterations, count = _substep(
-            xa, va, ca, h, model, tree, tools, tolerance, most, careful, work, memo, x
-        )
-        if status != CONVERGED and pieces > 1:
-            x[:] = xa
-            status, more, count = _substep(
-                xa, va, ca, h, model, tree, tools, tolerance, _CAREFUL_ITERATIONS, True, work, memo, x
-            )
-            iterations += more
-        out[N_ITERATIONS] += iterations
-        if status != CONVERGED:
-            return status
-        _record_contacts(x, count, ca, model, tools, work, contact, wrench, out)
-        for node in range(n_nodes):
-            for i in range(3):
-                v[node, i] = (x[node, i] - xa[node, i]) / h
-        if piece + 1 < pieces:
-            xa[:] = x
-            va[:] = v
-            ca[:] = contact
-    out[N_SUBSTEPS] = pieces
-    return CONVERGED
 
 
 @njit(cache=True, error_model="numpy")
@@ -217,60 +110,71 @@ def _summarise(x0, x, v, seam_force, model, work, out):
 
 
 @njit(cache=True, error_model="numpy")
-def advance(x0, v0, contact0, dt, seam_force, start, model, tree, whole, part, tolerance, most, compliance, work, memo,
-            x, v, contact, wrench, out, seam_x, inverse, distance):  # fmt: skip
-    """Advance from x0, v0, contact0 over dt; `start` is the first guess of x. Returns a status of `newton`.
-
-    First with the factor at hand; then carefully from x0; then in 2, 4 ... 32 parts. On failure x, v and contact are
-    those of the start.
-    """
-    for node in range(len(model.mass)):
+def _reach_of(x0, x):
+    """Longest way of a node between two configurations [m]."""
+    farthest = 0.0
+    for node in range(len(x0)):
+        square = 0.0
         for i in range(3):
-            work.force[node, i] = model.mass[node] * model.acceleration[i]
-    for s in range(len(model.seam)):
-        for i in range(3):
-            work.force[model.seam[s], i] += seam_force[s, i]
-    status = _attempt(
-        x0, v0, contact0, dt, 1, start, model, tree, whole, part, tolerance, most, False, work, memo,
-        x, v, contact, wrench, out,
-    )  # fmt: skip
-    attempt = 0
-    while status != CONVERGED and attempt <= _MOST_HALVINGS:
-        memo[0] = 0.0
-        careful = attempt == 0
-        status = _attempt(
-            x0, v0, contact0, dt, 1 << attempt, start, model, tree, whole, part, tolerance,
-            _CAREFUL_ITERATIONS if careful else most, careful, work, memo, x, v, contact, wrench, out,
-        )  # fmt: skip
-        attempt += 1
-    if status != CONVERGED:
-        memo[0] = 0.0
-        x[:] = x0
-        v[:] = v0
-        contact[:] = contact0
-        wrench[:] = 0.0
-        out[TOOL_WORK] = 0.0
-    _summarise(x0, x, v, seam_force, model, work, out)
-    for s in range(len(model.seam)):
-        seam_x[s] = x[model.seam[s]]
-    cell_distances(
-        x, model.cell_nodes, whole.kind, whole.shape, whole.position_next, whole.orientation_next, whole.near,
-        work.node_gap, distance,
-    )  # fmt: skip
-    if compliance and status == CONVERGED:
-        _compliance(x0, v0, contact0, dt, x, model, tree, whole, work, memo, inverse)
-    return status
+            square += (x[node, i] - x0[node, i]) ** 2
+        farthest = max(farthest, square)
+    return np.sqrt(farthest)
 
 
 @njit(cache=True, error_model="numpy")
-def _compliance(x0, v0, contact0, dt, x, model, tree, tools, work, memo, inverse):
-    """d(seam_x)/d(seam_force) at the end of the step, contacts included; inverse (3s, 3s) updated in place."""
+def advance(x0, v0, contact0, dt, seam_force, model, tree, tools, tolerance, most, careful, work, memo,
+            x, v, contact, wrench, out, seam_x, distance):  # fmt: skip
+    """One implicit Euler step from x0, v0, contact0 over dt; returns a status of `newton`.
+
+    x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
+    CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
+    """
+    fastest = 0.0
     for node in range(len(x0)):
         for i in range(3):
+            work.force[node, i] = model.mass[node] * model.acceleration[i]
             work.x_hat[node, i] = x0[node, i] + dt * v0[node, i]
-    count = find_candidates(x0, model, tools, contact0, model.edge, work)
-    residual(x, model, tools, count, dt, work, memo)
-    if refactor(x, model, tree, tools, count, dt, False, work, memo):
-        seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
-    else:
-        inverse[:] = np.nan
+            fastest = max(fastest, abs(v0[node, i]))
+    for s in range(len(model.seam)):
+        for i in range(3):
+            work.force[model.seam[s], i] += seam_force[s, i]
+    reach = 0.25 * model.edge + _tool_travel(tools) + 2.0 * dt * fastest
+    out[N_ITERATIONS] = 0.0
+    augmentations = 0
+    search = True
+    count = 0
+    while True:
+        if search:
+            count = find_candidates(x0, model, tools, contact0, reach, work)
+            search = False
+        status, iterations = newton(x, model, tree, tools, count, dt, tolerance, most, careful, work, memo)
+        out[N_ITERATIONS] += iterations
+        if status != CONVERGED:
+            return status
+        farthest = _reach_of(x0, x)
+        if farthest > reach:
+            # a node went farther than the search for contacts looked
+            reach = 2.0 * farthest
+            search = True
+            continue
+        evaluate_contacts(x, model, tools, count, work)
+        deepest = 0.0
+        for c in range(count):
+            deepest = max(deepest, -work.contact[c, GAP])
+        if deepest < _DEEP or augmentations == _MOST_AUGMENTATIONS:
+            break
+        augmentations += 1
+        augment(count, work)
+    for node in range(len(x0)):
+        for i in range(3):
+            v[node, i] = (x[node, i] - x0[node, i]) / dt
+    _record_contacts(x, count, contact0, model, tools, work, contact, wrench, out)
+    _summarise(x0, x, v, seam_force, model, work, out)
+    for s in range(len(model.seam)):
+        for i in range(3):
+            seam_x[s, i] = x[model.seam[s], i]
+    cell_distances(
+        x, model.cell_nodes, tools.kind, tools.shape, tools.position_next, tools.orientation_next, tools.near,
+        work.node_gap, distance,
+    )  # fmt: skip
+    return CONVERGED
