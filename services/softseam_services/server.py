@@ -31,6 +31,7 @@ from softseam_protocol.messages import (
 )
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
+from softseam_services.blas import use_one_thread
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
@@ -39,6 +40,8 @@ from softseam_services.tools.build import build_tools
 from softseam_services.tools.tool_set import ToolSet
 
 _BODIES_KEPT = 4
+
+use_one_thread()  # every process that simulates loads this module: results do not depend on the number of cores
 
 
 @dataclass(frozen=True)
