@@ -271,7 +271,7 @@ class Failure:
     """The answer to a request that cannot be served."""
 
     kind: str
-    """'not_configured', 'stale', 'schema', 'invalid', 'internal'"""
+    """'not_configured', 'stale', 'schema', 'invalid', 'busy', 'internal'"""
     message: str
     """what is wrong and the remedy"""
 
