@@ -24,7 +24,7 @@ RETRIES = 3
 """how often a failed step is tried again, each time with twice the substeps and one more sweep"""
 COLD = 2
 """attempt from which on carried forces start from zero"""
-RISE = 1.0
+RISE = 0.5
 """largest rise of the energy in a step beyond the work done on it, relative to energy plus work; impacts reach 0.1"""
 CRUSHED = 0.3
 """least volume ratio below which a step takes two sweeps: one is not always enough to turn a block right side out"""
@@ -65,6 +65,7 @@ class PbdSolver:
             np.zeros((p, 3)),
             np.zeros(p * t, dtype=np.int32),
             np.zeros(p * t, dtype=np.int32),
+            np.zeros(p * t),
             np.zeros((p, t, 3)),
             np.zeros((2, t, 3)),
             np.zeros((2, t, 4)),
@@ -217,12 +218,12 @@ class PbdSolver:
     def _check(self) -> Fault:
         """Whether the tentative step can be believed."""
         result = self._result
-        if not np.isfinite(result[: k.N_PAIRS]).all():
+        if not np.isfinite(result).all():
             return Fault.DIVERGED
         _, kinetic, strain, gravity = self._committed.monitor
         work = result[k.TOOL_WORK], result[k.SEAM_WORK]
         rise = result[k.KINETIC] + result[k.STRAIN] + result[k.GRAVITY] - kinetic - strain - gravity - sum(work)
-        scale = kinetic + strain + abs(work[0]) + abs(work[1]) + self._floor
+        scale = kinetic + strain + abs(work[0]) + abs(work[1]) + result[k.PUSHED] + self._floor
         return Fault.ENERGY if rise > RISE * scale else Fault.NONE
 
     def _compliance(self, request: Advance) -> Floats:

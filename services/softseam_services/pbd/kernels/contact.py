@@ -2,9 +2,10 @@
 
 Each pair (point, tool) carries its force as blocks carry their stress: a normal part p >= 0 and a tangential part t.
 With the gap g, the slip s of this substep relative to the tool, and the compliance c = h^2 sum w_i N_i^2 of the point,
-p = max(0, p_old - g/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                         (1)
+p = max(0, p_old - (g - g_0)/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                         (1)
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
-The forces stay in the nodes' accelerations from one substep to the next, so at rest they are exact, the gap closes
+g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some
+milliseconds (g_0 = old gap/(1 + h/tau)), because all at once would kick it. The forces stay in the nodes' accelerations from one substep to the next, so at rest they are exact, the gap closes
 to zero and a sticking point does not creep. On a block every point is one node and (1) is the exact local solution.
 """
 
@@ -16,12 +17,16 @@ from numba import njit
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 from softseam_services.tools.tool_set import PLANE
 
+RELEASE = 0.005
+"""time in which an old penetration falls to a third [s]"""
+
 
 @njit(cache=True, error_model="numpy")
-def find_pairs(kind, shape, position, orientation, point_x, active, force, margin, pair_point, pair_tool):
+def find_pairs(kind, shape, position, orientation, point_x, active, force, margin, pair_point, pair_tool, depth):
     """Pairs of an active point and a tool that touch or lie within margin [m]; returns their number.
 
     force  (p, t, 3)  carried contact forces [N]; a pair that carries one always counts
+    depth  (p t,)     how deep each pair's point is inside the tool [m], overwritten for the pairs found
     """
     n_pairs = 0
     for point in range(len(point_x)):
@@ -41,6 +46,7 @@ def find_pairs(kind, shape, position, orientation, point_x, active, force, margi
             if gap < margin or carried:
                 pair_point[n_pairs] = point
                 pair_tool[n_pairs] = tool
+                depth[n_pairs] = max(0.0, -gap)
                 n_pairs += 1
     return n_pairs
 
@@ -115,6 +121,9 @@ def project_contacts(
         gap, nx, ny, nz = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], x)
         old_n = max(0.0, f[0] * nx + f[1] * ny + f[2] * nz)
         p = max(0.0, old_n - gap / c)
+        if p > 0.0:
+            start = tool_gap(kind[tool], shape[tool], position_prev[tool], orientation_prev[tool], x_old)[0]
+            p = max(0.0, old_n - (gap - min(0.0, start) / (1.0 + h / RELEASE)) / c)
         fx, fy, fz = 0.0, 0.0, 0.0
         if p > 0.0:
             cx, cy, cz = carry_point(

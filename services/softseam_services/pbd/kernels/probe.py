@@ -55,7 +55,10 @@ def probe_seam(
     active = np.ones(n_points, dtype=np.bool_)
     pair_point = np.zeros(n_points * len(kind), dtype=np.int32)
     pair_tool = np.zeros(n_points * len(kind), dtype=np.int32)
-    n_pairs = find_pairs(kind, shape, position, orientation, point_x, active, force_start, 0.0, pair_point, pair_tool)
+    depth = np.zeros(n_points * len(kind))
+    n_pairs = find_pairs(
+        kind, shape, position, orientation, point_x, active, force_start, 0.0, pair_point, pair_tool, depth
+    )
     x = np.empty((n, 3))
     v = np.empty((n, 3))
     a = np.empty((n, 3))

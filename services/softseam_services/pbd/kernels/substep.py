@@ -16,9 +16,9 @@ from .contact import carry_point, find_pairs, place_points
 from .relax import relax
 from .sweep import strain_energy
 
-(KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, N_PAIRS) = range(10)
-MOMENTUM, ANGULAR, BOUNDS = 10, 13, 16
-N_RESULTS = 22
+(KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
+MOMENTUM, ANGULAR, BOUNDS, N_PAIRS = 10, 13, 16, 22
+N_RESULTS = 23
 
 
 @njit(cache=True, error_model="numpy")
@@ -160,6 +160,7 @@ def advance_step(
     point_x,
     pair_point,
     pair_tool,
+    depth,
     slipped,
     pose,
     quaternion,
@@ -207,7 +208,7 @@ def advance_step(
             square += (position_next[tool, c] - position[tool, c]) ** 2
         travel = max(travel, np.sqrt(square))
     n_pairs = find_pairs(
-        kind, shape, position, orientation, point_x, active, force, reach + 2.0 * travel, pair_point, pair_tool
+        kind, shape, position, orientation, point_x, active, force, reach + 2.0 * travel, pair_point, pair_tool, depth
     )
     tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
     for substep in range(n_substeps):
@@ -290,6 +291,11 @@ def advance_step(
         result,
     )
     result[STRAIN], result[LEAST_J] = strain_energy(ws, xw, nodes, volume, constants, linear)
+    # A bound of the work that it took to push points out that were inside a tool at the start.
+    for pair in range(n_pairs):
+        if depth[pair] > 0.0:
+            f = force_mean[pair_point[pair], pair_tool[pair]]
+            result[PUSHED] += n_substeps * depth[pair] * np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     result[TOOL_WORK], result[SEAM_WORK], result[N_PAIRS] = tool_work, seam_work, n_pairs
     cell_distances(x, cell_nodes, kind, shape, pose[1], quaternion[1], near, node_gap, cell_distance)
 
