@@ -7,8 +7,8 @@ tensors: `Array("f8", None, 3)` is a float64 array of shape (n, 3) for any n.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,11 @@ Labels = Annotated[NDArray[np.int8], Array("i1", None)]
 Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
 Octants = Annotated[NDArray[np.float64], Array("f8", None, 8)]
 Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3, least=0)]
+
+
+def _empty(*shape: int) -> Any:
+    """A field that is left out where it says nothing."""
+    return field(default_factory=lambda: np.zeros(shape))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +159,10 @@ class Advance:
     tools: ToolMotion
     compliance: bool = False
     """also return d(seam_x)/d(seam_force)"""
+    seam_anchor: Vectors = _empty(0, 3)
+    """where the other side would be without a change of force (s, 3) [m]; empty: the seam force is constant"""
+    seam_stiffness: Matrix = _empty(0, 0)
+    """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +200,8 @@ class Advanced:
     """least distance of each of the region's cells to a tool that makes cells near, inf without one (n_cells,) [m]"""
     bounds: Matrix
     """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
+    seam_force: Vectors = _empty(0, 3)
+    """force that acted on the seam nodes (s, 3) [N]; empty: the one that was asked for"""
 
 
 @dataclass(frozen=True, slots=True)

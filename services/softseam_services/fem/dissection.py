@@ -2,8 +2,9 @@
 
 Cells are bisected along the longest extent of their grid until a group would eliminate few nodes. A group eliminates
 the nodes that no cell outside it touches, so its front holds those nodes (own) and the ones it shares with the outside
-(boundary). Seam nodes are kept to the end of a component's last front: its trailing block is then the dynamic Schur
-complement of the seam. Disconnected components get trees of their own.
+(boundary). All seam nodes are kept for one last front, also where they belong to disconnected components: its trailing
+block is the dynamic Schur complement of the seam, and a stiffness that couples all of them fits into it. Components
+without a seam get trees of their own.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ class Tree(NamedTuple):
     """front that takes each cell's matrix (c,)"""
     cell_place: Ints
     """place of each cell's nodes in that front, -1 for clamped nodes (c, 27)"""
+    cell_local: Ints
+    """each cell's nodes by their place in that front, clamped nodes last (c, 27)"""
+    cell_free: Ints
+    """how many of each cell's nodes are not clamped (c,)"""
     seam_front: Ints
     """root fronts that end in seam nodes (g,)"""
     seam_ptr: Ints
@@ -75,8 +80,16 @@ class _Dissection:
         self.cell_front = np.full(len(cell_nodes), -1, dtype=np.int32)
 
     def tree(self) -> Tree:
-        for cells in self._components():
-            self._visit(cells, last=True)
+        components = self._components()
+        late = [bool(self.late[self.cell_nodes[cells]].any()) for cells in components]
+        waiting: list[int] = []
+        for cells, seamed in zip(components, late, strict=True):
+            left = self._visit(cells, last=not seamed or sum(late) == 1)
+            if seamed:
+                waiting += left
+        if sum(late) > 1:
+            seam = np.flatnonzero(self.late & ~self.done)
+            self._front(seam, seam, waiting)
         return self._pack()
 
     def _components(self) -> list[Ints]:
@@ -166,6 +179,8 @@ class _Dissection:
             own_front,
             self.cell_front,
             cell_place,
+            np.argsort(np.where(cell_place < 0, np.iinfo(np.int32).max, cell_place), axis=1).astype(np.int32),
+            np.count_nonzero(cell_place >= 0, axis=1).astype(np.int32),
             *self._seam(position, own_front),
             n_values=values,
             widest=max((len(r) for r in rows), default=0),

@@ -124,6 +124,14 @@ class Work(NamedTuple):
     force: Floats
     node_gap: Floats
     seam_block: Floats
+    seam_coupled: Ints
+    """1 where the other side's stiffness acts on the seam (1,)"""
+    seam_stiffness: Floats
+    """(3s, 3s) [N/m]"""
+    seam_anchor: Floats
+    """(s, 3) [m]"""
+    seam_actual: Floats
+    """force on the seam nodes at the end of the step (s, 3) [N]"""
 
 
 def build_model(body: Body, region: Region) -> tuple[FemModel, Tree]:
@@ -212,4 +220,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         force=np.zeros((n_nodes, 3)),
         node_gap=np.zeros(n_nodes),
         seam_block=np.zeros(9 * widest_seam * widest_seam),
+        seam_coupled=np.zeros(1, dtype=np.int32),
+        seam_stiffness=np.zeros((3 * len(model.seam), 3 * len(model.seam))),
+        seam_anchor=np.zeros((len(model.seam), 3)),
+        seam_actual=np.zeros((len(model.seam), 3)),
     )

@@ -18,6 +18,7 @@ from softseam_services.fem.kernels.newton import (
     FACTORED,
     INDEFINITE,
     LEAST_J,
+    N_FACTORS,
     N_MEMO,
     NOT_FINITE,
     STALLED,
@@ -33,7 +34,7 @@ _FAILURES = {
     INDEFINITE: "the stiffness matrix stayed indefinite",
     NOT_FINITE: "forces grew beyond all bounds",
 }
-_CAREFUL_ITERATIONS = 60
+_CAREFUL_ITERATIONS = 200
 _MOST_HALVINGS = 5
 
 
@@ -104,6 +105,11 @@ class FemSolver:
         return len(self._region.nodes)
 
     @property
+    def factorisations(self) -> int:
+        """Matrices factored since the state was last set or a step failed."""
+        return int(self._memo[N_FACTORS])
+
+    @property
     def state(self) -> FemState:
         """State at the end of the last advanced step, or the committed one."""
         return self._next if self._tentative else self._committed
@@ -123,6 +129,7 @@ class FemSolver:
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
+        self._couple(request)
         whole = self._tool_tuple(request.tools)
         status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
         if status != CONVERGED:
@@ -157,6 +164,7 @@ class FemSolver:
             tool_work = seam_work = iterations = 0.0
             for piece in range(pieces):
                 tools = _part_of(whole, piece / pieces, (piece + 1) / pieces)
+                self._work.seam_coupled[0] &= pieces == 1  # over parts of a step the seam force is constant
                 dt = request.dt / pieces
                 for careful in (False, True):
                     if careful or pieces > 1:
@@ -179,6 +187,19 @@ class FemSolver:
         self._memo[FACTORED] = 0.0
         return status
 
+    def _couple(self, request: Advance) -> None:
+        """Take over how the other side resists at the seam, or that it does not."""
+        work, coupled = self._work, len(request.seam_anchor) > 0
+        if coupled:
+            work.seam_anchor[:] = request.seam_anchor
+        same = coupled == bool(work.seam_coupled[0])
+        if coupled and not (same and np.array_equal(request.seam_stiffness, work.seam_stiffness)):
+            work.seam_stiffness[:] = request.seam_stiffness
+            same = False
+        if not same:
+            self._memo[FACTORED] = 0.0
+        work.seam_coupled[0] = coupled
+
     def _refuse(self, request: Advance) -> str:
         """What makes the request impossible to serve, or ''."""
         motion = request.tools
@@ -189,6 +210,11 @@ class FemSolver:
             return f"the seam force has shape {request.seam_force.shape}, this region's seam needs ({n_seam}, 3)"
         if not np.isfinite(request.seam_force).all():
             return "the seam force is not finite: the seam solver must send finite multipliers"
+        if len(request.seam_anchor):
+            if request.seam_anchor.shape != (n_seam, 3) or request.seam_stiffness.shape != (3 * n_seam, 3 * n_seam):
+                return f"a seam anchor ({n_seam}, 3) needs a stiffness ({3 * n_seam}, {3 * n_seam}) beside it"
+            if not (np.isfinite(request.seam_anchor).all() and np.isfinite(request.seam_stiffness).all()):
+                return "the seam's anchor or stiffness is not finite"
         poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
         for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
             if pose.shape != (n_tools, width) or not np.isfinite(pose).all():
@@ -236,6 +262,7 @@ class FemSolver:
             seconds=time.perf_counter() - began,
             cell_distance=self._distance.copy(),
             bounds=out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3).copy(),
+            seam_force=self._work.seam_actual.copy(),
         )
 
     def commit(self) -> None:

@@ -155,76 +155,81 @@ def _point_factors(F, at, linear, mu, lam, weight, safe, H):
 
 
 @njit(cache=True, error_model="numpy")
-def _block_row(a, h, A, B, L, row):
-    """row[(3 i + k) * LANES + b] <- K_ia,kb of eq. (2) for all b; h[(3 q + i) * LANES + b] = h_ib at point q."""
-    for b in range(9 * LANES):
-        row[b] = 0.0
-    for b in range(27):
-        row[b] = row[4 * LANES + b] = row[8 * LANES + b] = L[a, b]
-    for q in range(8):
-        at = 3 * q * LANES
-        hx, hy, hz = h[at + a], h[at + LANES + a], h[at + 2 * LANES + a]
+def _block_row(a, h, A, B, row):
+    """row[(3 i + k) * LANES + b] <- sum_q of eq. (2) for b >= a (rounded down to a multiple of 8), two points a pass.
+
+    h[(3 q + i) * LANES + b] = h_ib at point q
+    """
+    low = a - a % 8
+    for c in range(9):
+        for b in range(low, LANES):
+            row[c * LANES + b] = 0.0
+    for q in range(0, 8, 2):
+        s = 3 * q * LANES
+        hx, hy, hz = h[s + a], h[s + LANES + a], h[s + 2 * LANES + a]
+        ux, uy, uz = h[s + 3 * LANES + a], h[s + 4 * LANES + a], h[s + 5 * LANES + a]
         ax, ay, az = A[q] * hx, A[q] * hy, A[q] * hz
         bx, by, bz = B[q] * hx, B[q] * hy, B[q] * hz
+        ex, ey, ez = A[q + 1] * ux, A[q + 1] * uy, A[q + 1] * uz
+        fx, fy, fz = B[q + 1] * ux, B[q + 1] * uy, B[q + 1] * uz
         cx, cy, cz = ax + bx, ay + by, az + bz
-        for b in range(LANES):
-            x, y, z = h[at + b], h[at + LANES + b], h[at + 2 * LANES + b]
-            row[b] += cx * x
-            row[LANES + b] += ax * y + by * x
-            row[2 * LANES + b] += ax * z + bz * x
-            row[3 * LANES + b] += ay * x + bx * y
-            row[4 * LANES + b] += cy * y
-            row[5 * LANES + b] += ay * z + bz * y
-            row[6 * LANES + b] += az * x + bx * z
-            row[7 * LANES + b] += az * y + by * z
-            row[8 * LANES + b] += cz * z
+        gx, gy, gz = ex + fx, ey + fy, ez + fz
+        for b in range(low, LANES):
+            x, y, z = h[s + b], h[s + LANES + b], h[s + 2 * LANES + b]
+            u, v, w = h[s + 3 * LANES + b], h[s + 4 * LANES + b], h[s + 5 * LANES + b]
+            row[b] += cx * x + gx * u
+            row[LANES + b] += ax * y + by * x + ex * v + fy * u
+            row[2 * LANES + b] += ax * z + bz * x + ex * w + fz * u
+            row[3 * LANES + b] += ay * x + bx * y + ey * u + fx * v
+            row[4 * LANES + b] += cy * y + gy * v
+            row[5 * LANES + b] += ay * z + bz * y + ey * w + fz * v
+            row[6 * LANES + b] += az * x + bx * z + ez * u + fx * w
+            row[7 * LANES + b] += az * y + by * z + ez * v + fy * w
+            row[8 * LANES + b] += cz * z + gz * w
 
 
 @njit(cache=True, error_model="numpy")
 def add_cell_tangents(x, model, tree, work, safe):
-    """Add K of eq. (2) at x, every cell into its front of work.values (lower triangle), updated in place."""
+    """Add K of eq. (2) at x, every cell into its front of work.values (lower triangle), updated in place.
+
+    Nodes of a cell are taken in the order of their places in the front, so that a row of blocks, which by symmetry is
+    a column of the lower triangle, is written downwards.
+    """
     deformation(x, model, work)
     h, row = work.h, work.row
     A, B, H = np.empty(8), np.empty(8), np.empty((3, 3))
     for cell in range(len(model.cell_nodes)):
+        n_free = tree.cell_free[cell]
+        local = tree.cell_local[cell]
         for q in range(8):
             weight = model.weight[cell, q]
             A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, model.mu, model.lambda_, weight, safe, H)
-            for i in range(3):
-                h0, h1, h2 = H[i, 0], H[i, 1], H[i, 2]
-                at = (3 * q + i) * LANES
-                for b in range(LANES):
-                    g = model.lanes
-                    h[at + b] = h0 * g[3 * q, b] + h1 * g[3 * q + 1, b] + h2 * g[3 * q + 2, b]
+            at = 3 * q * LANES
+            for b in range(n_free):
+                a = local[b]
+                g0, g1, g2 = model.gradient[a, 3 * q], model.gradient[a, 3 * q + 1], model.gradient[a, 3 * q + 2]
+                h[at + b] = H[0, 0] * g0 + H[0, 1] * g1 + H[0, 2] * g2
+                h[at + LANES + b] = H[1, 0] * g0 + H[1, 1] * g1 + H[1, 2] * g2
+                h[at + 2 * LANES + b] = H[2, 0] * g0 + H[2, 1] * g1 + H[2, 2] * g2
         front = tree.cell_front[cell]
         offset, m = tree.meta[front, 4], 3 * tree.meta[front, 2]
-        place = tree.cell_place[cell]
         L = model.laplacian[model.pattern[cell]]
-        for a in range(27):
-            if place[a] < 0:
-                continue
-            _block_row(a, h, A, B, L, row)
-            for b in range(a + 1):
-                if place[b] < 0:
-                    continue
-                _add_block(work.values, offset, m, 3 * place[a], 3 * place[b], row, b)
-
-
-@njit(cache=True, error_model="numpy")
-def _add_block(values, offset, m, pa, pb, row, b):
-    """Add the 3 x 3 block row[(3 i + k) * LANES + b] at node places pa, pb (times 3), in the lower triangle."""
-    if pa >= pb:
-        for k in range(3):
-            at = offset + (pb + k) * m + pa
-            values[at] += row[k * LANES + b]
-            values[at + 1] += row[(3 + k) * LANES + b]
-            values[at + 2] += row[(6 + k) * LANES + b]
-    else:
-        for i in range(3):
-            at = offset + (pa + i) * m + pb
-            values[at] += row[3 * i * LANES + b]
-            values[at + 1] += row[(3 * i + 1) * LANES + b]
-            values[at + 2] += row[(3 * i + 2) * LANES + b]
+        place = tree.cell_place[cell]
+        for a in range(n_free):
+            _block_row(a, h, A, B, row)
+            for b in range(a, n_free):
+                constant = L[local[a], local[b]]
+                row[b] += constant
+                row[4 * LANES + b] += constant
+                row[8 * LANES + b] += constant
+            for i in range(3):
+                column = offset + (3 * place[local[a]] + i) * m
+                at = 3 * i * LANES
+                for b in range(a, n_free):
+                    to = column + 3 * place[local[b]]
+                    work.values[to] += row[at + b]
+                    work.values[to + 1] += row[at + LANES + b]
+                    work.values[to + 2] += row[at + 2 * LANES + b]
 
 
 @njit(cache=True, error_model="numpy")

@@ -8,7 +8,18 @@ from __future__ import annotations
 
 from numba import njit
 
-from softseam_services.fem.kernels.lapack import cholesky_panel, inverse_from_factor, solve_backward, solve_forward
+from softseam_services.fem.kernels.lapack import cholesky_panel, inverse_from_factor
+
+
+@njit(cache=True, error_model="numpy")
+def clear(tree, values):
+    """Set the lower triangles of all fronts to zero; `values` updated in place."""
+    for front in range(len(tree.meta)):
+        m = 3 * tree.meta[front, 2]
+        for column in range(m):
+            start = tree.meta[front, 4] + column * m
+            for row in range(start + column, start + m):
+                values[row] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -25,6 +36,24 @@ def add_diagonal(tree, values, diagonal, scale):
         values[start] += value
         values[start + m + 1] += value
         values[start + 2 * m + 2] += value
+
+
+@njit(cache=True, error_model="numpy")
+def add_seam_stiffness(tree, values, stiffness):
+    """Add stiffness (3s, 3s) to the seam's rows and columns, the trailing ones of its front; `values` in place."""
+    for group in range(len(tree.seam_front)):
+        front = tree.seam_front[group]
+        start, end = tree.seam_ptr[group], tree.seam_ptr[group + 1]
+        m = 3 * tree.meta[front, 2]
+        first = 3 * (tree.meta[front, 1] - (end - start))
+        for b in range(start, end):
+            for k in range(3):
+                column = tree.meta[front, 4] + (first + 3 * (b - start) + k) * m + first
+                for a in range(b, end):
+                    for i in range(k if a == b else 0, 3):
+                        values[column + 3 * (a - start) + i] += stiffness[
+                            3 * tree.seam_index[a] + i, 3 * tree.seam_index[b] + k
+                        ]
 
 
 @njit(cache=True, error_model="numpy")
@@ -54,32 +83,81 @@ def factor(tree, values, ints):
     return 0
 
 
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _eliminate(values, offset, m, k, t):
+    """t[:k] <- L11^-1 t[:k], t[k:m] <- t[k:m] - L21 t[:k], column by column, two at a time; t in place."""
+    pairs = k - k % 2
+    for j in range(0, pairs, 2):
+        c, d = offset + j * m, offset + (j + 1) * m
+        p = t[j] / values[c + j]
+        q = (t[j + 1] - p * values[c + j + 1]) / values[d + j + 1]
+        t[j], t[j + 1] = p, q
+        for i in range(j + 2, m):
+            t[i] -= p * values[c + i] + q * values[d + i]
+    if pairs < k:
+        c = offset + pairs * m
+        p = t[pairs] / values[c + pairs]
+        t[pairs] = p
+        for i in range(pairs + 1, m):
+            t[i] -= p * values[c + i]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _substitute(values, offset, m, k, t):
+    """t[:k] <- L11^-T (t[:k] - L21^T t[k:m]), two columns at a time; t in place.
+
+    Sums may be reassociated (not more: NaN and infinity keep their meaning), which lets them use vector registers.
+    """
+    last = k - k % 2
+    if last < k:
+        c = offset + last * m
+        total = 0.0
+        for i in range(k, m):
+            total += values[c + i] * t[i]
+        t[last] = (t[last] - total) / values[c + last]
+    for j in range(last - 2, -1, -2):
+        c, d = offset + j * m, offset + (j + 1) * m
+        first = second = 0.0
+        for i in range(j + 2, m):
+            first += values[c + i] * t[i]
+            second += values[d + i] * t[i]
+        q = (t[j + 1] - second) / values[d + j + 1]
+        t[j + 1] = q
+        t[j] = (t[j] - first - values[c + j + 1] * q) / values[c + j]
+
+
 @njit(cache=True, error_model="numpy")
-def solve(tree, values, b, t, ints):
+def solve(tree, values, b, t):
     """b <- A^-1 b in elimination order; b (3 n_free,) updated in place, t (3 widest,) scratch."""
     n_fronts = len(tree.meta)
     for front in range(n_fronts):
-        first, n_own, n_all = tree.meta[front, 0], tree.meta[front, 1], tree.meta[front, 2]
+        first, n_own, n_all = 3 * tree.meta[front, 0], 3 * tree.meta[front, 1], 3 * tree.meta[front, 2]
         offset, row = tree.meta[front, 4], tree.meta[front, 5]
-        solve_forward(values, offset, 3 * n_all, 3 * n_own, b, 3 * first, t, ints)
-        if n_own == 0:
-            continue
-        for a in range(n_own, n_all):
-            to = 3 * tree.rows[row + a]
-            at = 3 * (a - n_own)
-            b[to] -= t[at]
-            b[to + 1] -= t[at + 1]
-            b[to + 2] -= t[at + 2]
+        for i in range(n_own):
+            t[i] = b[first + i]
+        for i in range(n_own, n_all):
+            t[i] = 0.0
+        _eliminate(values, offset, n_all, n_own, t)
+        for i in range(n_own):
+            b[first + i] = t[i]
+        for i in range(n_own, n_all, 3):
+            to = 3 * tree.rows[row + i // 3]
+            b[to] += t[i]
+            b[to + 1] += t[i + 1]
+            b[to + 2] += t[i + 2]
     for front in range(n_fronts - 1, -1, -1):
-        first, n_own, n_all = tree.meta[front, 0], tree.meta[front, 1], tree.meta[front, 2]
+        first, n_own, n_all = 3 * tree.meta[front, 0], 3 * tree.meta[front, 1], 3 * tree.meta[front, 2]
         offset, row = tree.meta[front, 4], tree.meta[front, 5]
-        for a in range(n_own, n_all):
-            at = 3 * tree.rows[row + a]
-            to = 3 * (a - n_own)
-            t[to] = b[at]
-            t[to + 1] = b[at + 1]
-            t[to + 2] = b[at + 2]
-        solve_backward(values, offset, 3 * n_all, 3 * n_own, b, 3 * first, t, ints)
+        for i in range(n_own):
+            t[i] = b[first + i]
+        for i in range(n_own, n_all, 3):
+            at = 3 * tree.rows[row + i // 3]
+            t[i] = b[at]
+            t[i + 1] = b[at + 1]
+            t[i + 2] = b[at + 2]
+        _substitute(values, offset, n_all, n_own, t)
+        for i in range(n_own):
+            b[first + i] = t[i]
 
 
 @njit(cache=True, error_model="numpy")

@@ -22,8 +22,6 @@ _ROUTINES = {
     "dtrsm": ("scipy.linalg.cython_blas", 11),
     "dsyrk": ("scipy.linalg.cython_blas", 10),
     "dgemm": ("scipy.linalg.cython_blas", 13),
-    "dgemv": ("scipy.linalg.cython_blas", 11),
-    "dtrsv": ("scipy.linalg.cython_blas", 8),
 }
 
 
@@ -44,7 +42,7 @@ def _single_thread() -> None:
 
 _single_thread()
 _dpotrf, _dpotri, _dtrsm = _register("dpotrf"), _register("dpotri"), _register("dtrsm")
-_dsyrk, _dgemm, _dgemv, _dtrsv = _register("dsyrk"), _register("dgemm"), _register("dgemv"), _register("dtrsv")
+_dsyrk, _dgemm = _register("dsyrk"), _register("dgemm")
 
 _CHARACTERS = np.frombuffer(b"LNTR", dtype=np.uint8).copy()
 _NUMBERS = np.array([1.0, -1.0, 0.0])
@@ -68,36 +66,6 @@ def _cholesky_panel(a, offset, m, k, ints):
         _dtrsm(right, lower, transposed, plain, pr, pk, one, front, pm, below, pm)
         _dsyrk(lower, plain, pr, pk, one + 8, below, pm, one, rest, pm)
     return 0
-
-
-@njit(cache=True, error_model="numpy")
-def _solve_forward(a, offset, m, k, b, start, t, ints):
-    lower = _CHARACTERS.ctypes.data
-    plain = lower + 1
-    numbers = _NUMBERS.ctypes.data
-    front = a.ctypes.data + 8 * offset
-    pk, pm, pr, unit = ints.ctypes.data, ints.ctypes.data + 4, ints.ctypes.data + 8, ints.ctypes.data + 12
-    ints[0], ints[1], ints[2], ints[3] = k, m, m - k, 1
-    own = b.ctypes.data + 8 * start
-    if k > 0:
-        _dtrsv(lower, plain, plain, pk, front, pm, own, unit)
-        if m > k:
-            _dgemv(plain, pr, pk, numbers, front + 8 * k, pm, own, unit, numbers + 16, t.ctypes.data, unit)
-
-
-@njit(cache=True, error_model="numpy")
-def _solve_backward(a, offset, m, k, b, start, t, ints):
-    lower = _CHARACTERS.ctypes.data
-    plain, transposed = lower + 1, lower + 2
-    numbers = _NUMBERS.ctypes.data
-    front = a.ctypes.data + 8 * offset
-    pk, pm, pr, unit = ints.ctypes.data, ints.ctypes.data + 4, ints.ctypes.data + 8, ints.ctypes.data + 12
-    ints[0], ints[1], ints[2], ints[3] = k, m, m - k, 1
-    own = b.ctypes.data + 8 * start
-    if k > 0:
-        if m > k:
-            _dgemv(transposed, pr, pk, numbers + 8, front + 8 * k, pm, t.ctypes.data, unit, numbers, own, unit)
-        _dtrsv(lower, transposed, plain, pk, front, pm, own, unit)
 
 
 @njit(cache=True, error_model="numpy")
@@ -139,18 +107,6 @@ def _cholesky_panel_plain(a, offset, m, k, ints):
     return 0
 
 
-def _solve_forward_plain(a, offset, m, k, b, start, t, ints):
-    front = _view(a, offset, m)
-    b[start : start + k] = np.linalg.solve(np.tril(front[:k, :k]), b[start : start + k])
-    t[: m - k] = front[k:, :k] @ b[start : start + k]
-
-
-def _solve_backward_plain(a, offset, m, k, b, start, t, ints):
-    front = _view(a, offset, m)
-    right = b[start : start + k] - front[k:, :k].T @ t[: m - k]
-    b[start : start + k] = np.linalg.solve(np.tril(front[:k, :k]).T, right)
-
-
 def _inverse_from_factor_plain(a, offset, m, first, n, out, ints):
     lower = np.tril(_view(a, offset, m)[first : first + n, first : first + n])
     out[: n * n] = np.linalg.inv(lower @ lower.T).ravel()
@@ -167,10 +123,6 @@ _OFF = bool(config.DISABLE_JIT)
 cholesky_panel = _cholesky_panel_plain if _OFF else _cholesky_panel
 """(a, offset, m, k, ints) -> info. Factor the first k columns of the m x m front at `offset`, lower triangle in place:
 F11 = L11 L11^T, L21 = F21 L11^-T, F22 <- F22 - L21 L21^T. info > 0: not positive definite. ints (4,) int32 scratch."""
-solve_forward = _solve_forward_plain if _OFF else _solve_forward
-"""(a, offset, m, k, b, start, t, ints). b[start:start+k] <- L11^-1 of it, t[:m-k] <- L21 times the result."""
-solve_backward = _solve_backward_plain if _OFF else _solve_backward
-"""(a, offset, m, k, b, start, t, ints). b[start:start+k] <- L11^-T (b[start:start+k] - L21^T t[:m-k])."""
 inverse_from_factor = _inverse_from_factor_plain if _OFF else _inverse_from_factor
 """(a, offset, m, first, n, out, ints). out (n*n,) <- (L L^T)^-1 of the diagonal block of L at first .. first + n."""
 multiply = _multiply_plain if _OFF else _multiply

@@ -13,12 +13,13 @@ from numba import njit
 
 from softseam_services.fem.kernels.cells import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.contact import (
+    RELAXED,
     add_contact_forces,
     add_contact_tangents,
     evaluate_contacts,
     find_candidates,
 )
-from softseam_services.fem.kernels.fronts import add_diagonal, factor, seam_inverse, solve
+from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, clear, factor, seam_inverse, solve
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
@@ -34,6 +35,17 @@ _CAREFUL_LIMIT = 0.1
 
 
 @njit(cache=True, error_model="numpy")
+def seam_pull(x, model, work, s, i):
+    """Component i of stiffness (anchor - x) at seam node s [N]: what the other side adds to the seam force."""
+    total = 0.0
+    for t in range(len(model.seam)):
+        node = model.seam[t]
+        for k in range(3):
+            total += work.seam_stiffness[3 * s + i, 3 * t + k] * (work.seam_anchor[t, k] - x[node, k])
+    return total
+
+
+@njit(cache=True, error_model="numpy")
 def residual(x, model, tools, count, dt, work, memo):
     """Eq. (1) into work.r (3 n_free,), elimination order; returns how many contacts the factor lacks."""
     r = work.r
@@ -44,6 +56,10 @@ def residual(x, model, tools, count, dt, work, memo):
             inertia = model.mass[node] * inverse_square
             for i in range(3):
                 r[3 * place + i] = work.force[node, i] - inertia * (x[node, i] - work.x_hat[node, i])
+    if work.seam_coupled[0]:
+        for s in range(len(model.seam)):
+            for i in range(3):
+                r[3 * model.order[model.seam[s]] + i] += seam_pull(x, model, work, s, i)
     memo[LEAST_J], memo[WORST_CELL] = subtract_forces(x, model, work, r)
     missing = evaluate_contacts(x, model, tools, count, work)
     add_contact_forces(model, count, work, r)
@@ -58,11 +74,12 @@ def refactor(x, model, tree, tools, count, dt, safe, work, memo):
     """
     memo[FACTORED] = 0.0
     for attempt in range(1 if safe else 0, 2):
-        for i in range(len(work.values)):
-            work.values[i] = 0.0
+        clear(tree, work.values)
         add_diagonal(tree, work.values, model.mass, 1.0 / (dt * dt))
         add_cell_tangents(x, model, tree, work, attempt == 1)
         add_contact_tangents(model, tools, tree, count, work)
+        if work.seam_coupled[0]:
+            add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
         if factor(tree, work.values, work.ints) == 0:
             memo[FACTORED] = 1.0
@@ -196,7 +213,7 @@ def newton(x, model, tree, tools, count, dt, tolerance, most, careful, work, mem
                 since = 0
             for i in range(len(work.r)):
                 work.d[i] = work.r[i]
-            solve(tree, work.values, work.d, work.t, work.ints)
+            solve(tree, work.values, work.d, work.t)
             largest = _largest(work.d)
             if attempt == 0 and not renew and _too_slow(largest, first, tolerance, since):
                 renew = True
@@ -231,6 +248,9 @@ def seam_compliance(x0, v0, contact0, dt, x, model, tree, tools, work, memo, inv
             work.x_hat[node, i] = x0[node, i] + dt * v0[node, i]
     count = find_candidates(x0, model, tools, contact0, model.edge, work)
     residual(x, model, tools, count, dt, work, memo)
+    for c in range(count):
+        # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)
+        work.contact[c, RELAXED] = 1.0
     good = refactor(x, model, tree, tools, count, dt, False, work, memo)
     if good:
         seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)

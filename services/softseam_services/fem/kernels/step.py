@@ -18,7 +18,7 @@ from softseam_services.fem.kernels.contact import (
     find_candidates,
     point_position,
 )
-from softseam_services.fem.kernels.newton import CONVERGED, newton
+from softseam_services.fem.kernels.newton import CONVERGED, newton, seam_pull
 from softseam_services.tools.kernels import cell_distances
 
 # entries of `out`
@@ -106,7 +106,11 @@ def _summarise(x0, x, v, seam_force, model, work, out):
     out[SEAM_WORK] = 0.0
     for s in range(len(model.seam)):
         for i in range(3):
-            out[SEAM_WORK] += seam_force[s, i] * (x[model.seam[s], i] - x0[model.seam[s], i])
+            force = seam_force[s, i]
+            if work.seam_coupled[0]:
+                force += seam_pull(x, model, work, s, i)
+            work.seam_actual[s, i] = force
+            out[SEAM_WORK] += force * (x[model.seam[s], i] - x0[model.seam[s], i])
 
 
 @njit(cache=True, error_model="numpy")
