@@ -6,6 +6,8 @@ found by an independent prototype and agree with ours to the digits given. The f
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -70,6 +72,19 @@ def test_position_continuity_does_no_work_for_any_substeps(substeps: int, mass_r
     assert abs(float(states[-1].work)) < 1e-14 * energies[0]
     assert max(float(np.abs(split.gap(state)).max()) for state in states) < 1e-14
     assert (np.diff(energies) <= 0.0).all()
+
+
+@pytest.mark.parametrize("scheme", [POSITION, VELOCITY, PH, GC])
+def test_work_of_the_seam_balances(scheme: Scheme) -> None:
+    """Implicit Euler, equal steps: dE = work - |dv|_M^2/2 - |du|_K^2/2, summed over both sides."""
+    split = oscillator(2.0, 3.0, 1.0, 9.0, 0.1, EULER, EULER, 1)
+    start = split.init(np.ones(1), np.zeros(1), np.array([0.7]), np.ones(1), np.zeros(1))  # not even continuous
+    states = run(scheme, split, start, 20)
+    for before, after in pairwise(states):
+        du, dv = after.near[:2] - before.near[:2], after.far[:2] - before.far[:2]
+        lost = 0.5 * (3.0 * du[0] ** 2 + 2.0 * du[1] ** 2 + 9.0 * dv[0] ** 2 + 1.0 * dv[1] ** 2)
+        balance = split.energy(after) - split.energy(before) + lost
+        assert_allclose(float(after.work) - float(before.work), balance, atol=1e-13)
 
 
 @pytest.mark.parametrize(
