@@ -44,7 +44,7 @@ def test_contact_impulse_is_the_momentum_change():
 
 @pytest.mark.parametrize(("slope", "sticks"), [(0.45, True), (0.55, True), (0.65, False), (1.0, False)])
 def test_incline(slope, sticks):
-    """tan(angle) below mu sticks without creep, above it slips with g (sin - mu cos). Gravity is tilted, not the plane."""
+    """tan(angle) below mu sticks without creep, above it slips with g (sin - mu cos); gravity is tilted."""
     angle = np.arctan(slope)
     gravity = (9.81 * np.sin(angle), 0.0, -9.81 * np.cos(angle))
     run = PbdRun(block_scene((0.10, 0.05, 0.025), 0.025, gravity=gravity, tools={"ground": GROUND}))

@@ -14,7 +14,7 @@ from softseam_services.tools.tool_set import ToolSet
 
 from .compliance import SeamProbe
 from .kernels import substep as k
-from .kernels.contact import place_points
+from .kernels.contact import place_points, split_forces
 from .kernels.stress import octant_stress
 from .kernels.sweep import block_forces, exact_stress, new_workspace, strain_energy
 from .model import KAPPA, build_model
@@ -24,6 +24,8 @@ RETRIES = 3
 """how often a failed step is tried again, each time with twice the substeps and one more sweep"""
 COLD = 2
 """attempt from which on carried forces start from zero"""
+TOUCH = 1e-3
+"""gap below which a handed-over point touches a tool, in block edges"""
 RISE = 0.5
 """largest rise of the energy in a step beyond the work done on it, relative to energy plus work; impacts reach 0.1"""
 CRUSHED = 0.3
@@ -124,7 +126,7 @@ class PbdSolver:
         )
         kinetic = 0.5 * float(region.mass @ np.einsum("nc,nc->n", state.v, state.v))
         gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
-        state.monitor[:] = least_j, kinetic, strain, gravity
+        state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None)
         self._floor = 1e-8 * model.body.material.mu * float(blocks.volume.sum())
 
     def advance(self, request: Advance) -> Advanced:
@@ -134,6 +136,8 @@ class PbdSolver:
         iterations = 0
         fault = Fault.INPUT
         if _finite(request):
+            if committed.monitor[4] != 0.0:
+                self._share_out(request)
             for attempt in range(RETRIES + 1):
                 iterations += self._try(request, attempt)
                 fault = self._check()
@@ -145,7 +149,7 @@ class PbdSolver:
             self._wrench[:] = 0.0
             self._cell_distance[:] = 0.0
         else:
-            work.monitor[:] = result[[k.LEAST_J, k.KINETIC, k.STRAIN, k.GRAVITY]]
+            work.monitor[:4] = result[[k.LEAST_J, k.KINETIC, k.STRAIN, k.GRAVITY]]
         self._tentative = True
         compliance = np.zeros((0, 0))
         if request.compliance:
@@ -171,6 +175,25 @@ class PbdSolver:
             cell_distance=self._cell_distance.copy(),
             bounds=result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3).copy(),
         )
+
+    def _share_out(self, request: Advance) -> None:
+        """A handed-over state names one tool a point; now that the poses are known, all that touch it get a share."""
+        model, state = self.model, self._committed
+        tools, motion = model.tools, request.tools
+        self._xw[: model.n_nodes, :3] = state.x
+        point_x = np.zeros((model.n_points, 3))
+        place_points(self._xw, model.indptr, model.node, model.weight, point_x)
+        split_forces(
+            tools.kind,
+            tools.shape,
+            motion.position,
+            motion.orientation,
+            point_x,
+            model.active,
+            TOUCH * float(model.blocks.edges.min()),
+            state.force,
+        )
+        state.monitor[4] = 0.0
 
     def _try(self, request: Advance, attempt: int) -> int:
         """One attempt at the step from the committed state into the tentative one; returns the sweeps taken.
@@ -220,7 +243,7 @@ class PbdSolver:
         result = self._result
         if not np.isfinite(result).all():
             return Fault.DIVERGED
-        _, kinetic, strain, gravity = self._committed.monitor
+        _, kinetic, strain, gravity = self._committed.monitor[:4]
         work = result[k.TOOL_WORK], result[k.SEAM_WORK]
         rise = result[k.KINETIC] + result[k.STRAIN] + result[k.GRAVITY] - kinetic - strain - gravity - sum(work)
         scale = kinetic + strain + abs(work[0]) + abs(work[1]) + result[k.PUSHED] + self._floor

@@ -29,12 +29,13 @@ class PbdState:
     force_mean: Floats
     """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
     monitor: Floats
-    """least volume ratio of all blocks, kinetic, strain and gravity energy [J] at the end of the last step (4,)"""
+    """least volume ratio of all blocks, kinetic, strain and gravity energy [J] at the end of the last step, and
+    1 where contact forces wait to be shared out among tools (5,)"""
 
 
 def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     """A zero state for n nodes, b batches, p points and t tools."""
-    shapes = ((n, 3), (n, 3), (n, 3), (b, 168), (p, t, 3), (p, t, 3), (p, t, 3), (4,))
+    shapes = ((n, 3), (n, 3), (n, 3), (b, 168), (p, t, 3), (p, t, 3), (p, t, 3), (5,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)

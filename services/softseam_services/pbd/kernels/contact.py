@@ -2,11 +2,12 @@
 
 Each pair (point, tool) carries its force as blocks carry their stress: a normal part p >= 0 and a tangential part t.
 With the gap g, the slip s of this substep relative to the tool, and the compliance c = h^2 sum w_i N_i^2 of the point,
-p = max(0, p_old - (g - g_0)/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                         (1)
+p = max(0, p_old - (g - g_0)/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                 (1)
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
-g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some
-milliseconds (g_0 = old gap/(1 + h/tau)), because all at once would kick it. The forces stay in the nodes' accelerations from one substep to the next, so at rest they are exact, the gap closes
-to zero and a sticking point does not creep. On a block every point is one node and (1) is the exact local solution.
+g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
+g_0 = old gap/(1 + h/tau), because all at once would kick it. The forces stay in the nodes' accelerations from one
+substep to the next, so at rest they are exact, the gap closes to zero and a sticking point does not creep. On a block
+every point is one node and (1) is the exact local solution.
 """
 
 from __future__ import annotations
@@ -60,6 +61,41 @@ def place_points(xw, indptr, node, weight, point_x):
             for entry in range(indptr[point], indptr[point + 1]):
                 total += weight[entry] * xw[node[entry], a]
             point_x[point, a] = total
+
+
+@njit(cache=True, error_model="numpy")
+def split_forces(kind, shape, position, orientation, point_x, active, near_gap, force):
+    """Share out the force of points that touch several tools but were handed over with one: force updated in place.
+
+    Any shares with the same sum that lie in the friction cones balance as well. Here a further tool takes the part
+    along its normal, as far as that pushes, and the first one keeps the rest.
+
+    near_gap       a tool that is closer than this touches [m]
+    force (p, t, 3)  one tool's entry per point is not zero
+    """
+    for point in range(len(point_x)):
+        if not active[point]:
+            continue
+        first = -1
+        for tool in range(len(kind)):
+            if force[point, tool].any():
+                first = tool
+        if first < 0:
+            continue
+        f = force[point, first]
+        for tool in range(len(kind)):
+            if tool == first:
+                continue
+            gap, nx, ny, nz = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])
+            push = f[0] * nx + f[1] * ny + f[2] * nz
+            _, mx, my, mz = tool_gap(kind[first], shape[first], position[first], orientation[first], point_x[point])
+            # Only the part that the first tool does not push itself.
+            push -= max(0.0, f[0] * mx + f[1] * my + f[2] * mz) * max(0.0, nx * mx + ny * my + nz * mz)
+            if gap < near_gap and push > 0.0:
+                force[point, tool, 0], force[point, tool, 1], force[point, tool, 2] = push * nx, push * ny, push * nz
+                f[0] -= push * nx
+                f[1] -= push * ny
+                f[2] -= push * nz
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,0 +1,62 @@
+"""The PBD kernels mean the same as plain Python, where numba checks no bounds and types."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pbd_run import Energy, PbdRun, block_scene
+
+GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.6}
+
+
+@pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
+def test_one_cell_three_steps(kind):
+    """One cell falls on the ground: forces are gradients, momentum balances, nothing leaves the arrays."""
+    scene = block_scene(
+        cell=0.05,
+        kind=kind,
+        gravity=(0.0, 0.0, -9.81),
+        position=(0.0, 0.0, 1e-5),
+        tools={"ground": GROUND},
+        pbd={"substeps": 3},
+    )
+    run = PbdRun(scene)
+    for _ in range(3):
+        before = run.solver.snapshot()
+        reply = run.step()
+        assert reply.status == "converged" and len(before) == len(run.solver.snapshot())
+    assert reply.n_contacts == 9
+    energy, x = Energy(run), run.x
+    moved = x.copy()
+    moved[5, 1] += 1e-6
+    slope = (energy.value(moved) - energy.value(x)) / 1e-6
+    np.testing.assert_allclose(energy.force(x)[5, 1], -slope, rtol=1e-3, atol=1e-3)
+    assert np.abs(run.fields().cauchy).max() > 0.0
+
+
+@pytest.mark.slow
+def test_kernels_pass_without_jit():
+    result = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-x",
+            "-p",
+            "no:cacheprovider",
+            f"{__file__}::test_one_cell_three_steps",
+        ],
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout[-3000:]
