@@ -44,6 +44,8 @@ class Field:
     """may be None"""
     default: Any = None
     has_default: bool = False
+    make_default: Any = None
+    """makes the default of an array or a container"""
     least: int | None = None
     named: bool = False
     """text that must be a name"""
@@ -77,7 +79,7 @@ def _unwrap(annotation: Any) -> tuple[Any, int | None, bool]:
     return annotation, least, named
 
 
-def _field(name: str, number: int, annotation: Any, default: Any) -> Field:
+def _field(name: str, number: int, annotation: Any, default: Any, make_default: Any) -> Field:
     optional, container = False, ""
     if typing.get_origin(annotation) in (types.UnionType, typing.Union):
         (annotation,) = (a for a in typing.get_args(annotation) if a is not types.NoneType)
@@ -90,14 +92,21 @@ def _field(name: str, number: int, annotation: Any, default: Any) -> Field:
     if not (isinstance(of, Array) or of in _SCALARS or dataclasses.is_dataclass(of)):
         raise TypeError(f"{name}: no wire form for {annotation!r}")
     has_default = default is not dataclasses.MISSING
-    return Field(name, number, of, container, optional, default if has_default else None, has_default, least, named)
+    if make_default is dataclasses.MISSING:
+        make_default = None
+    if not has_default:
+        default = None
+    return Field(name, number, of, container, optional, default, has_default, make_default, least, named)
 
 
 def _fields(cls: type) -> tuple[Field, ...]:
     # explicit namespaces: a slot named `bytes` would otherwise shadow the type of that name
     hints = typing.get_type_hints(cls, globalns=vars(messages), localns={}, include_extras=True)
     # number 1 is message_type
-    return tuple(_field(f.name, i, hints[f.name], f.default) for i, f in enumerate(dataclasses.fields(cls), start=2))
+    return tuple(
+        _field(f.name, i, hints[f.name], f.default, f.default_factory)
+        for i, f in enumerate(dataclasses.fields(cls), start=2)
+    )
 
 
 MESSAGES: dict[str, type] = {

@@ -8,7 +8,8 @@ tensors: `Array("f8", None, 3)` is a float64 array of shape (n, 3) for any n.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from functools import partial
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,10 +66,9 @@ Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
 Octants = Annotated[NDArray[np.float64], Array("f8", None, 8)]
 Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3, least=0)]
 
-
-def _empty(*shape: int) -> Any:
-    """A field that is left out where it says nothing."""
-    return field(default_factory=lambda: np.zeros(shape))
+# defaults of fields that are left out where they say nothing
+_NO_VECTORS = partial(np.zeros, (0, 3))
+_NO_MATRIX = partial(np.zeros, (0, 0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +159,9 @@ class Advance:
     tools: ToolMotion
     compliance: bool = False
     """also return d(seam_x)/d(seam_force)"""
-    seam_anchor: Vectors = _empty(0, 3)
+    seam_anchor: Vectors = field(default_factory=_NO_VECTORS)
     """where the other side would be without a change of force (s, 3) [m]; empty: the seam force is constant"""
-    seam_stiffness: Matrix = _empty(0, 0)
+    seam_stiffness: Matrix = field(default_factory=_NO_MATRIX)
     """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x)"""
 
 
@@ -200,7 +200,7 @@ class Advanced:
     """least distance of each of the region's cells to a tool that makes cells near, inf without one (n_cells,) [m]"""
     bounds: Matrix
     """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
-    seam_force: Vectors = _empty(0, 3)
+    seam_force: Vectors = field(default_factory=_NO_VECTORS)
     """force that acted on the seam nodes (s, 3) [N]; empty: the one that was asked for"""
 
 

@@ -184,6 +184,26 @@ def test_an_absent_scalar_means_its_default() -> None:
     assert decode(wire.SerializeToString(), Step).fields is True
 
 
+def test_an_absent_array_means_its_default() -> None:
+    """An array appended later has a default, which stands for it in the messages of older senders."""
+    for message in (advanced(), Advance(HEADER, 0.01, np.ones((3, 3)), _TOOLS)):
+        cls = type(message)
+        appended = [field for field in FIELDS[cls] if field.is_array and field.make_default is not None]
+        assert appended
+        for field in appended:
+            full = tuple(2 if n is None else n for n in field.of.shape)
+            told = encode(dataclasses.replace(message, **{field.name: np.ones(full)}))
+            wire = protobuf_class(cls.__name__).FromString(told)
+            assert wire.HasField(field.name)
+            assert same(getattr(decode(told, cls), field.name), np.ones(full))
+            wire.ClearField(field.name)
+            assert same(getattr(decode(wire.SerializeToString(), cls), field.name), field.make_default())
+            # and an empty default is not sent at all
+            assert not protobuf_class(cls.__name__).FromString(encode(message)).HasField(field.name)
+            with pytest.raises(EncodeError, match=f"{cls.__name__}.{field.name}"):
+                encode(dataclasses.replace(message, **{field.name: np.zeros((0, 7, 7))}))
+
+
 def test_distances_may_be_infinite_but_nothing_may_be_nan() -> None:
     far = np.full(3, np.inf)
     assert same(decode(encode(advanced(cell_distance=far)), Advanced).cell_distance, far)
