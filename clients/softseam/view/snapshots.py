@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 _MOMENTS = 5
 _CANDIDATES = 60
-_WIDTH, _HEIGHT = 460, 500
+_WIDTH = 460
 _GROUND = np.array([0.905, 0.90, 0.885])
 _GLASS = np.array([0.62, 0.66, 0.72])
 _TOOL_LINE = np.array([0.36, 0.39, 0.45])
@@ -37,24 +37,25 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     stresses = [surface.at_points(von_mises(frame.cauchy)) for frame in frames]
     top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
     tools = tool_shapes(recording.scene, surface.extent)
-    camera = _camera(frames, tools, surface.extent)
-    figure = Figure(figsize=(3.05 * len(frames), 7.6), dpi=160, facecolor=PAPER)
+    camera, height = _camera(frames, tools, surface.extent)
+    tall = 2 * 3.05 * height / _WIDTH + 2.0
+    figure = Figure(figsize=(3.05 * len(frames), tall), dpi=160, facecolor=PAPER)
     heading(figure, recording.scene.name.replace("_", " "), builder.verdict.text)
     axes = figure.subplots(2, len(frames), squeeze=False)
-    figure.subplots_adjust(left=0.012, right=0.988, top=0.845, bottom=0.105, wspace=0.025, hspace=0.03)
+    figure.subplots_adjust(left=0.012, right=0.988, top=1.0 - 1.15 / tall, bottom=0.8 / tall, wspace=0.025, hspace=0.03)
     for column, (frame, stress) in enumerate(zip(frames, stresses, strict=True)):
         near = surface.near(frame.cell_near)
         tint = np.where(near[:, None], colors.NEAR, colors.FAR) / 255.0
         shades = colors.stress_colors(stress, top)[surface.vertex_point] / 255.0
         corners = shades[surface.triangles]
         paint = np.concatenate([np.broadcast_to(tint[:, None, :], corners.shape), corners], axis=2)
-        images = _draw(frame, surface, tools, camera, paint)
+        images = _draw(frame, surface, tools, camera, height, paint)
         for row, image in enumerate(images):
             axes[row, column].imshow(image, interpolation="lanczos")
             axes[row, column].set_axis_off()
         time = frame.header.time + recording.scene.step
         axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
-    _legend(figure, builder, top)
+    _legend(figure, builder, top, tall)
     return write(figure, path)
 
 
@@ -63,7 +64,7 @@ def _pick(recording: Recording) -> list[Frame]:
     total = recording.counts["Frame"]
     kept = set(np.unique(np.linspace(0, total - 1, min(total, _CANDIDATES)).astype(int)).tolist())
     frames = [frame for i, frame in enumerate(recording.frames()) if i in kept]
-    looks = np.stack([np.concatenate([f.point_x.ravel(), f.tool_position.ravel()]) for f in frames])
+    looks = np.stack([_look(frame) for frame in frames])
     chosen = list(dict.fromkeys((0, len(frames) - 1)))
     away = np.min([np.linalg.norm(looks - looks[c], axis=1) for c in chosen], axis=0)
     while len(chosen) < min(_MOMENTS, len(frames)):
@@ -72,8 +73,16 @@ def _pick(recording: Recording) -> list[Frame]:
     return [frames[c] for c in sorted(dict.fromkeys(chosen))]
 
 
-def _camera(frames: list[Frame], tools: list[ToolShape], extent: float) -> Camera:
-    """See the body and the tools that come near it in every frame, from the front right."""
+def _look(frame: Frame) -> Floats:
+    """Numbers whose distance says how different two frames look: shape counts more than place."""
+    centre = frame.point_x.mean(axis=0)
+    shape = 6.0 * (frame.point_x - centre) / np.sqrt(len(frame.point_x))
+    tools = 2.0 * (frame.tool_position - centre) / np.sqrt(max(len(frame.tool_position), 1))
+    return np.concatenate([shape.ravel(), tools.ravel(), centre])
+
+
+def _camera(frames: list[Frame], tools: list[ToolShape], extent: float) -> tuple[Camera, int]:
+    """See the body and the tools that come near it in every frame, from the front right; and the pictures' height."""
     seen = [frame.point_x for frame in frames]
     for frame in frames:
         for tool, at, turn in zip(tools, frame.tool_position, frame.tool_orientation, strict=True):
@@ -83,14 +92,17 @@ def _camera(frames: list[Frame], tools: list[ToolShape], extent: float) -> Camer
     everything = np.concatenate(seen)
     middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
     eye = middle + 10.0 * extent * np.array([0.50, -0.87, 0.36])
-    return Camera(eye, middle).fitted(everything, _WIDTH, _HEIGHT)
+    camera = Camera(eye, middle).fitted(everything, _WIDTH, _WIDTH)
+    spread = np.ptp(camera.project(everything, _WIDTH, _WIDTH)[:, :2], axis=0)
+    height = int(np.clip(_WIDTH * 1.05 * spread[1] / spread[0], 0.5 * _WIDTH, 1.15 * _WIDTH))
+    return camera.fitted(everything, _WIDTH, height), height
 
 
 def _draw(
-    frame: Frame, surface: DisplaySurface, tools: list[ToolShape], camera: Camera, paint: Floats
+    frame: Frame, surface: DisplaySurface, tools: list[ToolShape], camera: Camera, height: int, paint: Floats
 ) -> list[NDArray[np.uint8]]:
     """Two pictures of one moment; paint (T, 3, 6) colours each triangle's corners in the one and the other."""
-    canvas = Canvas(_WIDTH, _HEIGHT, camera, layers=2)
+    canvas = Canvas(_WIDTH, height, camera, layers=2)
     vertices = surface.vertices(frame.point_x)
     posed = [
         (tool, rotate(turn, tool.vertices) + at, rotate(turn, tool.normals), at, turn)
@@ -113,11 +125,11 @@ def _draw(
     return [canvas.image(layer) for layer in range(2)]
 
 
-def _legend(figure: Figure, builder: ReportBuilder, top: float) -> None:
+def _legend(figure: Figure, builder: ReportBuilder, top: float, tall: float) -> None:
     """What the colours mean, below the rows."""
     models = builder.columns.models
     patches = [
-        Patch(color=np.array(tone) / 255.0, label=f"{name} region: {models[name].upper()}")
+        Patch(color=(tone[0] / 255.0, tone[1] / 255.0, tone[2] / 255.0), label=f"{name} region: {models[name].upper()}")
         for name, tone in (("near", colors.NEAR), ("far", colors.FAR))
         if name in models
     ]
@@ -125,13 +137,13 @@ def _legend(figure: Figure, builder: ReportBuilder, top: float) -> None:
     figure.legend(
         handles=patches,
         loc="lower left",
-        bbox_to_anchor=(0.012, 0.018),
+        bbox_to_anchor=(0.012, 0.14 / tall),
         ncols=3,
         frameon=False,
         fontsize=10,
         labelcolor=INK,
     )
-    scale = figure.add_axes((0.60, 0.066, 0.37, 0.022))
+    scale = figure.add_axes((0.60, 0.50 / tall, 0.37, 0.17 / tall))
     ramp = colors.stress_colors(np.linspace(0.0, top, 512), top)
     scale.imshow(ramp[None], aspect="auto", extent=(0.0, top / 1e3, 0.0, 1.0))
     scale.set_yticks([])

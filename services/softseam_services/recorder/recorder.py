@@ -51,6 +51,7 @@ class McapRecorder:
         self._queue: deque[tuple[type, float, bytes, int]] = deque()
         self._queued = 0  # bytes
         self._limit, self._patience, self._on_loss = queue_bytes, patience, on_loss
+        self._wake = min(WAKE, queue_bytes // 2)
         self._accepted = self._safe = self._dropped = 0  # messages
         self._stalled = self._closing = False
         self._due = 0.0  # time.monotonic() of the next flush
@@ -86,7 +87,7 @@ class McapRecorder:
                 self._queue.append((kind, sim_time, data, now))
                 self._queued += len(data)
                 self._accepted += 1
-                if len(self._queue) == 1 or self._queued >= WAKE:
+                if len(self._queue) == 1 or self._queued >= self._wake:
                     self._changed.notify_all()
                 return
             self._dropped += 1
@@ -155,7 +156,7 @@ class McapRecorder:
                 self._changed.wait_for(lambda: bool(self._queue) or self._closing)
                 self._due = time.monotonic() + FLUSH_PERIOD
             self._changed.wait_for(
-                lambda: self._closing or self._queued >= WAKE, max(0.0, self._due - time.monotonic())
+                lambda: self._closing or self._queued >= self._wake, max(0.0, self._due - time.monotonic())
             )
             batch, self._queue = self._queue, deque()
             self._queued = 0
