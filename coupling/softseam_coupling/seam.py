@@ -260,7 +260,8 @@ class SeamSolver:
     def commit(self, state: SeamState, lambda_: Floats) -> None:
         """Accept the multiplier of the step: it enters the history, and every way to predict is scored on it."""
         flat = np.ascontiguousarray(lambda_).reshape(-1)
-        closing = state.closing if state.n_tried > 0 else flat
+        tried = state.n_tried > 0 and np.array_equal(flat, state.tried[0])
+        closing = state.closing if tried else flat  # a multiplier found in another way is taken at its word
         state.n_history = remember(
             state.history, state.n_history, WEIGHTS, LENGTHS, state.scale, flat, closing, state.errors
         )

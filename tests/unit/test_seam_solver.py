@@ -305,6 +305,22 @@ def test_auto_predictor_does_not_amplify_a_sawtooth_and_follows_smooth_motion() 
     assert flat.predictor_name == "constant"
 
 
+def test_what_is_learned_from_an_accepted_gap() -> None:
+    """The history holds what would have closed the gap; a multiplier that was never tried is taken as it is."""
+    solver = SeamSolver(tolerance=1.0)
+    state = solver.init(1)
+    solver.reset(state, 0.5 * np.eye(3))
+    lambda_ = np.full((1, 3), 4.0)
+    assert solver.update(state, lambda_, np.full((1, 3), 0.1)).outcome is Outcome.ACCEPT
+    solver.commit(state, lambda_)
+    assert_allclose(state.history[0], 4.0 - 0.1 / 0.5)
+    assert_allclose(state.multiplier, lambda_)
+    solver.update(state, lambda_, np.full((1, 3), 0.1))
+    solver.commit(state, 2.0 * lambda_)
+    assert_array_equal(state.history[0], [8.0, 8.0, 8.0])
+    assert_array_equal(state.multiplier, 2.0 * lambda_)
+
+
 def test_carry_multiplier() -> None:
     old, new = np.array([2, 5, 9], dtype=np.int32), np.array([1, 5, 9, 11], dtype=np.int32)
     lambda_ = np.arange(9.0).reshape(3, 3)
