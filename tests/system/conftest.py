@@ -88,6 +88,7 @@ def bus(services: Services) -> Iterator[Bus]:
 
 def squeezed_bar(near: str = "fem", far: str = "pbd") -> Scene:
     """A bar of 4 x 2 x 2 cells on the ground, squeezed at one end by two plates: contact, seam and both models."""
+    plate = {"kind": "box", "size": [0.02, 0.01, 0.04], "friction": 0.6}
     return Scene.model_validate(
         {
             "softseam": 1,

@@ -1,0 +1,87 @@
+"""`up` and `serve` as a user runs them: one terminal, clear errors, nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import READY, free_port
+
+MODULE = (sys.executable, "-m", "softseam_services")
+
+
+def run_module(*args: str, timeout: float = READY) -> subprocess.CompletedProcess[str]:
+    return subprocess.run((*MODULE, *args), capture_output=True, text=True, timeout=timeout, check=False)
+
+
+def is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_busy_port_is_named(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        for command in (["serve", "router"], ["up", "--directory", str(tmp_path)]):
+            done = run_module(*command, "--connect", endpoint)
+            assert done.returncode == 2, done.stderr
+            assert endpoint in done.stderr and "in use" in done.stderr
+            assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("role", ["fem", "pbd", "orchestrator", "recorder"])
+def test_no_router_is_one_clear_error(role: str, tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    done = run_module("serve", role, "--connect", endpoint, "--wait", "0.3", "--directory", str(tmp_path))
+    assert done.returncode == 2, done.stderr
+    assert f"no router answers at {endpoint}" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_health_without_a_router() -> None:
+    done = run_module("health", "--connect", f"tcp/127.0.0.1:{free_port()}", "--wait", "0.3")
+    assert done.returncode == 2
+    assert "no router answers" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_up_runs_everything_and_ctrl_c_stops_it(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    options = ("--connect", endpoint, "--directory", str(tmp_path))
+    with subprocess.Popen((*MODULE, "up", *options), stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if "all services are ready" in line:
+                break
+        pids = [int(found) for found in re.findall(r"is ready \(pid (\d+)", "".join(lines))]
+        assert len(pids) == 5, lines
+        healthy = run_module("health", "--connect", endpoint)
+        assert healthy.returncode == 0, healthy.stdout + healthy.stderr
+        assert healthy.stdout.count("well") == 5
+        process.send_signal(signal.SIGINT)
+        rest = process.stderr.read()
+        assert process.wait(60.0) == 0, rest
+    assert "Traceback" not in "".join(lines) + rest
+    assert not any(is_running(pid) for pid in pids)
+
+
+@pytest.mark.slow
+def test_up_ends_with_its_command(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    client = (sys.executable, "-c", "import sys; print('the client runs'); sys.exit(7)")
+    done = run_module("up", "--connect", endpoint, "--directory", str(tmp_path), "--", *client)
+    assert done.returncode == 7, done.stderr
+    assert "the client runs" in done.stdout
