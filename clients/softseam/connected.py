@@ -23,11 +23,13 @@ from softseam_protocol.messages import (
     Bundle,
     Close,
     Closed,
+    End,
     Failure,
     Header,
     Load,
     Observation,
     Open,
+    Recorded,
     Reset,
     Save,
     Saved,
@@ -52,7 +54,10 @@ class ConnectedBackend:
         timeout: float,
         deployment: str = topics.DEFAULT_DEPLOYMENT,
     ) -> None:
-        self._key = topics.Keys(deployment).orchestrator
+        self._keys = topics.Keys(deployment)
+        self._key = self._keys.orchestrator
+        self._record = record
+        self.recorded: Recorded | None = None
         self._endpoint, self._timeout = endpoint, timeout
         self._count = 0
         self.session = secrets.token_hex(8)
@@ -84,7 +89,11 @@ class ConnectedBackend:
         try:
             self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
             self._ask(Close(self._header()), Closed, SimulationFailed)
-        except (NoConnection, SimulationFailed):
+            if self._record:
+                # the orchestrator has ended the recording already: this asks what became of it
+                end = End(self._header(), "closed")
+                self.recorded = self._bus.call(self._keys.recorder, end, Recorded, self._timeout)
+        except (NoConnection, SimulationFailed, errors.ProtocolError):
             return  # whoever is gone holds nothing for this session
         finally:
             self._bus.close()
@@ -123,7 +132,7 @@ class ConnectedBackend:
 
     def _wait_for_orchestrator(self, end: float) -> None:
         """Until an orchestrator shows on the bus, or the time is over."""
-        watch = self._bus.watch_live(topics.Keys().every_live("orchestrator"))
+        watch = self._bus.watch_live(self._keys.every_live("orchestrator"))
         try:
             while (left := end - time.monotonic()) > 0.0:
                 change = watch.get(left)

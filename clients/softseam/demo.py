@@ -40,7 +40,11 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
 
     with scratch as recordings:
         endpoint = f"tcp/127.0.0.1:{_free_port()}"
-        console.print(f"starting router, fem, pbd, orchestrator and recorder at {endpoint}", highlight=False)
+        console.print(
+            f"starting router, fem, pbd, orchestrator and recorder at {endpoint}; "
+            "the first time, their kernels are compiled for a minute or so",
+            highlight=False,
+        )
         with services(endpoint, Path(recordings), say):
             set_up = perf_counter()
             with open_session(name, endpoint, record=True) as session:
@@ -52,7 +56,11 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
         shutil.move(written[0], recording)
     print_closing(console, report)
     console.print()
-    report["recording"]["path"] = recording.name
+    recorded = session.recorded
+    lost = 0 if recorded is None else recorded.lost
+    report["recording"].update(path=recording.name, lost_messages=lost)
+    if lost:
+        console.print(Text(f"the recorder lost {lost} messages", style="bold red"))
     write_report(report, folder / "report.json")
     with drawing_errors():
         from softseam.recording import Recording

@@ -15,6 +15,7 @@ from softseam_protocol.messages import (
     Frame,
     Header,
     Observation,
+    Recorded,
     StepReport,
     Vector3,
 )
@@ -41,6 +42,7 @@ class EmbeddedBackend:
         self._record = record
         self._recorder: McapRecorder | None = None
         self._last: StepReport | None = None
+        self.recorded: Recorded | None = None
         with translated():
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
@@ -106,7 +108,7 @@ class EmbeddedBackend:
     def _stop_recording(self) -> None:
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
-            recorder.close()
+            self.recorded = recorder.close()
 
     def _tell_loss(self, reason: str) -> None:
         """A recording that loses messages is an event of the next observation; the run goes on."""

@@ -36,7 +36,7 @@ def up(connect: str | None, deployment: str | None, directory: Path | None, comm
 
 
 @contextmanager
-def services(connect: str, directory: Path, report: Callable[[str], None], ready: float = 240.0) -> Iterator[None]:
+def services(connect: str, directory: Path, report: Callable[[str], None], ready: float = 900.0) -> Iterator[None]:
     """All services of this machine for as long as the context lasts; recordings go to `directory`.
 
     report  told what the services say

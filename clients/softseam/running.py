@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from typing import Any
 from rich.console import Console
 
 from softseam.closing import print_closing
-from softseam.errors import BadInput
+from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
 from softseam.progress import RunProgress
 from softseam.report import ReportBuilder, write_report
@@ -49,24 +50,30 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
             _writable(path)
     with tempfile.TemporaryDirectory(prefix="softseam-") as scratch:
         recording = wishes.record
-        if recording is None and wishes.connect is None and (wishes.pictures is not None or wishes.view):
+        if recording is None and (wishes.pictures is not None or wishes.view):
             recording = Path(scratch) / "run.mcap"
         record: Path | bool | None = recording
         if wishes.connect is not None:
-            record = wishes.record is not None
+            record = recording is not None
         began = perf_counter()
         with open_session(
             wishes.scene, wishes.connect, model=wishes.model, settings=wishes.settings, record=record
         ) as session:
             report = follow(session, console, began=began, model=wishes.model)
-        report["recording"]["path"] = None if wishes.record is None else str(wishes.record)
+        if recording is not None:
+            _keep(session, recording, report)
         print_closing(console, report)
         if wishes.report is not None:
             write_report(report, wishes.report)
             console.print(f"\nreport: {wishes.report}", highlight=False)
-        if wishes.record is not None and wishes.connect is None:
-            console.print(f"recording: {wishes.record}", highlight=False)
-        if recording is not None:
+        if wishes.record is not None:
+            told = report["recording"]
+            lost = f", {told['lost_messages']} messages lost: {told['note']}" if told["lost_messages"] else ""
+            console.print(f"recording: {told['path'] or 'none: ' + str(told['note'])}{lost}", highlight=False)
+        if wishes.pictures is not None or wishes.view:
+            assert recording is not None
+            if not recording.exists():
+                raise SoftseamError("nothing to draw: the recorder wrote no file that can be read from here")
             _show(recording, wishes, console)
     return report
 
@@ -95,6 +102,20 @@ def follow(
         session.reset()
         session.run(step)
     return builder.build(setup_seconds=setup or 0.0)
+
+
+def _keep(session: Session, wanted: Path, report: dict[str, Any]) -> None:
+    """Note in the report what became of the recording, and bring it here where a recorder of this machine wrote it."""
+    recorded = session.recorded
+    if recorded is None:
+        report["recording"]["note"] = "no recorder answered"
+        return
+    path = Path(recorded.path)
+    if path.is_file() and path.resolve() != wanted.resolve():
+        shutil.copyfile(path, wanted)
+        path = wanted
+    note = None if recorded.note == "closed" else recorded.note
+    report["recording"].update(path=str(path), lost_messages=recorded.lost, note=note)
 
 
 def _show(path: Path, wishes: Wishes, console: Console) -> None:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 class Backend(Protocol):
     """What runs the simulation: this process, or an orchestrator on the bus. Every call may raise SoftseamError."""
 
+    recorded: messages.Recorded | None
+    """what became of the last recording that was ended"""
+
     def reset(self, seed: int) -> messages.Observation: ...
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> messages.Observation:
@@ -86,6 +89,8 @@ class Session:
         self._backend: Backend | None = backend
         self._tools = tuple(scene.tools)
         self._last: Observation | None = None
+        self.recorded: messages.Recorded | None = None
+        """after `close`: where the recording is, and what it lost; None without one"""
 
     @property
     def done(self) -> bool:
@@ -160,6 +165,7 @@ class Session:
         backend, self._backend = self._backend, None
         if backend is not None:
             backend.close()
+            self.recorded = backend.recorded
 
     def __enter__(self) -> Session:
         return self
