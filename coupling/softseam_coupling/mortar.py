@@ -27,6 +27,8 @@ __all__ = ["SeamTie", "identity_tie", "mortar_tie"]
 _LEAST_FILL = 0.05
 """share that an empty quarter of a face keeps, so that M_nn stays well conditioned [1]"""
 
+_LEAST_COMPLIANCE = 1e-6
+
 
 @dataclass(frozen=True)
 class SeamTie:
@@ -43,18 +45,35 @@ class SeamTie:
             return x_near - x_far
         return np.asarray(x_near - self.p @ x_far - self.c)
 
+    def image(self, x_far: Floats) -> Floats:
+        """Where the near side's seam nodes belong (s, 3) [m]."""
+        return x_far if self.p is None else np.asarray(self.p @ x_far + self.c)
+
     def far_force(self, lambda_: Floats) -> Floats:
         """Nodal forces on the far side (s, 3) [N] that belong to lambda on the near side."""
         return -lambda_ if self.p is None else np.asarray(-(self.p.T @ lambda_))
 
     def compliance(self, near: Floats, far: Floats) -> Floats:
         """H_near + P H_far P^T (3 s, 3 s) [m/N]."""
+        return near + self._far_compliance(far)
+
+    def far_stiffness(self, far: Floats) -> Floats:
+        """S = (P H_far P^T)^-1, symmetric (3 s, 3 s) [N/m]: how the far side resists motion of the near side's nodes.
+
+        Directions in which it hardly yields (eigenvalues below 1e-6 of the largest) are held no stiffer than that.
+        """
+        h = self._far_compliance(far)
+        values, vectors = np.linalg.eigh(0.5 * (h + h.T))
+        values = np.maximum(values, _LEAST_COMPLIANCE * values[-1])
+        return np.ascontiguousarray((vectors / values) @ vectors.T)
+
+    def _far_compliance(self, far: Floats) -> Floats:
         if self.p is None:
-            return near + far
+            return far
         s = len(self.p)
         half = np.einsum("ab,bicj->aicj", self.p, far.reshape(s, 3, s, 3), optimize=True)
         whole = np.einsum("aicj,dc->aidj", half, self.p, optimize=True)
-        return near + whole.reshape(3 * s, 3 * s)
+        return np.asarray(whole.reshape(3 * s, 3 * s))
 
 
 def identity_tie(n_nodes: int) -> SeamTie:

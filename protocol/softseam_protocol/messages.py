@@ -123,6 +123,8 @@ class Configure:
     seam_nodes: Ids
     """global node ids tied to the other side, ascending, clamped nodes left out (s,)"""
     state: BodyState | None = None
+    owns_seam_points: bool = True
+    """whether contact at surface points on the seam is this side's"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,7 +62,7 @@ def build_setup(bundle: Bundle) -> Setup:
 
 def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
     """The solver that a Configure asks for. Imports only the model that is asked for."""
-    region = build_region(setup.body, request.cells, request.seam_nodes)
+    region = build_region(setup.body, request.cells, request.seam_nodes, request.owns_seam_points)
     solver: Solver
     substeps = 1
     if request.model == "fem":

@@ -114,3 +114,5 @@ class Region:
     """global ids of the surface points carried by these cells, ascending (p,)"""
     point_cell: Ints
     """local cell ids (p,)"""
+    point_local: Floats
+    """coordinates in that cell, each in [-1, 1] (p, 3)"""

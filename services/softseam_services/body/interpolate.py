@@ -21,7 +21,7 @@ def point_weights(body: Body, region: Region, kind: Literal["fem", "pbd"]) -> tu
 
     Returns indptr (p + 1,), node (m,) local ids of the region, weight (m,). On a block each row is one node, weight 1.
     """
-    local = body.surface.local[region.points]
+    local = region.point_local
     indptr = np.zeros(len(local) + 1, dtype=np.int32)
     node = np.empty(27 * len(local), dtype=np.int32)
     weight = np.empty(27 * len(local))

@@ -7,8 +7,12 @@ import numpy as np
 from softseam_services.body.body import Body, Ints, Region
 
 
-def build_region(body: Body, cells: Ints, seam_nodes: Ints) -> Region:
-    """The region of these cells (global ids, made ascending); seam_nodes are global ids, kept in the given order."""
+def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bool = True) -> Region:
+    """The region of these cells (global ids, made ascending); seam_nodes are global ids, kept in the given order.
+
+    A surface point that sits on a seam node belongs to the side that owns the seam's points, whatever cell carries it
+    in the body, so that contact there is solved by one side and the same one along the whole seam.
+    """
     cells = np.unique(cells).astype(np.int32)
     if len(cells) == 0 or cells[0] < 0 or cells[-1] >= body.n_cells:
         raise ValueError(f"a region needs cells within 0 .. {body.n_cells - 1}, got {len(cells)} of them")
@@ -19,7 +23,18 @@ def build_region(body: Body, cells: Ints, seam_nodes: Ints) -> Region:
         raise ValueError("a seam node does not belong to the region's cells")
     cell_number = np.full(body.n_cells, -1, dtype=np.int32)
     cell_number[cells] = np.arange(len(cells))
-    points = np.flatnonzero(cell_number[body.surface.cell] >= 0).astype(np.int32)
+    point_cell, point_local = cell_number[body.surface.cell], body.surface.local.copy()
+    node = _node_of_point(body)
+    on_seam = np.flatnonzero(np.isin(node, seam_nodes))
+    if owns_seam_points:
+        order = np.argsort(cell_nodes, axis=None, kind="stable")
+        first = order[np.searchsorted(cell_nodes.reshape(-1)[order], np.searchsorted(nodes, node[on_seam]))]
+        point_cell[on_seam] = first // 27
+        place = first % 27
+        point_local[on_seam] = np.stack([place % 3, place // 3 % 3, place // 9], axis=1) - 1.0
+    else:
+        point_cell[on_seam] = -1
+    points = np.flatnonzero(point_cell >= 0).astype(np.int32)
     mass = np.zeros(len(nodes))
     np.add.at(mass, cell_nodes, body.cell_mass[cells])
     return Region(
@@ -30,8 +45,17 @@ def build_region(body: Body, cells: Ints, seam_nodes: Ints) -> Region:
         fixed=body.fixed[nodes],
         seam=seam.astype(np.int32),
         points=points,
-        point_cell=cell_number[body.surface.cell[points]],
+        point_cell=point_cell[points],
+        point_local=point_local[points],
     )
+
+
+def _node_of_point(body: Body) -> Ints:
+    """Node that each surface point sits on, -1 for none (P,)."""
+    place = np.rint(body.surface.local).astype(np.int32)
+    exact = (np.abs(body.surface.local - place) < 1e-9).all(axis=1)
+    a = (place + 1) @ np.array([1, 3, 9], dtype=np.int32)
+    return np.where(exact, body.cell_nodes[body.surface.cell, np.where(exact, a, 0)], -1).astype(np.int32)
 
 
 def shared_nodes(body: Body, cells_a: Ints, cells_b: Ints) -> Ints:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
 from softseam_protocol.messages import Advanced, Header, RegionReport, Reply, SeamReport, StepReport
+from softseam_services.orchestrator.seam_loop import SeamSolution
 from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
@@ -53,9 +54,7 @@ class Accounts:
         tool_orientation: Floats,
         wrench: Floats,
         quantities: dict[str, float],
-        gap: float,
-        exchanges: int,
-        lambda_: Floats,
+        seam: SeamSolution,
         done: bool,
         command: Floats,
     ) -> StepReport:
@@ -100,10 +99,10 @@ class Accounts:
             wrench,
             quantities,
             SeamReport(
-                gap,
-                exchanges,
-                len(lambda_),
-                float(np.sqrt((lambda_ * lambda_).sum(axis=1).max())) if len(lambda_) else 0.0,
+                seam.gap,
+                seam.exchanges,
+                len(seam.lambda_),
+                float(np.sqrt((seam.lambda_ * seam.lambda_).sum(axis=1).max(initial=0.0))),
                 seam_work,
             ),
             regions,

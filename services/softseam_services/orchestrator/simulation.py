@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.handover import Side, merge_sides
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState, carry_multiplier
+from softseam_coupling.seam import SeamSolver, carry_multiplier
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Advance,
@@ -39,6 +39,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
 from softseam_services.orchestrator.recovery import RecoveringTransport
+from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SideRequest
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides, contact_state, cut, resting_state, side_mass
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
@@ -50,8 +51,6 @@ Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
 _CHECKPOINT_STEPS = 50
-_REBUILDS = 2
-"""most new compliances a step"""
 
 
 class StepFailed(RuntimeError):
@@ -158,7 +157,8 @@ class Simulation:
         command = self._command(velocities)
         motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
         self._accounts.begin(began)
-        replies, lambda_, gap, exchanges = self._solve(motion)
+        solution = self._solve(motion)
+        replies = solution.replies
         wrench = sum((reply.wrench for reply in replies.values()), np.zeros((len(self.tools.names), 6)))
         self._position = motion.position_next
         phase = -1 if self._program.done(self._progress) else self._progress.phase
@@ -185,9 +185,7 @@ class Simulation:
             tool_orientation=self._orientation,
             wrench=wrench,
             quantities=quantities,
-            gap=gap,
-            exchanges=exchanges,
-            lambda_=lambda_,
+            seam=solution,
             done=self.done,
             command=command,
         )
@@ -221,7 +219,8 @@ class Simulation:
             "ledger": self._accounts.to_array(),
         }
         entries.update({f"regions.{k}": v for k, v in self._regions.to_arrays().items()})
-        entries.update({f"seam.{k}": v for k, v in self._seam_state.to_arrays().items()})
+        if self._loop is not None:
+            entries.update({f"seam.{k}": v for k, v in self._loop.to_arrays().items()})
         entries.update({f"participant.{name}": snapshot.state for name, snapshot in snapshots.items()})
         return pack(entries)
 
@@ -233,7 +232,7 @@ class Simulation:
                 raise ArchiveError("this state was saved from another scene: open that scene to restore it")
             numbers = entries["numbers"]
             regions = RegionState.from_arrays({k[8:]: v for k, v in entries.items() if k.startswith("regions.")})
-            seam = SeamState.from_arrays({k[5:]: v for k, v in entries.items() if k.startswith("seam.")})
+            seam = {k[5:]: v.astype(np.float64) for k, v in entries.items() if k.startswith("seam.")}
             position, orientation = entries["position"], entries["orientation"]
             ledger = entries["ledger"]
         except (KeyError, ValueError, IndexError) as error:
@@ -248,7 +247,8 @@ class Simulation:
         self._report, self._frame = None, None
         self._accounts.from_array(ledger)
         self._configure(None, None)
-        self._seam_state, self._fresh = seam, False
+        if self._loop is not None:
+            self._loop.take(seam)
         restores: dict[str, Request] = {
             name: Restore(self._header(name), entries[f"participant.{name}"].tobytes()) for name in self._sides.names
         }
@@ -261,51 +261,36 @@ class Simulation:
 
     # ---- one step
 
-    def _solve(self, motion: ToolMotion) -> tuple[dict[str, Advanced], Floats, float, int]:
-        """Exchange until the sides agree: replies by participant, multipliers (s, 3), gap [m], number of exchanges."""
-        sides = self._sides
-        coupled = len(sides.names) == 2 and len(sides.seam) > 0
-        lambda_ = self._seam.predict(self._seam_state) if coupled else np.zeros((0, 3))
-        rebuilds = 0
-        limit = self.scene.seam.exchanges
-        exchange = 0
-        while True:
-            compliance = coupled and self._fresh
-            far_force = self._tie.far_force(lambda_)
-            requests: dict[str, Request] = {
-                name: Advance(
-                    self._header(name, self._step, exchange),
-                    self.scene.step,
-                    lambda_ if name == NEAR else far_force,
-                    motion,
-                    compliance,
-                )
-                for name in sides.names
-            }
-            replies = self._advanced(self._exchange(requests))
-            if not coupled:
-                return replies, lambda_, 0.0, 1
-            gap = self._tie.gap(replies[NEAR].seam_x, replies[FAR].seam_x)
-            if compliance and replies[NEAR].compliance.size == replies[FAR].compliance.size:  # a failed solve has none
-                whole = self._tie.compliance(replies[NEAR].compliance, replies[FAR].compliance)
-                self._seam.reset(self._seam_state, whole)
-                self._fresh = False
-            answer = self._seam.update(self._seam_state, lambda_, gap)
+    def _solve(self, motion: ToolMotion) -> SeamSolution:
+        """Advance all sides until they agree at the seam."""
+        sides, exchange = self._sides, -1
+
+        def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+            nonlocal exchange
             exchange += 1
-            if answer.outcome is Outcome.NOT_FINITE:
-                raise StepFailed(f"step {self._step}: {answer.outcome.value}")
-            last = exchange >= limit
-            if answer.outcome is Outcome.ACCEPT or last:
-                if last and answer.outcome is not Outcome.ACCEPT:
-                    self._event(
-                        "seam", f"step {self._step}: gap {1e6 * answer.gap:.3g} um after {exchange} exchanges is kept"
+            requests: dict[str, Request] = {}
+            for name, side in wanted.items():
+                header = self._header(name, self._step, exchange)
+                if side.anchor is None or side.stiffness is None:
+                    request = Advance(header, self.scene.step, side.force, motion, side.compliance)
+                else:
+                    request = Advance(
+                        header, self.scene.step, side.force, motion, side.compliance, side.anchor, side.stiffness
                     )
-                self._seam.commit(self._seam_state, lambda_)
-                return replies, lambda_, answer.gap, exchange
-            if answer.outcome is Outcome.REBUILD and rebuilds < _REBUILDS:
-                self._fresh = True
-                rebuilds += 1
-            lambda_ = answer.lambda_
+                requests[name] = request
+            return self._advanced(self._exchange(requests))
+
+        if self._loop is None:
+            free = np.zeros((0, 3))
+            return SeamSolution(ask({name: SideRequest(free) for name in sides.names}), free, 0.0, 1, "")
+        try:
+            solution = self._loop.solve(ask)
+        except SeamDiverged as error:
+            raise StepFailed(f"step {self._step}: {error}") from error
+        if solution.note:
+            gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
+            self._event("seam", f"step {self._step}: {gap}: {solution.note}")
+        return solution
 
     def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
         found = {}
@@ -370,8 +355,8 @@ class Simulation:
         merged = merge_sides(parts.get(NEAR, empty), parts.get(FAR, empty), self.body.n_nodes, self.body.fixed)
         force, tool = contact_state(self.body, fields)
         old = self._sides
-        history = self._seam_state.history[0].reshape(-1, 3) if self._seam_state.n_history else None
-        self._configure(BodyState(merged.x, merged.v, force, tool), None if history is None else (old.seam, history))
+        carried = None if self._loop is None else (old.seam, self._loop.multiplier())
+        self._configure(BodyState(merged.x, merged.v, force, tool), carried)
         self._release(set(old.names) - set(self._sides.names))
         self._frame = None
         return merged.kinetic_change
@@ -381,18 +366,28 @@ class Simulation:
         self._epoch += 1
         self._sides: Sides = cut(self.body, self._regions.near, self._near_model, self.scene.regions.default)
         sides = self._sides
-        self._tie = tie_sides(self.body, sides, self._grid.neighbours)
         self._exchange(
             {
                 name: Configure(
-                    self._header(name), self._bundle, sides.models[name], sides.cells[name], sides.seam, state
+                    self._header(name),
+                    self._bundle,
+                    sides.models[name],
+                    sides.cells[name],
+                    sides.seam,
+                    state,
+                    name == NEAR,
                 )
                 for name in sides.names
             }
         )
-        first = None if carried is None else carry_multiplier(*carried, sides.seam)
-        self._seam_state: SeamState = self._seam.init(len(sides.seam), first)
-        self._fresh = True
+        self._loop = None
+        if len(sides.seam):
+            tie = tie_sides(self.body, sides, self._grid.neighbours)
+            first = None if carried is None else carry_multiplier(*carried, sides.seam)
+            condensable = sides.models[NEAR] == "fem"
+            self._loop = SeamLoop(
+                self._seam, tie, len(sides.seam), first, condensable, max(self.scene.seam.exchanges, 1)
+            )
 
     def _release(self, names: Sequence[str] | set[str]) -> None:
         if names:
@@ -448,8 +443,7 @@ class Simulation:
             cauchy[sides.cells[name]] = side.cauchy
             point_x[side.points] = side.point_x
         force, tool = contact_state(body, fields)
-        coupled = self._seam_state.n_history > 0
-        multiplier = self._seam_state.history[0].reshape(-1, 3).copy() if coupled else np.zeros((len(sides.seam), 3))
+        multiplier = np.zeros((len(sides.seam), 3)) if self._loop is None else self._loop.multiplier()
         return Frame(
             self._header("", max(self._step - 1, 0)),
             x,

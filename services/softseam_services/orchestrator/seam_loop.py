@@ -1,0 +1,192 @@
+"""One step of the seam: exchange until the two sides agree.
+
+Two ways. *Direct*: both sides advance at once with the predicted multiplier, and the gap corrects it through the
+compliance of both (`softseam_coupling.seam`); one exchange where the prediction was good. *Condensed*: where the near
+side answers unevenly (points that begin to touch, stick or slip), it is given the far side as a linear model, and the
+far side then feels the force that the near side found:
+
+    far advances with lambda                       -> x_far
+    near solves with lambda + S (P x_far + c - x)  -> x_near, lambda'        S = (P H_far P^T)^-1
+    far advances with lambda'                      -> x_far', gap x_near - P x_far' - c
+
+The gap is what the linear model misses, however rough the near side's contact is, and both sides feel the same force.
+Each round teaches the model (BFGS on S with the far side's answer to the change of lambda), so that it learns where
+points of the far side slip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.mortar import SeamTie
+from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_protocol.messages import Advanced
+from softseam_services.orchestrator.sides import FAR, NEAR
+
+Floats = NDArray[np.float64]
+
+_DIRECT_EXCHANGES = 2
+"""tried before the near side is condensed"""
+_CALM_STEPS = 3
+"""steps whose prediction was good enough, after which both sides advance at once again"""
+_CURVATURE = 1e-3
+"""least stiffness that a pair may teach, relative to the model's [1]"""
+
+
+@dataclass(frozen=True, slots=True)
+class SideRequest:
+    """What one side is asked for in one exchange."""
+
+    force: Floats
+    compliance: bool = False
+    anchor: Floats | None = None
+    stiffness: Floats | None = None
+
+
+Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
+
+
+@dataclass(frozen=True, slots=True)
+class SeamSolution:
+    """The step that both sides agreed on."""
+
+    replies: dict[str, Advanced]
+    lambda_: Floats
+    """force on the near side (s, 3) [N]"""
+    gap: float
+    """[m]"""
+    exchanges: int
+    note: str
+    """'' or what fell short"""
+
+
+def learn_stiffness(stiffness: Floats, moved: Floats, resisted: Floats) -> None:
+    """BFGS: make stiffness (n, n), updated in place, map `moved` (n,) [m] to `resisted` (n,) [N]; it stays positive.
+
+    S <- S - S s s^T S / (s^T S s) + y y^T / (y^T s), left alone where the pair says nothing (Nocedal & Wright,
+    Numerical Optimization, 2006, eq. 6.19).
+    """
+    expected = stiffness @ moved
+    energy, seen = float(moved @ expected), float(moved @ resisted)
+    if seen > _CURVATURE * energy and energy > 0.0:
+        stiffness -= np.outer(expected, expected / energy)
+        stiffness += np.outer(resisted, resisted / seen)
+
+
+class SeamDiverged(RuntimeError):
+    """The sides' answers are not finite."""
+
+
+class SeamLoop:
+    """Ties two sides for one epoch.
+
+    condensable  whether the near side takes the far side's stiffness into its own solve (FEM does)
+    most         exchanges a step
+    """
+
+    def __init__(
+        self, solver: SeamSolver, tie: SeamTie, n_nodes: int, first: Floats | None, condensable: bool, most: int
+    ):
+        self._solver, self._tie, self._most = solver, tie, most
+        self.state: SeamState = solver.init(n_nodes, first)
+        self._condensable = condensable
+        self._condensed = False
+        self._calm = 0
+        self._fresh = True
+        self._stiffness: Floats | None = None
+
+    def multiplier(self) -> Floats:
+        """The last committed one (s, 3) [N]."""
+        if self.state.n_history == 0:
+            return np.zeros((self.state.n_nodes, 3))
+        return self.state.history[0].reshape(-1, 3).copy()
+
+    def solve(self, ask: Ask) -> SeamSolution:
+        """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged."""
+        lambda_ = self._solver.predict(self.state)
+        if self._condensed and not self._fresh:
+            far = ask({FAR: SideRequest(self._tie.far_force(lambda_))})[FAR]
+            return self._condense(ask, lambda_, far, 1)
+        replies: dict[str, Advanced] = {}
+        for exchange in range(1, self._most + 1):
+            compliance = self._fresh
+            replies = ask(
+                {
+                    NEAR: SideRequest(lambda_, compliance),
+                    FAR: SideRequest(self._tie.far_force(lambda_), compliance),
+                }
+            )
+            if compliance:
+                self._rebuild(replies)
+            answer = self._solver.update(self.state, lambda_, self._tie.gap(replies[NEAR].seam_x, replies[FAR].seam_x))
+            if answer.outcome is Outcome.NOT_FINITE:
+                raise SeamDiverged(answer.outcome.value)
+            if answer.outcome is Outcome.ACCEPT:
+                return self._agree(replies, lambda_, answer.gap, exchange, "")
+            if self._condensable and self._stiffness is not None and exchange >= _DIRECT_EXCHANGES:
+                self._condensed = True
+                return self._condense(ask, lambda_, replies[FAR], exchange)
+            if exchange < self._most:
+                self._fresh = answer.outcome is Outcome.REBUILD and not compliance
+                lambda_ = answer.lambda_
+        return self._agree(replies, lambda_, answer.gap, self._most, "the sides' exchanges did not converge")
+
+    def _condense(self, ask: Ask, lambda_: Floats, far: Advanced, exchanges: int) -> SeamSolution:
+        stiffness = self._stiffness
+        assert stiffness is not None
+        tolerance = self._solver.tolerance
+        while True:
+            anchor = self._tie.image(far.seam_x)
+            near = ask({NEAR: SideRequest(lambda_, False, anchor, stiffness)})[NEAR]
+            if exchanges == 1:
+                calm = float(np.abs(near.seam_x - anchor).max()) <= tolerance
+                self._calm = self._calm + 1 if calm else 0
+                self._condensed = self._calm < _CALM_STEPS
+            found = near.seam_force
+            far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
+            exchanges += 2
+            image = self._tie.image(far.seam_x)
+            learn_stiffness(stiffness, (image - anchor).reshape(-1), (lambda_ - found).reshape(-1))
+            lambda_ = found
+            gap = float(np.sqrt(((near.seam_x - image) ** 2).sum(axis=1).max()))
+            if not np.isfinite(gap):
+                raise SeamDiverged(Outcome.NOT_FINITE.value)
+            replies = {NEAR: near, FAR: far}
+            if gap <= tolerance:
+                return self._agree(replies, lambda_, gap, exchanges, "")
+            if exchanges + 2 > self._most:
+                return self._agree(replies, lambda_, gap, exchanges, "the far side answers too unevenly")
+
+    def _rebuild(self, replies: dict[str, Advanced]) -> None:
+        near, far = replies[NEAR].compliance, replies[FAR].compliance
+        if near.size == 0 or near.size != far.size:  # a solve that failed has no compliance; ask again
+            return
+        self._solver.reset(self.state, self._tie.compliance(near, far))
+        self._fresh = False
+        if self._condensable:
+            self._stiffness = self._tie.far_stiffness(far)
+
+    def _agree(
+        self, replies: dict[str, Advanced], lambda_: Floats, gap: float, exchanges: int, note: str
+    ) -> SeamSolution:
+        self._solver.commit(self.state, lambda_)
+        return SeamSolution(replies, lambda_, gap, exchanges, note)
+
+    def to_arrays(self) -> dict[str, NDArray[np.float64]]:
+        """Everything that evolves, for a snapshot."""
+        arrays = self.state.to_arrays()
+        arrays["stiffness"] = np.zeros((0, 0)) if self._stiffness is None else self._stiffness
+        arrays["flags"] = np.array([self._condensed, self._calm, self._fresh], dtype=np.float64)
+        return arrays
+
+    def take(self, arrays: dict[str, NDArray[np.float64]]) -> None:
+        """Continue from `to_arrays`."""
+        self.state = SeamState.from_arrays(arrays)
+        stiffness = arrays["stiffness"]
+        self._stiffness = np.array(stiffness) if stiffness.size else None
+        condensed, calm, fresh = arrays["flags"]
+        self._condensed, self._calm, self._fresh = bool(condensed), int(calm), bool(fresh)
