@@ -4,7 +4,8 @@
 >>> with softseam.open("tofu_grasp") as sim:
 ...     obs = sim.reset(seed=0)
 ...     while not sim.done:
-...         obs = sim.step({"left": [0.02, 0, 0], "right": [-0.02, 0, 0]})   # tool velocities [m/s]
+...         speed = 0.02 if obs.grip_force < 5.0 else 0.0
+...         obs = sim.step({"left": [speed, 0, 0], "right": [-speed, 0, 0]})   # tool velocities [m/s]
 
 Names are loaded when they are first used, so that `import softseam` costs a program next to nothing.
 """

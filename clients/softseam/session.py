@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from softseam.duration import expected_duration
 from softseam.errors import BadInput, BadVelocity, NotReset, SessionClosed, UnknownTool
 from softseam.observation import Observation, observation_from
 from softseam.scenes import bundle_of
@@ -89,12 +91,17 @@ class Session:
         self._backend: Backend | None = backend
         self._tools = tuple(scene.tools)
         self._last: Observation | None = None
+        self._length = expected_duration(scene)
         self.recorded: messages.Recorded | None = None
         """after `close`: where the recording is, and what it lost; None without one"""
 
     @property
     def done(self) -> bool:
-        """Whether the scene's motion or duration is over."""
+        """Whether the scene's duration is over; without one, whether its motion is, or would be.
+
+        Tools driven by hand do not advance the scene's motion: then the session is done when that motion would have
+        ended. Where that depends on a force, or on the width of a mesh, give the scene a duration.
+        """
         return self._last is not None and self._last.done
 
     @property
@@ -128,7 +135,11 @@ class Session:
         if isinstance(count, bool) or not isinstance(count, int) or count < 1:
             raise BadInput(f"count is {count!r}: give a whole number of steps, 1 or more")
         velocities = None if tool_velocities is None else self._checked(tool_velocities)
-        return self._observe(backend.step(count, velocities, fields))
+        observation = self._observe(backend.step(count, velocities, fields))
+        if velocities is not None and self._length is not None and not observation.done:
+            over = observation.time >= self._length - 1e-6 * self.scene.step
+            self._last = observation = replace(observation, done=over)
+        return observation
 
     def run(
         self,
