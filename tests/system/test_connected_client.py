@@ -1,0 +1,110 @@
+"""The Python client and the command line through real services: the same as in one process, bit for bit."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import Services, free_port, squeezed_bar
+
+import softseam
+from softseam import connected
+from softseam.recording import Recording
+from softseam_protocol.bus import Router
+from softseam_protocol.scene_file import scene_json
+
+SQUEEZE = {"front": [0.0, 0.02, 0.0], "back": [0.0, -0.02, 0.0]}
+
+
+def test_same_bits_as_embedded(services: Services):
+    """Positions, stresses, multipliers and quantities; by hand and along the scene's motion."""
+    services.wait_well()
+    seen = []
+    for endpoint in (None, services.endpoint):
+        with softseam.open(squeezed_bar(), endpoint) as sim:
+            sim.reset(seed=2)
+            sim.step(SQUEEZE, count=5, fields=False)
+            obs = sim.step(SQUEEZE)
+            later = sim.run(max_steps=5, fields=True)
+            seen.append(
+                (
+                    [o.positions.tobytes() for o in (obs, later)],
+                    [o.cauchy.tobytes() for o in (obs, later)],
+                    dict(later.quantities),
+                    (obs.step, obs.time, later.step, later.time),
+                    obs.seam.gap,
+                )
+            )
+    assert seen[0] == seen[1]
+
+
+def test_snapshot_travels(services: Services):
+    """A snapshot taken over the bus continues in this process, bit for bit, and the other way round."""
+    services.wait_well()
+    with softseam.open(squeezed_bar(), services.endpoint) as far, softseam.open(squeezed_bar()) as here:
+        far.reset()
+        here.reset()
+        far.step(SQUEEZE, count=4)
+        here.restore(far.snapshot())
+        assert here.last.step == far.last.step == 4
+        assert here.step(SQUEEZE).positions.tobytes() == far.step(SQUEEZE).positions.tobytes()
+        far.restore(here.snapshot())
+        assert here.step(SQUEEZE).positions.tobytes() == far.step(SQUEEZE).positions.tobytes()
+
+
+def test_bad_input_changes_nothing(services: Services):
+    services.wait_well()
+    with softseam.open(squeezed_bar(), services.endpoint) as sim:
+        with pytest.raises(softseam.NotReset):
+            sim.step()
+        sim.reset()
+        with pytest.raises(softseam.BadSnapshot):
+            sim.restore(b"words")
+        with pytest.raises(softseam.UnknownTool):
+            sim.step({"side": [0.0, 0.0, 0.0]})
+        assert sim.step(SQUEEZE).step == 1
+    with pytest.raises(softseam.SessionClosed):
+        sim.step(SQUEEZE)
+
+
+def test_other_schema_version(services: Services, monkeypatch: pytest.MonkeyPatch):
+    """A client of another version is told so by name."""
+    services.wait_well()
+    monkeypatch.setattr(connected, "SCHEMA_VERSION", 99)
+    with pytest.raises(softseam.SchemaMismatch, match="99"):
+        softseam.open(squeezed_bar(), services.endpoint)
+
+
+def test_nobody_behind_the_router():
+    """A router without an orchestrator: one error that says what to start."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Router(endpoint), pytest.raises(softseam.NoConnection, match="softseam up"):
+        softseam.open(squeezed_bar(), endpoint, timeout=2.0)
+
+
+@pytest.mark.slow
+def test_run_connected(services: Services, tmp_path: Path):
+    """`softseam run --connect` writes the report here and brings the recorder's file."""
+    services.wait_well()
+    scene = tmp_path / "bar.yaml"
+    scene.write_text(scene_json(squeezed_bar()))
+    command = [sys.executable, "-m", "softseam.cli", "run", str(scene), "--connect", services.endpoint]
+    done = subprocess.run(
+        [*command, "--record", str(tmp_path / "bar.mcap"), "--report", str(tmp_path / "bar.json")],
+        env={**os.environ, "NO_COLOR": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads((tmp_path / "bar.json").read_text())
+    assert report["steps"] == 60
+    assert report["recording"]["lost_messages"] == 0
+    recording = Recording(tmp_path / "bar.mcap")
+    assert recording.note is None
+    assert recording.counts["StepReport"] == 60
