@@ -62,6 +62,7 @@ class SeamProbe:
         np.cumsum(np.diff(model.indptr)[self._points], out=self._indptr[1:])
         self._node = number[model.node[kept]]
         self._weight = model.weight[kept]
+        self._point_softness = model.point_softness[self._points]
         n = len(ids)
         self._xw = np.zeros((n + 8, 4))
         self._xw[:n, 3] = inverse_mass
@@ -103,6 +104,7 @@ class SeamProbe:
             self._indptr,
             self._node,
             self._weight,
+            self._point_softness,
             np.ascontiguousarray(force[self._points]),
             tools.kind,
             tools.shape,

@@ -43,6 +43,8 @@ class PbdModel:
     node: Ints
     weight: Floats
     """points follow nodes: sparse rows, see `point_weights`"""
+    point_softness: Floats
+    """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     active: NDArray[np.bool_]
     """points that can touch (p,)"""
     frequency: float
@@ -93,6 +95,7 @@ def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> Pbd
         indptr=indptr,
         node=node,
         weight=weight,
+        point_softness=np.add.reduceat(weight**2 * inverse_mass[node], indptr[:-1]) if len(node) else np.zeros(0),
         active=body.surface.area[region.points] > 0.0,
         frequency=highest_frequency(
             x_rest, inverse_mass, blocks.nodes, blocks.volume, blocks.constants, blocks.linear, blocks.padding_x

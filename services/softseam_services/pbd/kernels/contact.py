@@ -20,36 +20,41 @@ from softseam_services.tools.tool_set import PLANE
 
 RELEASE = 0.005
 """time in which an old penetration falls to a third [s]"""
+DEEP = 1e-9
+"""penetrations below this are roundoff of a closed contact [m]"""
 
 
 @njit(cache=True, error_model="numpy")
-def find_pairs(kind, shape, position, orientation, point_x, active, force, margin, pair_point, pair_tool, depth):
-    """Pairs of an active point and a tool that touch or lie within margin [m]; returns their number.
+def find_pairs(kind, shape, position, orientation, point_x, active, force, margin, pair_start, pair_point, depth):
+    """Pairs of an active point and a tool that touch or lie within margin [m], tool after tool.
 
-    force  (p, t, 3)  carried contact forces [N]; a pair that carries one always counts
-    depth  (p t,)     how deep each pair's point is inside the tool [m], overwritten for the pairs found
+    force       (p, t, 3)  carried contact forces [N]; a pair that carries one always counts
+    pair_start  (t + 1,)   pairs pair_start[k] .. pair_start[k + 1] belong to tool k; updated in place
+    pair_point  (p t,)     their points, updated in place
+    depth       (p t,)     how deep each pair's point is inside the tool [m], updated in place
     """
     n_pairs = 0
-    for point in range(len(point_x)):
-        if not active[point]:
-            continue
-        for tool in range(len(kind)):
-            if kind[tool] != PLANE:
-                # Cheap: outside the ball around the tool there is nothing to touch.
-                radius = margin + np.sqrt(shape[tool, 0] ** 2 + shape[tool, 1] ** 2 + shape[tool, 2] ** 2)
-                square = 0.0
-                for c in range(3):
-                    square += (point_x[point, c] - position[tool, c]) ** 2
-                if square > radius * radius and not force[point, tool].any():
-                    continue
-            gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])[0]
+    pair_start[0] = 0
+    for tool in range(len(kind)):
+        tool_shape, place, turn = shape[tool], position[tool], orientation[tool]
+        # Cheap: outside the ball around the tool there is nothing to touch.
+        radius = margin + np.sqrt(tool_shape[0] ** 2 + tool_shape[1] ** 2 + tool_shape[2] ** 2)
+        reach = np.inf if kind[tool] == PLANE else radius * radius
+        for point in range(len(point_x)):
+            if not active[point]:
+                continue
             carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
+            square = 0.0
+            for c in range(3):
+                square += (point_x[point, c] - place[c]) ** 2
+            if square > reach and not carried:
+                continue
+            gap = tool_gap(kind[tool], tool_shape, place, turn, point_x[point])[0]
             if gap < margin or carried:
                 pair_point[n_pairs] = point
-                pair_tool[n_pairs] = tool
-                depth[n_pairs] = max(0.0, -gap)
+                depth[n_pairs] = -gap if gap < -DEEP else 0.0
                 n_pairs += 1
-    return n_pairs
+        pair_start[tool + 1] = n_pairs
 
 
 @njit(cache=True, error_model="numpy")
@@ -101,6 +106,17 @@ def split_forces(kind, shape, position, orientation, point_x, active, near_gap, 
 @njit(cache=True, error_model="numpy")
 def carry_point(position, orientation, position_next, orientation_next, point):
     """Where a point that is fixed to a tool moves when the tool goes from one pose to the next."""
+    if (
+        orientation[0] == orientation_next[0]
+        and orientation[1] == orientation_next[1]
+        and orientation[2] == orientation_next[2]
+        and orientation[3] == orientation_next[3]
+    ):
+        return (
+            point[0] + (position_next[0] - position[0]),
+            point[1] + (position_next[1] - position[1]),
+            point[2] + (position_next[2] - position[2]),
+        )
     x, y, z = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
     x, y, z = rotate(orientation_next, x, y, z)
     return position_next[0] + x, position_next[1] + y, position_next[2] + z
@@ -113,9 +129,10 @@ def project_contacts(
     indptr,
     node,
     weight,
-    n_pairs,
+    point_softness,
+    pair_start,
     pair_point,
-    pair_tool,
+    depth,
     kind,
     shape,
     friction,
@@ -129,63 +146,75 @@ def project_contacts(
 ):
     """Solve (1) and (2) for each pair once, in order.
 
-    xw            (n + 8, 4)  positions and inverse masses; positions updated in place
-    x_prev        (n, 3)      positions at the start of the substep
-    position ...  (t, 3)      poses at the end of the substep, and at its start (_prev)
-    force         (p, t, 3)   carried force on the point [N], updated in place
-    slipped       (p, t, 3)   slip of each pair in this substep relative to the tool [m], overwritten where it touches
+    xw              (n + 8, 4)  positions and inverse masses; positions updated in place
+    x_prev          (n, 3)      positions at the start of the substep
+    point_softness  (p,)        sum w_i N_i^2 [1/kg]
+    depth           (p t,)      how deep each pair was at the start of the step [m]
+    position ...    (t, 3)      poses at the end of the substep, and at its start (_prev)
+    force           (p, t, 3)   carried force on the point [N], updated in place
+    slipped         (p, t, 3)   slip of each pair in this substep relative to the tool [m], overwritten where it touches
     """
     x = np.empty(3)
     x_old = np.empty(3)
-    for pair in range(n_pairs):
-        point, tool = pair_point[pair], pair_tool[pair]
-        compliance = 0.0
-        x[:] = 0.0
-        x_old[:] = 0.0
-        for entry in range(indptr[point], indptr[point + 1]):
-            i = node[entry]
-            compliance += weight[entry] * weight[entry] * xw[i, 3]
-            for a in range(3):
-                x[a] += weight[entry] * xw[i, a]
-                x_old[a] += weight[entry] * x_prev[i, a]
-        f = force[point, tool]
-        slipped[point, tool] = 0.0
-        if compliance == 0.0:
-            f[:] = 0.0
-            continue
-        c = h * h * compliance
-        gap, nx, ny, nz = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], x)
-        old_n = max(0.0, f[0] * nx + f[1] * ny + f[2] * nz)
-        p = max(0.0, old_n - gap / c)
-        if p > 0.0:
-            start = tool_gap(kind[tool], shape[tool], position_prev[tool], orientation_prev[tool], x_old)[0]
-            p = max(0.0, old_n - (gap - min(0.0, start) / (1.0 + h / RELEASE)) / c)
-        fx, fy, fz = 0.0, 0.0, 0.0
-        if p > 0.0:
-            cx, cy, cz = carry_point(
-                position_prev[tool], orientation_prev[tool], position[tool], orientation[tool], x_old
-            )
-            sx, sy, sz = x[0] - cx, x[1] - cy, x[2] - cz
-            sn = sx * nx + sy * ny + sz * nz
-            sx, sy, sz = sx - sn * nx, sy - sn * ny, sz - sn * nz
-            tx, ty, tz = f[0] - old_n * nx - sx / c, f[1] - old_n * ny - sy / c, f[2] - old_n * nz - sz / c
-            tn = tx * nx + ty * ny + tz * nz
-            tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
-            size = np.sqrt(tx * tx + ty * ty + tz * tz)
-            bound = friction[tool] * p
-            scale = 1.0 if size <= bound else bound / size
-            fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
-        dx, dy, dz = fx - f[0], fy - f[1], fz - f[2]
-        if p > 0.0:
+    hh = h * h
+    for tool in range(len(kind)):
+        # Views are made once a tool: each costs as much as the arithmetic of a pair.
+        tool_kind, tool_shape, mu = kind[tool], shape[tool], friction[tool]
+        place, turn, place_prev, turn_prev = (
+            position[tool],
+            orientation[tool],
+            position_prev[tool],
+            orientation_prev[tool],
+        )
+        for pair in range(pair_start[tool], pair_start[tool + 1]):
+            point = pair_point[pair]
+            begin, end = indptr[point], indptr[point + 1]
+            x[0], x[1], x[2] = 0.0, 0.0, 0.0
+            for entry in range(begin, end):
+                i, n = node[entry], weight[entry]
+                x[0] += n * xw[i, 0]
+                x[1] += n * xw[i, 1]
+                x[2] += n * xw[i, 2]
+            gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
+            old_x, old_y, old_z = force[point, tool, 0], force[point, tool, 1], force[point, tool, 2]
+            if gap >= 0.0 and old_x == 0.0 and old_y == 0.0 and old_z == 0.0:
+                continue
+            c = hh * point_softness[point]
+            old_n = max(0.0, old_x * nx + old_y * ny + old_z * nz)
+            p = max(0.0, old_n - gap / c) if c > 0.0 else 0.0
+            fx, fy, fz = 0.0, 0.0, 0.0
+            sx, sy, sz = 0.0, 0.0, 0.0
+            if p > 0.0:
+                x_old[0], x_old[1], x_old[2] = 0.0, 0.0, 0.0
+                for entry in range(begin, end):
+                    i, n = node[entry], weight[entry]
+                    x_old[0] += n * x_prev[i, 0]
+                    x_old[1] += n * x_prev[i, 1]
+                    x_old[2] += n * x_prev[i, 2]
+                if depth[pair] > 0.0:
+                    start = tool_gap(tool_kind, tool_shape, place_prev, turn_prev, x_old)[0]
+                    p = max(0.0, old_n - (gap - min(0.0, start) / (1.0 + h / RELEASE)) / c)
+                cx, cy, cz = carry_point(place_prev, turn_prev, place, turn, x_old)
+                sx, sy, sz = x[0] - cx, x[1] - cy, x[2] - cz
+                sn = sx * nx + sy * ny + sz * nz
+                sx, sy, sz = sx - sn * nx, sy - sn * ny, sz - sn * nz
+                tx, ty, tz = old_x - old_n * nx - sx / c, old_y - old_n * ny - sy / c, old_z - old_n * nz - sz / c
+                tn = tx * nx + ty * ny + tz * nz
+                tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
+                size = np.sqrt(tx * tx + ty * ty + tz * tz)
+                bound = mu * p
+                scale = 1.0 if size <= bound else bound / size
+                fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
+            dx, dy, dz = fx - old_x, fy - old_y, fz - old_z
             # The part of the correction along the surface changes the slip that remains.
             dn = dx * nx + dy * ny + dz * nz
             slipped[point, tool, 0] = sx + c * (dx - dn * nx)
             slipped[point, tool, 1] = sy + c * (dy - dn * ny)
             slipped[point, tool, 2] = sz + c * (dz - dn * nz)
-        f[0], f[1], f[2] = fx, fy, fz
-        for entry in range(indptr[point], indptr[point + 1]):
-            i = node[entry]
-            step = h * h * xw[i, 3] * weight[entry]
-            xw[i, 0] += step * dx
-            xw[i, 1] += step * dy
-            xw[i, 2] += step * dz
+            force[point, tool, 0], force[point, tool, 1], force[point, tool, 2] = fx, fy, fz
+            for entry in range(begin, end):
+                i = node[entry]
+                step = hh * xw[i, 3] * weight[entry]
+                xw[i, 0] += step * dx
+                xw[i, 1] += step * dy
+                xw[i, 2] += step * dz

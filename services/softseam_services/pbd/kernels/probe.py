@@ -24,6 +24,7 @@ def probe_seam(
     indptr,
     node,
     weight,
+    point_softness,
     force_start,
     kind,
     shape,
@@ -54,15 +55,12 @@ def probe_seam(
     place_points(xw, indptr, node, weight, point_x)
     active = np.ones(n_points, dtype=np.bool_)
     pair_point = np.zeros(n_points * len(kind), dtype=np.int32)
-    pair_tool = np.zeros(n_points * len(kind), dtype=np.int32)
+    pair_start = np.zeros(len(kind) + 1, dtype=np.int32)
     depth = np.zeros(n_points * len(kind))
-    n_pairs = find_pairs(
-        kind, shape, position, orientation, point_x, active, force_start, 0.0, pair_point, pair_tool, depth
-    )
+    find_pairs(kind, shape, position, orientation, point_x, active, force_start, 0.0, pair_start, pair_point, depth)
     x = np.empty((n, 3))
     v = np.empty((n, 3))
     a = np.empty((n, 3))
-    x_prev = np.empty((n, 3))
     x_star = np.empty((n, 3))
     push = np.zeros((n, 3))
     stress = np.empty_like(stress_start)
@@ -78,11 +76,11 @@ def probe_seam(
         if column >= 0:
             push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
         for _ in range(n_substeps):
-            predict(xw, x_prev, x_star, x, v, a, push, h)
+            predict(xw, x_star, x, v, a, push, h)
             relax(
                 ws,
                 xw,
-                x_prev,
+                x,
                 nodes,
                 volume,
                 softness,
@@ -92,9 +90,10 @@ def probe_seam(
                 indptr,
                 node,
                 weight,
-                n_pairs,
+                point_softness,
+                pair_start,
                 pair_point,
-                pair_tool,
+                depth,
                 kind,
                 shape,
                 friction,
@@ -108,7 +107,7 @@ def probe_seam(
                 kappa,
                 h,
             )
-            finish(xw, x_prev, x_star, x, v, a, h)
+            finish(xw, x_star, x, v, a, h)
         for row in range(3 * len(seam)):
             moved = x[seam[row // 3], row % 3]
             if column < 0:

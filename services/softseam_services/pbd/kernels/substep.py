@@ -42,40 +42,36 @@ def tool_pose(fraction, position, orientation, position_next, orientation_next, 
 
 
 @njit(cache=True, error_model="numpy")
-def predict(xw, x_prev, x_star, x, v, a, push, h):
-    """x* of eq. (1) for free nodes into xw and x_star; x_prev keeps x. push (n, 3) = g + a_seam [m/s^2]."""
+def predict(xw, x_star, x, v, a, push, h):
+    """x* of eq. (1) into xw and x_star; clamped nodes have v = a = push = 0. push (n, 3) = g + a_seam [m/s^2]."""
     for i in range(len(x)):
-        free = xw[i, 3] > 0.0
         for c in range(3):
-            x_prev[i, c] = x[i, c]
-            moved = x[i, c]
-            if free:
-                moved += h * (v[i, c] + h * (push[i, c] + a[i, c]))
+            moved = x[i, c] + h * (v[i, c] + h * (push[i, c] + a[i, c]))
             x_star[i, c] = moved
             xw[i, c] = moved
 
 
 @njit(cache=True, error_model="numpy")
-def finish(xw, x_prev, x_star, x, v, a, h):
+def finish(xw, x_star, x, v, a, h):
     """A, v and x at the end of the substep, eq. (1); updated in place."""
+    per_h = 1.0 / h
+    per_hh = per_h * per_h
     for i in range(len(x)):
-        if xw[i, 3] > 0.0:
-            for c in range(3):
-                a[i, c] += (xw[i, c] - x_star[i, c]) / (h * h)
-                v[i, c] = (xw[i, c] - x_prev[i, c]) / h
-                x[i, c] = xw[i, c]
+        for c in range(3):
+            now = xw[i, c]
+            a[i, c] += (now - x_star[i, c]) * per_hh
+            v[i, c] = (now - x[i, c]) * per_h
+            x[i, c] = now
 
 
 @njit(cache=True, error_model="numpy")
 def account(
     xw,
-    x_prev,
     indptr,
     node,
     weight,
-    n_pairs,
+    pair_start,
     pair_point,
-    pair_tool,
     position,
     orientation,
     position_prev,
@@ -91,27 +87,35 @@ def account(
     (p, t, 3); share = 1/m. Returns the work of the tools [J]."""
     work = 0.0
     x = np.empty(3)
-    for pair in range(n_pairs):
-        point, tool = pair_point[pair], pair_tool[pair]
-        f = force[point, tool]
-        if f[0] == 0.0 and f[1] == 0.0 and f[2] == 0.0:
-            slip[point, tool] = 0.0
-            continue
-        x[:] = 0.0
-        for entry in range(indptr[point], indptr[point + 1]):
+    for tool in range(len(position)):
+        p, turn, p_prev, turn_prev = position[tool], orientation[tool], position_prev[tool], orientation_prev[tool]
+        for pair in range(pair_start[tool], pair_start[tool + 1]):
+            point = pair_point[pair]
+            fx, fy, fz = force[point, tool, 0], force[point, tool, 1], force[point, tool, 2]
+            if fx == 0.0 and fy == 0.0 and fz == 0.0:
+                slip[point, tool, 0], slip[point, tool, 1], slip[point, tool, 2] = 0.0, 0.0, 0.0
+                continue
+            x[0], x[1], x[2] = 0.0, 0.0, 0.0
+            for entry in range(indptr[point], indptr[point + 1]):
+                i, n = node[entry], weight[entry]
+                x[0] += n * xw[i, 0]
+                x[1] += n * xw[i, 1]
+                x[2] += n * xw[i, 2]
+            # Where the tool's material under the point was at the start of the substep.
+            bx, by, bz = carry_point(p, turn, p_prev, turn_prev, x)
+            work += fx * (x[0] - bx) + fy * (x[1] - by) + fz * (x[2] - bz)
+            fx, fy, fz = share * fx, share * fy, share * fz
+            force_mean[point, tool, 0] += fx
+            force_mean[point, tool, 1] += fy
+            force_mean[point, tool, 2] += fz
             for a in range(3):
-                x[a] += weight[entry] * xw[node[entry], a]
-        p = position[tool]
-        # Where the tool's material under the point was at the start of the substep.
-        bx, by, bz = carry_point(position[tool], orientation[tool], position_prev[tool], orientation_prev[tool], x)
-        work += f[0] * (x[0] - bx) + f[1] * (x[1] - by) + f[2] * (x[2] - bz)
-        for a in range(3):
-            slip[point, tool, a] += slipped[point, tool, a]
-            force_mean[point, tool, a] += share * f[a]
-            wrench[tool, a] -= share * f[a]
-        wrench[tool, 3] -= share * ((x[1] - p[1]) * f[2] - (x[2] - p[2]) * f[1])
-        wrench[tool, 4] -= share * ((x[2] - p[2]) * f[0] - (x[0] - p[0]) * f[2])
-        wrench[tool, 5] -= share * ((x[0] - p[0]) * f[1] - (x[1] - p[1]) * f[0])
+                slip[point, tool, a] += slipped[point, tool, a]
+            wrench[tool, 0] -= fx
+            wrench[tool, 1] -= fy
+            wrench[tool, 2] -= fz
+            wrench[tool, 3] -= (x[1] - p[1]) * fz - (x[2] - p[2]) * fy
+            wrench[tool, 4] -= (x[2] - p[2]) * fx - (x[0] - p[0]) * fz
+            wrench[tool, 5] -= (x[0] - p[0]) * fy - (x[1] - p[1]) * fx
     return work
 
 
@@ -138,6 +142,7 @@ def advance_step(
     indptr,
     node,
     weight,
+    point_softness,
     active,
     # tools
     kind,
@@ -154,12 +159,11 @@ def advance_step(
     # scratch
     ws,
     xw,
-    x_prev,
     x_star,
     push,
     point_x,
+    pair_start,
     pair_point,
-    pair_tool,
     depth,
     slipped,
     pose,
@@ -184,8 +188,9 @@ def advance_step(
     wrench[:] = 0.0
     tool_work = 0.0
     for i in range(n):
-        push[i] = gravity
+        free = xw[i, 3] > 0.0
         for c in range(3):
+            push[i, c] = gravity[c] if free else 0.0
             xw[i, c] = x[i, c]
     for s in range(len(seam)):
         i = seam[s]
@@ -207,8 +212,8 @@ def advance_step(
         for c in range(3):
             square += (position_next[tool, c] - position[tool, c]) ** 2
         travel = max(travel, np.sqrt(square))
-    n_pairs = find_pairs(
-        kind, shape, position, orientation, point_x, active, force, reach + 2.0 * travel, pair_point, pair_tool, depth
+    find_pairs(
+        kind, shape, position, orientation, point_x, active, force, reach + 2.0 * travel, pair_start, pair_point, depth
     )
     tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
     for substep in range(n_substeps):
@@ -216,11 +221,11 @@ def advance_step(
         quaternion[0] = quaternion[1]
         fraction = (substep + 1) / n_substeps
         tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
-        predict(xw, x_prev, x_star, x, v, a, push, h)
+        predict(xw, x_star, x, v, a, push, h)
         relax(
             ws,
             xw,
-            x_prev,
+            x,
             nodes,
             volume,
             softness,
@@ -230,9 +235,10 @@ def advance_step(
             indptr,
             node,
             weight,
-            n_pairs,
+            point_softness,
+            pair_start,
             pair_point,
-            pair_tool,
+            depth,
             kind,
             shape,
             friction,
@@ -246,16 +252,14 @@ def advance_step(
             kappa,
             h,
         )
-        finish(xw, x_prev, x_star, x, v, a, h)
+        finish(xw, x_star, x, v, a, h)
         tool_work += account(
             xw,
-            x_prev,
             indptr,
             node,
             weight,
-            n_pairs,
+            pair_start,
             pair_point,
-            pair_tool,
             pose[1],
             quaternion[1],
             pose[0],
@@ -278,9 +282,8 @@ def advance_step(
         x_rest,
         gravity,
         point_x,
-        n_pairs,
+        pair_start,
         pair_point,
-        pair_tool,
         kind,
         shape,
         near,
@@ -292,11 +295,12 @@ def advance_step(
     )
     result[STRAIN], result[LEAST_J] = strain_energy(ws, xw, nodes, volume, constants, linear)
     # A bound of the work that it took to push points out that were inside a tool at the start.
-    for pair in range(n_pairs):
-        if depth[pair] > 0.0:
-            f = force_mean[pair_point[pair], pair_tool[pair]]
-            result[PUSHED] += n_substeps * depth[pair] * np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    result[TOOL_WORK], result[SEAM_WORK], result[N_PAIRS] = tool_work, seam_work, n_pairs
+    for tool in range(len(kind)):
+        for pair in range(pair_start[tool], pair_start[tool + 1]):
+            if depth[pair] > 0.0:
+                f = force_mean[pair_point[pair], tool]
+                result[PUSHED] += n_substeps * depth[pair] * np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    result[TOOL_WORK], result[SEAM_WORK], result[N_PAIRS] = tool_work, seam_work, pair_start[len(kind)]
     cell_distances(x, cell_nodes, kind, shape, pose[1], quaternion[1], near, node_gap, cell_distance)
 
 
@@ -308,9 +312,8 @@ def summarise(
     x_rest,
     gravity,
     point_x,
-    n_pairs,
+    pair_start,
     pair_point,
-    pair_tool,
     kind,
     shape,
     near,
@@ -334,17 +337,20 @@ def summarise(
             result[ANGULAR + c] += m * (x[i, d] * v[i, e] - x[i, e] * v[i, d])
             result[BOUNDS + c] = min(result[BOUNDS + c], x[i, c])
             result[BOUNDS + 3 + c] = max(result[BOUNDS + 3 + c], x[i, c])
-    last = -1
-    for pair in range(n_pairs):
-        point, tool = pair_point[pair], pair_tool[pair]
-        gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])[0]
-        result[PENETRATION] = max(result[PENETRATION], -gap)
-        f = force[point, tool]
-        if f[0] != 0.0 or f[1] != 0.0 or f[2] != 0.0:
-            # Pairs come point after point, so a point that touches two tools counts once.
-            if point != last:
-                result[N_CONTACTS] += 1.0
-                last = point
-            if near[tool]:
-                s = slip[point, tool]
-                result[SLIP] = max(result[SLIP], np.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]))
+    for tool in range(len(kind)):
+        tool_shape, place, turn = shape[tool], position[tool], orientation[tool]
+        for pair in range(pair_start[tool], pair_start[tool + 1]):
+            point = pair_point[pair]
+            gap = tool_gap(kind[tool], tool_shape, place, turn, point_x[point])[0]
+            result[PENETRATION] = max(result[PENETRATION], -gap)
+            fx, fy, fz = force[point, tool, 0], force[point, tool, 1], force[point, tool, 2]
+            if fx != 0.0 or fy != 0.0 or fz != 0.0:
+                # A point that touches two tools counts for the first.
+                first = True
+                for other in range(tool):
+                    f = force[point, other]
+                    first = first and f[0] == 0.0 and f[1] == 0.0 and f[2] == 0.0
+                result[N_CONTACTS] += 1.0 if first else 0.0
+                if near[tool]:
+                    s = slip[point, tool]
+                    result[SLIP] = max(result[SLIP], np.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]))

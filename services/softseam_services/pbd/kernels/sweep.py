@@ -112,6 +112,8 @@ def strain_energy(ws, xw, nodes, volume, constants, linear):
     """U = sum V psi(F) + 1/2 q^T K q over all blocks [J], and the least J."""
     total = 0.0
     least = np.inf
+    F = np.empty((3, 3))
+    q = np.empty(12)
     mu, lam = constants[MU], constants[LAM]
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
@@ -120,8 +122,6 @@ def strain_energy(ws, xw, nodes, volume, constants, linear):
             V = volume[batch, lane]
             if V == 0.0:
                 continue
-            F = np.empty((3, 3))
-            q = np.empty(12)
             square = 0.0
             shear = 0.0
             for a in range(3):
