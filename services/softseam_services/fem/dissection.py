@@ -167,9 +167,9 @@ class _Dissection:
             to_parent.append(place)
         cell_place = np.full(self.cell_nodes.shape, -1, dtype=np.int32)
         cell_position = position[self.cell_nodes]
-        for cell, front in enumerate(self.cell_front):
+        for cell, its_front in enumerate(self.cell_front):
             free = cell_position[cell] >= 0
-            cell_place[cell, free] = np.searchsorted(rows[front], cell_position[cell, free])
+            cell_place[cell, free] = np.searchsorted(rows[its_front], cell_position[cell, free])
         own_front = np.repeat(np.arange(n_fronts, dtype=np.int32), meta[:, 1])
         return Tree(
             meta,

@@ -17,8 +17,8 @@ from softseam_services.fem.kernels.contact import N_COLUMNS
 # An octant that the body does not fill keeps this share of stiffness, so that its nodes stay where their cell takes
 # them and the matrix stays regular; it changes a partly filled cell by as much.
 FILL_FLOOR = 1e-3
-# Contact penalty r = PENALTY E A / h at a surface point, h the spacing of nodes: softer lets points sink in between steps, stiffer slows
-# the stick-slip iteration.
+# Contact penalty r = PENALTY E A / h at a surface point, h the spacing of nodes: softer lets points sink in between
+# steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
 # Columns of Anderson acceleration.
 MEMORY = 8
@@ -113,6 +113,7 @@ class Work(NamedTuple):
     q: Floats
     s: Floats
     t: Floats
+    panel: Floats
     pair: Ints
     start: Floats
     multiplier: Floats
@@ -210,6 +211,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         q=np.zeros((MEMORY, 3 * n_free)),
         s=np.zeros((MEMORY, 3 * n_free)),
         t=np.zeros(3 * tree.widest),
+        panel=np.zeros(9 * int(np.max(tree.meta[:, 1], initial=0)) ** 2),
         pair=np.zeros((n_pairs, 2), dtype=np.int32),
         start=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),

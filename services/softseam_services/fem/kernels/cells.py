@@ -156,14 +156,12 @@ def _point_factors(F, at, linear, mu, lam, weight, safe, H):
 
 @njit(cache=True, error_model="numpy")
 def _block_row(a, h, A, B, row):
-    """row[(3 i + k) * LANES + b] <- sum_q of eq. (2) for b >= a (rounded down to a multiple of 8), two points a pass.
+    """row[(3 i + k) * LANES + b] <- sum_q of eq. (2) for all b, two points a pass.
 
     h[(3 q + i) * LANES + b] = h_ib at point q
     """
-    low = a - a % 8
-    for c in range(9):
-        for b in range(low, LANES):
-            row[c * LANES + b] = 0.0
+    for b in range(9 * LANES):
+        row[b] = 0.0
     for q in range(0, 8, 2):
         s = 3 * q * LANES
         hx, hy, hz = h[s + a], h[s + LANES + a], h[s + 2 * LANES + a]
@@ -174,7 +172,7 @@ def _block_row(a, h, A, B, row):
         fx, fy, fz = B[q + 1] * ux, B[q + 1] * uy, B[q + 1] * uz
         cx, cy, cz = ax + bx, ay + by, az + bz
         gx, gy, gz = ex + fx, ey + fy, ez + fz
-        for b in range(low, LANES):
+        for b in range(LANES):
             x, y, z = h[s + b], h[s + LANES + b], h[s + 2 * LANES + b]
             u, v, w = h[s + 3 * LANES + b], h[s + 4 * LANES + b], h[s + 5 * LANES + b]
             row[b] += cx * x + gx * u

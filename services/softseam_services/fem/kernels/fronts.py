@@ -1,5 +1,8 @@
 """Multifrontal Cholesky A = L L^T along a tree of fronts, and solves with it.
 
+A factored front holds W = [L11^-1; -L21 L11^-1] in its first columns, so that a solve is one product with W, then one
+with its transpose, a front: y_own = L11^-1 b_own, b_boundary += -L21 y_own; x_own = W^T [y_own; x_boundary].
+
 A front of m nodes is a column-major 3m x 3m block of `values`; its first columns belong to the nodes it eliminates.
 Factoring adds each front's Schur complement to its parent's front. `tree` is a `dissection.Tree`.
 """
@@ -8,23 +11,18 @@ from __future__ import annotations
 
 from numba import njit
 
-from softseam_services.fem.kernels.lapack import cholesky_panel, inverse_from_factor
-
-
-@njit(cache=True, error_model="numpy")
-def clear(tree, values):
-    """Set the lower triangles of all fronts to zero; `values` updated in place."""
-    for front in range(len(tree.meta)):
-        m = 3 * tree.meta[front, 2]
-        for column in range(m):
-            start = tree.meta[front, 4] + column * m
-            for row in range(start + column, start + m):
-                values[row] = 0.0
+from softseam_services.fem.kernels.lapack import (
+    apply_panel,
+    apply_panel_transposed,
+    factor_panel,
+    inverse_from_panel,
+)
 
 
 @njit(cache=True, error_model="numpy")
 def add_diagonal(tree, values, diagonal, scale):
-    """Add scale * diagonal[node] to the three diagonal entries of each free node; diagonal (n,), `values` updated in place."""
+    """Add scale * diagonal[node] to the three diagonal entries of each free node; diagonal (n,), updated in
+    place."""
     for node in range(len(diagonal)):
         place = tree.position[node]
         if place < 0:
@@ -57,13 +55,16 @@ def add_seam_stiffness(tree, values, stiffness):
 
 
 @njit(cache=True, error_model="numpy")
-def factor(tree, values, ints):
-    """Factor all fronts in place; returns 0, or 1 + the front where the matrix is not positive definite."""
+def factor(tree, values, scratch, ints):
+    """Factor all fronts in place; returns 0, or 1 + the front where the matrix is not positive definite.
+
+    scratch (square of 3 times the most nodes that a front eliminates,)
+    """
     for front in range(len(tree.meta)):
         n_own, n_all, parent = tree.meta[front, 1], tree.meta[front, 2], tree.meta[front, 3]
         offset, row = tree.meta[front, 4], tree.meta[front, 5]
         m = 3 * n_all
-        if cholesky_panel(values, offset, m, 3 * n_own, ints) != 0:
+        if factor_panel(values, offset, m, 3 * n_own, scratch, ints) != 0:
             return 1 + front
         if parent < 0:
             continue
@@ -83,61 +84,16 @@ def factor(tree, values, ints):
     return 0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _eliminate(values, offset, m, k, t):
-    """t[:k] <- L11^-1 t[:k], t[k:m] <- t[k:m] - L21 t[:k], column by column, two at a time; t in place."""
-    pairs = k - k % 2
-    for j in range(0, pairs, 2):
-        c, d = offset + j * m, offset + (j + 1) * m
-        p = t[j] / values[c + j]
-        q = (t[j + 1] - p * values[c + j + 1]) / values[d + j + 1]
-        t[j], t[j + 1] = p, q
-        for i in range(j + 2, m):
-            t[i] -= p * values[c + i] + q * values[d + i]
-    if pairs < k:
-        c = offset + pairs * m
-        p = t[pairs] / values[c + pairs]
-        t[pairs] = p
-        for i in range(pairs + 1, m):
-            t[i] -= p * values[c + i]
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def _substitute(values, offset, m, k, t):
-    """t[:k] <- L11^-T (t[:k] - L21^T t[k:m]), two columns at a time; t in place.
-
-    Sums may be reassociated (not more: NaN and infinity keep their meaning), which lets them use vector registers.
-    """
-    last = k - k % 2
-    if last < k:
-        c = offset + last * m
-        total = 0.0
-        for i in range(k, m):
-            total += values[c + i] * t[i]
-        t[last] = (t[last] - total) / values[c + last]
-    for j in range(last - 2, -1, -2):
-        c, d = offset + j * m, offset + (j + 1) * m
-        first = second = 0.0
-        for i in range(j + 2, m):
-            first += values[c + i] * t[i]
-            second += values[d + i] * t[i]
-        q = (t[j + 1] - second) / values[d + j + 1]
-        t[j + 1] = q
-        t[j] = (t[j] - first - values[c + j + 1] * q) / values[c + j]
-
-
 @njit(cache=True, error_model="numpy")
-def solve(tree, values, b, t):
+def solve(tree, values, b, t, ints):
     """b <- A^-1 b in elimination order; b (3 n_free,) updated in place, t (3 widest,) scratch."""
     n_fronts = len(tree.meta)
     for front in range(n_fronts):
         first, n_own, n_all = 3 * tree.meta[front, 0], 3 * tree.meta[front, 1], 3 * tree.meta[front, 2]
         offset, row = tree.meta[front, 4], tree.meta[front, 5]
-        for i in range(n_own):
-            t[i] = b[first + i]
-        for i in range(n_own, n_all):
-            t[i] = 0.0
-        _eliminate(values, offset, n_all, n_own, t)
+        if n_own == 0:
+            continue
+        apply_panel(values, offset, n_all, n_own, b, first, t, ints)
         for i in range(n_own):
             b[first + i] = t[i]
         for i in range(n_own, n_all, 3):
@@ -148,6 +104,8 @@ def solve(tree, values, b, t):
     for front in range(n_fronts - 1, -1, -1):
         first, n_own, n_all = 3 * tree.meta[front, 0], 3 * tree.meta[front, 1], 3 * tree.meta[front, 2]
         offset, row = tree.meta[front, 4], tree.meta[front, 5]
+        if n_own == 0:
+            continue
         for i in range(n_own):
             t[i] = b[first + i]
         for i in range(n_own, n_all, 3):
@@ -155,9 +113,7 @@ def solve(tree, values, b, t):
             t[i] = b[at]
             t[i + 1] = b[at + 1]
             t[i + 2] = b[at + 2]
-        _substitute(values, offset, n_all, n_own, t)
-        for i in range(n_own):
-            b[first + i] = t[i]
+        apply_panel_transposed(values, offset, n_all, n_own, t, b, first, ints)
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,7 +129,7 @@ def seam_inverse(tree, values, block, inverse, ints):
         start, end = tree.seam_ptr[group], tree.seam_ptr[group + 1]
         n = 3 * (end - start)
         first = 3 * tree.meta[front, 1] - n
-        inverse_from_factor(values, tree.meta[front, 4], 3 * tree.meta[front, 2], first, n, block, ints)
+        inverse_from_panel(values, tree.meta[front, 4], 3 * tree.meta[front, 2], first, n, block, ints)
         for a in range(start, end):
             for b in range(start, end):
                 for i in range(3):

@@ -9,23 +9,25 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding
 import numpy as np
 import scipy
-from numba import config, njit, types
+from numba import njit, types
+from numba.core import config
 from numba.extending import get_cython_function_address
 
 _ROUTINES = {
     "dpotrf": ("scipy.linalg.cython_lapack", 5),
-    "dpotri": ("scipy.linalg.cython_lapack", 5),
     "dtrsm": ("scipy.linalg.cython_blas", 11),
     "dsyrk": ("scipy.linalg.cython_blas", 10),
+    "dgemv": ("scipy.linalg.cython_blas", 11),
     "dgemm": ("scipy.linalg.cython_blas", 13),
 }
 
 
-def _register(name: str):
+def _register(name: str) -> Any:
     module, n_arguments = _ROUTINES[name]
     llvmlite.binding.add_symbol(f"softseam_{name}", get_cython_function_address(module, name))
     return types.ExternalFunction(f"softseam_{name}", types.void(*[types.intp] * n_arguments))
@@ -41,15 +43,15 @@ def _single_thread() -> None:
 
 
 _single_thread()
-_dpotrf, _dpotri, _dtrsm = _register("dpotrf"), _register("dpotri"), _register("dtrsm")
-_dsyrk, _dgemm = _register("dsyrk"), _register("dgemm")
+_dpotrf, _dtrsm = _register("dpotrf"), _register("dtrsm")
+_dsyrk, _dgemm, _dgemv = _register("dsyrk"), _register("dgemm"), _register("dgemv")
 
 _CHARACTERS = np.frombuffer(b"LNTR", dtype=np.uint8).copy()
 _NUMBERS = np.array([1.0, -1.0, 0.0])
 
 
 @njit(cache=True, error_model="numpy")
-def _cholesky_panel(a, offset, m, k, ints):
+def _factor_panel(a, offset, m, k, scratch, ints):
     lower = _CHARACTERS.ctypes.data
     plain, transposed, right = lower + 1, lower + 2, lower + 3
     one = _NUMBERS.ctypes.data
@@ -65,17 +67,45 @@ def _cholesky_panel(a, offset, m, k, ints):
         below, rest = front + 8 * k, front + 8 * (k * m + k)
         _dtrsm(right, lower, transposed, plain, pr, pk, one, front, pm, below, pm)
         _dsyrk(lower, plain, pr, pk, one + 8, below, pm, one, rest, pm)
+    # W = [I; -L21] L11^-1
+    for j in range(k):
+        c = offset + j * m
+        for i in range(j, k):
+            scratch[j * k + i] = a[c + i]
+        for i in range(k):
+            a[c + i] = 0.0
+        a[c + j] = 1.0
+        for i in range(k, m):
+            a[c + i] = -a[c + i]
+    _dtrsm(right, lower, plain, plain, pm, pk, one, scratch.ctypes.data, pk, front, pm)
     return 0
 
 
 @njit(cache=True, error_model="numpy")
-def _inverse_from_factor(a, offset, m, first, n, out, ints):
-    for j in range(n):
-        for i in range(j, n):
-            out[j * n + i] = a[offset + (first + j) * m + first + i]
-    ints[0], ints[1] = n, 0
-    pointer = ints.ctypes.data
-    _dpotri(_CHARACTERS.ctypes.data, pointer, out.ctypes.data, pointer, pointer + 4)
+def _apply_panel(a, offset, m, k, b, start, t, ints):
+    numbers, plain = _NUMBERS.ctypes.data, _CHARACTERS.ctypes.data + 1
+    pk, pm, unit = ints.ctypes.data, ints.ctypes.data + 4, ints.ctypes.data + 8
+    ints[0], ints[1], ints[2] = k, m, 1
+    front, own = a.ctypes.data + 8 * offset, b.ctypes.data + 8 * start
+    _dgemv(plain, pm, pk, numbers, front, pm, own, unit, numbers + 16, t.ctypes.data, unit)
+
+
+@njit(cache=True, error_model="numpy")
+def _apply_panel_transposed(a, offset, m, k, t, b, start, ints):
+    numbers, transposed = _NUMBERS.ctypes.data, _CHARACTERS.ctypes.data + 2
+    pk, pm, unit = ints.ctypes.data, ints.ctypes.data + 4, ints.ctypes.data + 8
+    ints[0], ints[1], ints[2] = k, m, 1
+    front, own = a.ctypes.data + 8 * offset, b.ctypes.data + 8 * start
+    _dgemv(transposed, pm, pk, numbers, front, pm, t.ctypes.data, unit, numbers + 16, own, unit)
+
+
+@njit(cache=True, error_model="numpy")
+def _inverse_from_panel(a, offset, m, first, n, out, ints):
+    numbers, lower = _NUMBERS.ctypes.data, _CHARACTERS.ctypes.data
+    pn, pm = ints.ctypes.data, ints.ctypes.data + 4
+    ints[0], ints[1] = n, m
+    corner = a.ctypes.data + 8 * (offset + first * m + first)
+    _dsyrk(lower, lower + 2, pn, pn, numbers, corner, pm, numbers + 16, out.ctypes.data, pn)
     for j in range(n):
         for i in range(j + 1, n):
             out[i * n + j] = out[j * n + i]
@@ -95,21 +125,30 @@ def _view(a, offset, m):
     return a[offset : offset + m * m].reshape(m, m).T
 
 
-def _cholesky_panel_plain(a, offset, m, k, ints):
+def _factor_panel_plain(a, offset, m, k, scratch, ints):
     front = _view(a, offset, m)
     try:
         lower = np.linalg.cholesky(np.tril(front[:k, :k]) + np.tril(front[:k, :k], -1).T)
     except np.linalg.LinAlgError:
         return 1
-    front[:k, :k] = lower
-    front[k:, :k] = np.linalg.solve(lower, front[k:, :k].T).T
-    front[k:, k:] -= front[k:, :k] @ front[k:, :k].T
+    below = np.linalg.solve(lower, front[k:, :k].T).T
+    front[k:, k:] -= below @ below.T
+    front[:k, :k] = np.tril(np.linalg.inv(lower))
+    front[k:, :k] = -below @ front[:k, :k]
     return 0
 
 
-def _inverse_from_factor_plain(a, offset, m, first, n, out, ints):
-    lower = np.tril(_view(a, offset, m)[first : first + n, first : first + n])
-    out[: n * n] = np.linalg.inv(lower @ lower.T).ravel()
+def _apply_panel_plain(a, offset, m, k, b, start, t, ints):
+    t[:m] = _view(a, offset, m)[:, :k] @ b[start : start + k]
+
+
+def _apply_panel_transposed_plain(a, offset, m, k, t, b, start, ints):
+    b[start : start + k] = _view(a, offset, m)[:, :k].T @ t[:m]
+
+
+def _inverse_from_panel_plain(a, offset, m, first, n, out, ints):
+    inverse = np.tril(_view(a, offset, m)[first : first + n, first : first + n])
+    out[: n * n] = (inverse.T @ inverse).ravel()
 
 
 def _multiply_plain(a, b, c, m, n, k, add, ints):
@@ -118,12 +157,17 @@ def _multiply_plain(a, b, c, m, n, k, add, ints):
     target[:] = target + product if add else product
 
 
-_OFF = bool(config.DISABLE_JIT)
+_OFF = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
 
-cholesky_panel = _cholesky_panel_plain if _OFF else _cholesky_panel
-"""(a, offset, m, k, ints) -> info. Factor the first k columns of the m x m front at `offset`, lower triangle in place:
-F11 = L11 L11^T, L21 = F21 L11^-T, F22 <- F22 - L21 L21^T. info > 0: not positive definite. ints (4,) int32 scratch."""
-inverse_from_factor = _inverse_from_factor_plain if _OFF else _inverse_from_factor
+factor_panel = _factor_panel_plain if _OFF else _factor_panel
+"""(a, offset, m, k, scratch, ints) -> info. Factor the first k columns of the m x m front at `offset`, lower triangle:
+F11 = L11 L11^T, L21 = F21 L11^-T, F22 <- F22 - L21 L21^T; the columns then are W = [L11^-1; -L21 L11^-1].
+info > 0: not positive definite. scratch (k*k,); ints (4,) int32 scratch, here and below."""
+apply_panel = _apply_panel_plain if _OFF else _apply_panel
+"""(a, offset, m, k, b, start, t, ints). t[:m] <- W b[start:start+k]."""
+apply_panel_transposed = _apply_panel_transposed_plain if _OFF else _apply_panel_transposed
+"""(a, offset, m, k, t, b, start, ints). b[start:start+k] <- W^T t[:m]."""
+inverse_from_panel = _inverse_from_panel_plain if _OFF else _inverse_from_panel
 """(a, offset, m, first, n, out, ints). out (n*n,) <- (L L^T)^-1 of the diagonal block of L at first .. first + n."""
 multiply = _multiply_plain if _OFF else _multiply
 """(a, b, c, m, n, k, add, ints). c (m, n) <- a (m, k) b (k, n) [+ c where add], all row-major."""

@@ -19,7 +19,7 @@ from softseam_services.fem.kernels.contact import (
     evaluate_contacts,
     find_candidates,
 )
-from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, clear, factor, seam_inverse, solve
+from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, factor, seam_inverse, solve
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
@@ -74,14 +74,15 @@ def refactor(x, model, tree, tools, count, dt, safe, work, memo):
     """
     memo[FACTORED] = 0.0
     for attempt in range(1 if safe else 0, 2):
-        clear(tree, work.values)
+        for i in range(len(work.values)):
+            work.values[i] = 0.0
         add_diagonal(tree, work.values, model.mass, 1.0 / (dt * dt))
         add_cell_tangents(x, model, tree, work, attempt == 1)
         add_contact_tangents(model, tools, tree, count, work)
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
-        if factor(tree, work.values, work.ints) == 0:
+        if factor(tree, work.values, work.panel, work.ints) == 0:
             memo[FACTORED] = 1.0
             memo[FACTOR_DT] = dt
             return True
@@ -213,7 +214,7 @@ def newton(x, model, tree, tools, count, dt, tolerance, most, careful, work, mem
                 since = 0
             for i in range(len(work.r)):
                 work.d[i] = work.r[i]
-            solve(tree, work.values, work.d, work.t)
+            solve(tree, work.values, work.d, work.t, work.ints)
             largest = _largest(work.d)
             if attempt == 0 and not renew and _too_slow(largest, first, tolerance, since):
                 renew = True

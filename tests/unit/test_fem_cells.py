@@ -1,0 +1,184 @@
+"""Forces, tangents and energies of hex27 cells: invariants and derivatives, on full and partly filled cells."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from fem_run import block
+from test_fem_fronts import _dense
+
+from softseam_services.body.build import build_body
+from softseam_services.body.materials import linear, neo_hookean
+from softseam_services.body.region import build_region
+from softseam_services.fem.hex27 import cell_tables
+from softseam_services.fem.kernels.cells import add_cell_tangents, cauchy_stress, strain_energy, subtract_forces
+from softseam_services.fem.kernels.fronts import factor
+from softseam_services.fem.model import FILL_FLOOR, build_model, build_work
+
+FILLS = ["full", "partial"]
+KINDS = ["neo_hookean", "linear"]
+
+
+def _model(fill="full", kind="neo_hookean", counts=(2, 1, 1)):
+    body = build_body(block(tuple(0.01 * c for c in counts), 0.01, kind=kind), {})
+    if fill == "partial":
+        shares = np.random.default_rng(1).uniform(0.0, 1.0, body.fill.shape)
+        shares[0, :2] = 0.0
+        body = dataclasses.replace(body, fill=shares)
+    region = build_region(body, np.arange(body.n_cells), np.zeros(0, dtype=np.int32))
+    model, tree = build_model(body, region)
+    return model, tree, build_work(model, tree, 0)
+
+
+def _forces(x, model, work):
+    """f(x) per node (n, 3)."""
+    r = np.zeros_like(work.r)
+    subtract_forces(x, model, work, r)
+    return -r.reshape(-1, 3)[model.order]
+
+
+def _deformed(model, size=0.1, seed=0):
+    rng = np.random.default_rng(seed)
+    bent = model.x_rest @ (np.eye(3) + size * rng.standard_normal((3, 3)))
+    return bent + 2e-4 * rng.standard_normal(bent.shape)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fill", FILLS)
+def test_rest_is_free_of_stress(fill, kind):
+    model, _, work = _model(fill, kind)
+    assert np.abs(_forces(model.x_rest, model, work)).max() < 1e-14 * model.mu * 0.01**2 * 1e3
+    assert abs(strain_energy(model.x_rest, model, work)) < 1e-14 * model.mu * model.weight.sum()
+
+
+@pytest.mark.parametrize("fill", FILLS)
+def test_forces_sum_to_zero(fill):
+    """No net force, and no net torque about the origin."""
+    model, _, work = _model(fill)
+    x = _deformed(model)
+    f = _forces(x, model, work)
+    scale = np.abs(f).sum()
+    np.testing.assert_allclose(f.sum(axis=0), 0.0, atol=1e-14 * scale)
+    np.testing.assert_allclose(np.cross(x, f).sum(axis=0), 0.0, atol=1e-14 * scale)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fill", FILLS)
+def test_forces_are_the_gradient_of_the_energy(fill, kind):
+    model, _, work = _model(fill, kind)
+    x, way = _deformed(model), np.random.default_rng(2).standard_normal(model.x_rest.shape)
+    e = 1e-7
+    slope = (strain_energy(x + e * way, model, work) - strain_energy(x - e * way, model, work)) / (2.0 * e)
+    np.testing.assert_allclose(slope, (_forces(x, model, work) * way).sum(), rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("fill", FILLS)
+def test_tangent_is_the_gradient_of_the_forces(fill, kind):
+    """Central differences of f along random directions, away from rest."""
+    model, tree, work = _model(fill, kind)
+    x = _deformed(model)
+    work.values[:] = 0.0
+    add_cell_tangents(x, model, tree, work, False)
+    dense = _dense(model, tree, work)
+    for seed in range(3):
+        way = np.random.default_rng(seed).standard_normal(x.shape)
+        e = 1e-7
+        difference = (_forces(x + e * way, model, work) - _forces(x - e * way, model, work)) / (2.0 * e)
+        ordered = np.zeros_like(work.r)
+        ordered.reshape(-1, 3)[model.order] = way
+        product = (dense @ ordered).reshape(-1, 3)[model.order]
+        np.testing.assert_allclose(product, difference, atol=1e-6 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("fill", FILLS)
+def test_patch(fill):
+    """A uniform deformation gives the material's own stress and energy, whatever the fill."""
+    model, _, work = _model(fill)
+    F = np.eye(3) + 0.2 * np.random.default_rng(3).standard_normal((3, 3))
+    x = model.x_rest @ F.T
+    volume = model.weight.sum()
+    energy = neo_hookean.energy(F, model.mu, model.lambda_)
+    np.testing.assert_allclose(strain_energy(x, model, work), volume * energy, rtol=1e-12)
+    stress = np.empty((len(model.cell_nodes), 8, 6))
+    cauchy_stress(x, model, work, stress)
+    sigma = neo_hookean.cauchy(F, model.mu, model.lambda_)
+    voigt = sigma[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    np.testing.assert_allclose(stress[model.filled], np.tile(voigt, (model.filled.sum(), 1)), rtol=1e-10)
+    assert not stress[~model.filled].any()
+
+
+def test_patch_of_full_cells_is_in_equilibrium_inside():
+    """Under a uniform deformation only nodes of the surface carry force."""
+    model, _, work = _model(counts=(2, 2, 2))
+    f = _forces(model.x_rest @ (np.eye(3) + 0.1), model, work)
+    grid = np.rint((model.x_rest - model.x_rest.min(axis=0)) / 0.005)
+    inside = ((grid > 0) & (grid < 4)).all(axis=1)
+    assert inside.sum() == 27
+    assert np.abs(f[inside]).max() < 1e-13 * np.abs(f).max()
+
+
+def test_small_strains_follow_the_linear_law():
+    model, _, work = _model(kind="linear")
+    F = np.eye(3) + 1e-3 * np.random.default_rng(3).standard_normal((3, 3))
+    stress = np.empty((2, 8, 6))
+    cauchy_stress(model.x_rest @ F.T, model, work, stress)
+    sigma = linear.stress(F, model.mu, model.lambda_)[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    np.testing.assert_allclose(stress[0, 0], sigma, rtol=1e-9)
+
+
+@pytest.mark.parametrize("fill", FILLS)
+def test_six_rigid_modes_and_no_others(fill):
+    """At rest K has exactly six modes without energy: no hourglass modes, also where octants are empty."""
+    model, tree, work = _model(fill)
+    add_cell_tangents(model.x_rest, model, tree, work, False)
+    values = np.linalg.eigvalsh(_dense(model, tree, work))
+    assert np.abs(values[:6]).max() < 1e-12 * values[-1]
+    assert values[6] > (1e-3 if fill == "full" else 1e-3 * FILL_FLOOR) * values[-1]
+
+
+def test_rotation_costs_nothing():
+    """The neo-Hookean solid is objective: a quarter turn and a shift give no force."""
+    model, _, work = _model("partial")
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    moved = model.x_rest @ turn.T + np.array([3.0, -2.0, 1.0])
+    # positions of 3 m carry rounding of 4e-16 m; f is that times a stiffness of mu h
+    assert np.abs(_forces(moved, model, work)).max() < 1e-14 * model.mu * 0.01 * 1e2
+
+
+def test_stabilisation_is_semi_definite_and_blind_to_linear_fields():
+    tables = cell_tables(np.array([0.01, 0.02, 0.015]))
+    values = np.linalg.eigvalsh(tables.stabilisation)
+    assert values[0] > -1e-14 * values[-1]
+    field = np.random.default_rng(0).standard_normal((3, 4)) @ np.vstack(
+        [np.ones(27), *np.array([(a % 3, a // 3 % 3, a // 9) for a in range(27)], dtype=float).T]
+    )
+    assert np.abs(field @ tables.stabilisation).max() < 1e-13 * values[-1] * np.abs(field).max()
+
+
+def test_crushed_cells_have_finite_forces_and_a_safe_matrix():
+    """Cells turned inside out: the energy goes on, and the safe tangent can be factored where the true one cannot."""
+    model, tree, work = _model(counts=(2, 2, 1))
+    x = model.x_rest * np.array([-0.4, 1.0, 0.3]) + 1e-3 * np.random.default_rng(0).standard_normal(model.x_rest.shape)
+    assert np.isfinite(_forces(x, model, work)).all()
+    add_cell_tangents(x, model, tree, work, False)
+    true_values = np.linalg.eigvalsh(_dense(model, tree, work))
+    assert true_values[0] < -1e-3 * true_values[-1]
+    work.values[:] = 0.0
+    add_cell_tangents(x, model, tree, work, True)
+    values = np.linalg.eigvalsh(_dense(model, tree, work))
+    assert values[0] > -1e-12 * values[-1]
+    work.values[:] = 0.0
+    add_cell_tangents(x, model, tree, work, True)
+    for front in range(len(tree.meta)):
+        _, n_own, n_all, _, offset, _ = tree.meta[front]
+        work.values[offset + np.arange(3 * n_own) * (3 * n_all + 1)] += 1e-6 * values[-1]
+    assert factor(tree, work.values, work.panel, work.ints) == 0
+
+
+def test_masses_are_those_of_the_block():
+    model, _, _ = _model(counts=(2, 1, 1))
+    np.testing.assert_allclose(model.mass.sum(), 1050.0 * 0.02 * 0.01 * 0.01, rtol=1e-13)
+    assert (model.mass > 0.0).all()

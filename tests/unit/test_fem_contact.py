@@ -1,0 +1,107 @@
+"""Augmented-Lagrangian contact at surface points: forces, friction, tangents."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fem_run import FemRun, block
+from test_fem_fronts import _dense
+
+from softseam_services.fem.kernels.contact import (
+    OPEN,
+    SLIP,
+    STICK,
+    add_contact_forces,
+    add_contact_tangents,
+    evaluate_contacts,
+    find_candidates,
+)
+from softseam_services.fem.model import Tools
+
+
+def _problem(friction, multiplier=(0.0, 0.0, 0.0), start=(0.0, 0.0, 0.0), embedded=False):
+    """A cube whose lower face is 10 um below the ground; every point there carries the multiplier."""
+    run = FemRun(block(tools={"ground": {"kind": "plane", "friction": friction}}))
+    solver = run.solver
+    model, tree, work = solver._model, solver._tree, solver._work
+    pose = (run.position, run.orientation, run.position, run.orientation)
+    tools = Tools(run.tools.kind, run.tools.shape, run.tools.friction, run.tools.near, *pose)
+    x = model.x_rest - np.array([0.0, 0.0, 1e-5])
+    contact = np.zeros((len(run.region.points), 1, 6))
+    low = model.x_rest[run.region.nodes[0] + 0, 2]
+    touching = run.body.x_rest[run.region.nodes][model.point_node][:, 2] == low
+    contact[touching, 0, :3] = multiplier
+    count = find_candidates(x - np.array(start), model, tools, contact, 1e-3, work)
+    return model, tree, work, tools, x, count
+
+
+def _force(x, model, tools, count, work):
+    evaluate_contacts(x, model, tools, count, work)
+    r = np.zeros_like(work.r)
+    add_contact_forces(model, count, work, r)
+    return r
+
+
+def test_pressure_follows_the_penalty():
+    """Without a multiplier p = r depth at each point; the sum is r/A of the face times area times depth."""
+    model, _, work, tools, x, count = _problem(0.0)
+    assert count == 25
+    total = _force(x, model, tools, count, work).reshape(-1, 3).sum(axis=0)
+    np.testing.assert_allclose(total[:2], 0.0, atol=1e-15)
+    below = model.point_stiffness[work.pair[:count, 0]].sum()
+    np.testing.assert_allclose(total[2], below * 1e-5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("way", "state"), [((1e-6, 2e-6, 0.0), STICK), ((1e-4, -2e-4, 0.0), SLIP)])
+def test_friction_sticks_inside_the_cone_and_slips_on_it(way, state):
+    model, _, work, tools, x, count = _problem(0.5, start=way)
+    evaluate_contacts(x, model, tools, count, work)
+    assert (work.state[:count] == state).all()
+    for row, pair in zip(work.contact[:count], work.pair[:count], strict=True):
+        pressure, traction = row[1], row[5:8]
+        if state == STICK:
+            np.testing.assert_allclose(traction, -model.point_stiffness[pair[0]] * np.array(way), rtol=1e-9)
+        else:
+            np.testing.assert_allclose(np.linalg.norm(traction), 0.5 * pressure, rtol=1e-12)
+            assert traction @ np.array(way) < 0.0
+
+
+def test_a_pulling_multiplier_is_dropped():
+    model, _, work, tools, x, count = _problem(0.5, multiplier=(0.0, 0.0, -1.0))
+    evaluate_contacts(x + np.array([0.0, 0.0, 2e-5]), model, tools, count, work)
+    assert (work.state[:count] == OPEN).all()
+
+
+@pytest.mark.parametrize("case", ["frictionless", "stick", "slip"])
+def test_tangent_is_the_gradient_of_the_force(case):
+    """Central differences; in slip along directions that leave the pressure alone, whose effect is dropped."""
+    friction = {"frictionless": 0.0, "stick": 5.0, "slip": 0.01}[case]
+    model, tree, work, tools, x, count = _problem(friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0))
+    _force(x, model, tools, count, work)
+    work.contact[:count, 12] = 1.0 if case == "slip" else 0.0
+    work.values[:] = 0.0
+    add_contact_tangents(model, tools, tree, count, work)
+    dense = _dense(model, tree, work)
+    way = np.random.default_rng(0).standard_normal(x.shape)
+    if case == "slip":
+        way[:, 2] = 0.0
+    e = 1e-9
+    difference = _force(x - e * way, model, tools, count, work) - _force(x + e * way, model, tools, count, work)
+    ordered = np.zeros_like(work.r)
+    ordered.reshape(-1, 3)[model.order] = way
+    product = dense @ ordered
+    np.testing.assert_allclose(product, difference / (2.0 * e), atol=1e-5 * np.abs(product).max())
+
+
+def test_tools_that_carry_a_point_along_do_not_rub():
+    """A point that moves with its tool, turn included, has no slip."""
+    model, _, work, tools, x, _ = _problem(0.5)
+    half = 0.05
+    turned = np.array([[np.cos(half / 2), 0.0, 0.0, np.sin(half / 2)]])
+    tools = tools._replace(orientation_next=turned, position_next=tools.position + np.array([[0.01, 0.0, 0.0]]))
+    turn = np.array([[np.cos(half), -np.sin(half), 0.0], [np.sin(half), np.cos(half), 0.0], [0.0, 0.0, 1.0]])
+    none = np.zeros((len(model.point_stiffness), 1, 6))
+    count = find_candidates(x, model, tools, none, 1e-3, work)
+    evaluate_contacts(x @ turn.T + np.array([0.01, 0.0, 0.0]), model, tools, count, work)
+    assert (work.state[:count] == STICK).all()
+    assert np.abs(work.contact[:count, 9:12]).max() < 1e-16

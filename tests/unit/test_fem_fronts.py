@@ -1,0 +1,93 @@
+"""Nested dissection and the multifrontal factor against dense linear algebra."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fem_run import block
+
+from softseam_services.body.build import build_body
+from softseam_services.body.region import build_region, shared_nodes
+from softseam_services.fem.kernels.cells import add_cell_tangents
+from softseam_services.fem.kernels.fronts import add_diagonal, factor, seam_inverse, solve
+from softseam_services.fem.model import build_model, build_work
+
+CASES = ["one_cell", "clamped", "two_columns", "ring"]
+
+
+def _problem(case):
+    """Model, tree, work with the matrix assembled, and the same matrix dense in elimination order."""
+    counts = {"one_cell": (1, 1, 1), "clamped": (3, 2, 2), "two_columns": (3, 1, 2), "ring": (3, 3, 1)}[case]
+    size = tuple(0.01 * c for c in counts)
+    fixed = [{"min": (-1.0, -1.0, -1.0), "max": (-size[0] / 2, 1.0, 1.0)}] if case == "clamped" else []
+    body = build_body(block(size, 0.01, body={"fixed": fixed}), {})
+    cells = np.arange(body.n_cells)
+    if case == "two_columns":
+        cells = cells[body.cell_grid[:, 0] != 1]
+    if case == "ring":
+        cells = cells[(body.cell_grid[:, :2] != 1).any(axis=1)]
+    others = np.setdiff1d(np.arange(body.n_cells), cells)
+    region = build_region(body, cells, shared_nodes(body, cells, others))
+    model, tree = build_model(body, region)
+    work = build_work(model, tree, 0)
+    rng = np.random.default_rng(4)
+    x = model.x_rest @ (np.eye(3) + 0.05 * rng.standard_normal((3, 3)))
+    add_diagonal(tree, work.values, model.mass, 1e7)
+    add_cell_tangents(x, model, tree, work, False)
+    return model, tree, work, _dense(model, tree, work)
+
+
+def _dense(model, tree, work):
+    n_free = np.count_nonzero(tree.position >= 0)
+    dense = np.zeros((3 * n_free, 3 * n_free))
+    for first, n_own, n_all, _, offset, row in tree.meta:
+        dofs = (3 * tree.rows[row : row + n_all][:, None] + np.arange(3)).ravel()
+        front = np.tril(work.values[offset : offset + 9 * n_all**2].reshape(3 * n_all, 3 * n_all).T)
+        dense[np.ix_(dofs, dofs)] += front
+        assert np.array_equal(tree.rows[row : row + n_own], np.arange(first, first + n_own))
+    return np.tril(dense) + np.tril(dense, -1).T
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_solve_equals_dense(case):
+    """Residual of the factored solve at rounding, relative to the matrix."""
+    _, tree, work, dense = _problem(case)
+    assert factor(tree, work.values, work.panel, work.ints) == 0
+    b = np.random.default_rng(0).standard_normal(len(dense))
+    x = b.copy()
+    solve(tree, work.values, x, work.t, work.ints)
+    np.testing.assert_allclose(x, np.linalg.solve(dense, b), rtol=1e-9, atol=1e-12 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("case", ["two_columns", "ring"])
+def test_last_fronts_hold_the_seam(case):
+    """The trailing block of the root is the seam's Schur complement, also of two components."""
+    model, tree, work, dense = _problem(case)
+    n = 3 * len(model.seam)
+    assert n > 0
+    assert factor(tree, work.values, work.panel, work.ints) == 0
+    inverse = np.empty((n, n))
+    seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
+    dofs = (3 * tree.position[model.seam][:, None] + np.arange(3)).ravel()
+    expected = np.linalg.inv(dense)[np.ix_(dofs, dofs)]
+    np.testing.assert_allclose(inverse, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_every_free_node_is_eliminated_once():
+    _, tree, _, _ = _problem("clamped")
+    free = tree.position[tree.position >= 0]
+    assert sorted(free) == list(range(len(free)))
+    assert np.count_nonzero(tree.position < 0) == 25
+
+
+def test_components_without_a_seam_have_trees_of_their_own():
+    body = build_body(block((0.03, 0.01, 0.02), 0.01), {})
+    cells = np.flatnonzero(body.cell_grid[:, 0] != 1)
+    _, tree = build_model(body, build_region(body, cells, np.zeros(0, dtype=np.int32)))
+    assert np.count_nonzero(tree.meta[:, 3] < 0) == 2
+
+
+def test_an_indefinite_matrix_is_reported():
+    model, tree, work, _ = _problem("clamped")
+    add_diagonal(tree, work.values, model.mass, -1e10)
+    assert factor(tree, work.values, work.panel, work.ints) > 0
