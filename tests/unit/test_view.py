@@ -71,9 +71,7 @@ def test_empty_octants_do_not_count(run: Squeeze) -> None:
     mesh = run.begin.surface
     fill = mesh.fill.copy()
     fill[:, 4:] = 0.0
-    surface = DisplaySurface(
-        type(mesh)(mesh.header, mesh.point_rest, mesh.triangles, mesh.cell_center, mesh.edges, fill)
-    )
+    surface = DisplaySurface(replace(mesh, fill=fill))
     values = np.where(fill > 0.0, 1.0, 1e9)
     top = surface.at_points(values).max()
     assert top <= 1.0 + 1e-12

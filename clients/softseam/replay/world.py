@@ -17,7 +17,7 @@ from softseam_protocol.messages import Frame
 
 Floats = NDArray[np.float64]
 
-_ARROW = 0.35
+_ARROW = 0.24
 """length of the longest arrow of a run, in body extents"""
 
 
@@ -66,7 +66,7 @@ class World:
             self._stream.log(f"{paths.TOOLS}/{tool.name}/edges", _tool_lines(tool), static=True)
         triangles = self._surface.triangles
         self._stream.log(paths.STRESS, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
-        ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 60))
+        ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
         self._stream.log(paths.GHOST, ghost, static=True)
         for path, color in ((paths.NEAR, colors.NEAR), (paths.FAR, colors.FAR)):
             self._stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
@@ -110,7 +110,7 @@ class World:
 
     def _log_forces(self, frame: Frame) -> None:
         reach = _ARROW * self._surface.extent
-        thick = 0.004 * self._surface.extent
+        thick = 0.006 * self._surface.extent
         contact = _arrows(frame.point_x, frame.contact_force, self._scales.contact, reach)
         self._stream.log(
             paths.CONTACT,

@@ -20,6 +20,8 @@ _CLOSE = 10.0
 _PATIENCE = 5.0
 """wait for a slow disk before messages are dropped [s]; meanwhile they pile up in the inbox, not in the simulation"""
 
+Taped = StepReport | Frame | Event | End
+
 
 class Taping:
     """Listens from the moment it is built. Raises RecordError where the file cannot be created."""
@@ -41,9 +43,9 @@ class Taping:
         self._ended = threading.Event()
         self._stop = threading.Event()
         self._arrived = 0
-        topics = (StepReport, Frame, Event, End)
+        topics: tuple[type[Taped], ...] = (StepReport, Frame, Event, End)
         self._inbox = bus.subscribe(keys.session_all(session))
-        self._wanted = {keys.session(session, topic) for topic in topics}
+        self._wanted: dict[str, type[Taped]] = {keys.session(session, topic): topic for topic in topics}
         self._thread = threading.Thread(target=self._listen, name=f"recording {session}", daemon=True)
         self._thread.start()
 
@@ -85,13 +87,14 @@ class Taping:
     def _listen(self) -> None:
         while not (self._stop.is_set() and len(self._inbox) == 0):
             received = self._inbox.get(_TELL)
-            if received is not None and received.key in self._wanted:
-                self._take(received.payload)
+            kind = None if received is None else self._wanted.get(received.key)
+            if received is not None and kind is not None:
+                self._take(kind, received.payload)
             self._tell_if_due()
 
-    def _take(self, payload: bytes) -> None:
+    def _take(self, kind: type[Taped], payload: bytes) -> None:
         try:
-            message = decode(payload, (StepReport, Frame, Event, End))
+            message = decode(payload, kind)
         except ProtocolError:
             # malformed or foreign: counted, and nothing else
             self._arrived += 1
@@ -102,7 +105,7 @@ class Taping:
             return
         self._arrived += 1
         self.step = message.header.step
-        self._recorder.write_encoded(type(message), message.header.time, payload)
+        self._recorder.write_encoded(kind, message.header.time, payload)
 
     def _tell_if_due(self) -> None:
         """Publish progress when there is some, or a loss."""

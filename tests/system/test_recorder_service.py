@@ -1,0 +1,191 @@
+"""The recorder's process on a real bus: whole recordings, crashes, bad messages, an orderly end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from conftest import free_port
+from squeeze import Squeeze
+
+from softseam.recording import Recording
+from softseam_protocol.bus import Bus, Router
+from softseam_protocol.codec import encode
+from softseam_protocol.errors import Refused
+from softseam_protocol.messages import SCHEMA_VERSION, Commit, End, Event, Frame, Header, Recorded, StepReport
+from softseam_protocol.topics import Keys
+from softseam_services.bus_options import BusOptions
+from softseam_services.orchestrator.recorder_feed import RecorderFeed
+
+pytestmark = pytest.mark.slow
+
+KEYS = Keys()
+READY = 60.0
+
+
+class Recorder:
+    """A recorder's process that is up, writing into a folder."""
+
+    def __init__(self, options: BusOptions, bus: Bus, folder: Path) -> None:
+        self.folder = folder
+        command = [sys.executable, "-m", "softseam_services", "serve", "recorder"]
+        command += ["--connect", options.connect, "--directory", str(folder)]
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + READY
+        while not bus.live(KEYS.every_live("recorder")):
+            assert self.process.poll() is None and time.monotonic() < deadline, "the recorder does not come up"
+
+    def stop(self, how: int = signal.SIGTERM) -> int:
+        self.process.send_signal(how)
+        code = self.process.wait(30.0)
+        assert self.process.stderr is not None
+        self.process.stderr.close()
+        return code
+
+
+@pytest.fixture(scope="module")
+def options() -> Iterator[BusOptions]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with Router(endpoint):
+        yield BusOptions(connect=endpoint)
+
+
+@pytest.fixture
+def bus(options: BusOptions) -> Iterator[Bus]:
+    with options.open() as bus:
+        yield bus
+
+
+@pytest.fixture
+def recorder(options: BusOptions, bus: Bus, tmp_path: Path) -> Iterator[Recorder]:
+    running = Recorder(options, bus, tmp_path / "recordings")
+    yield running
+    if running.process.poll() is None:
+        running.stop()
+
+
+def feed(bus: Bus, session: str, warnings: list[str]) -> RecorderFeed:
+    return RecorderFeed(bus, KEYS, session, record=True, warn=lambda kind, message: warnings.append(message))
+
+
+def encoded(path: Path) -> list[bytes]:
+    return [data for kind, _, _, data in Recording(path).raw() if kind != "SurfaceMesh"]
+
+
+def test_every_message_is_recorded_verbatim_the_first_and_the_last_too(bus: Bus, recorder: Recorder) -> None:
+    for i in range(5):
+        run = Squeeze(30, session=f"s{i}")
+        messages = list(run.messages())
+        warnings: list[str] = []
+        source = feed(bus, run.session, warnings)
+        source.begin(run.begin)
+        for message in messages:
+            source.publish(message)
+        ended = source.end("done")
+        source.close()
+        assert isinstance(ended, Recorded) and warnings == []
+        assert (ended.messages, ended.lost, ended.note) == (len(messages), 0, "closed")
+        assert Path(ended.path) == recorder.folder / f"s{i}.mcap"
+        assert encoded(Path(ended.path)) == [encode(message) for message in messages]
+        assert Recording(ended.path).note is None
+
+
+def test_a_second_run_of_a_session_gets_a_file_of_its_own(bus: Bus, recorder: Recorder) -> None:
+    run, warnings = Squeeze(5), []
+    source = feed(bus, run.session, warnings)
+    for _ in range(2):
+        source.begin(run.begin)
+        for message in run.messages():
+            source.publish(message)
+    assert source.end("done") is not None and warnings == []
+    files = sorted(recorder.folder.iterdir())
+    assert [file.name for file in files] == ["test-2.mcap", "test.mcap"]
+    assert encoded(files[0]) == encoded(files[1])
+
+
+def test_a_killed_recorder_costs_a_quarter_of_a_second_and_its_successor_goes_on(
+    options: BusOptions, bus: Bus, recorder: Recorder
+) -> None:
+    run, warnings = Squeeze(3000, cell=0.025), []
+    source = feed(bus, run.session, warnings)
+    source.begin(run.begin)
+    successor = None
+    longest, published, killed_at = 0.0, 0, 0
+    for message in run.messages():
+        began = time.monotonic()
+        source.publish(message)
+        longest = max(longest, time.monotonic() - began)
+        published += 1
+        if published == 600:
+            assert bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0).messages == 600
+        if published == 700:
+            os.kill(recorder.process.pid, signal.SIGKILL)
+            recorder.process.wait()
+            killed_at = published
+        if published == 1500:
+            successor = Recorder(options, bus, recorder.folder)
+    assert successor is not None
+    ended = source.end("done")
+    assert successor.stop() == 0
+    assert "the recorder is gone" in warnings[0] and "a recorder is back" in warnings[-1]
+    assert longest < 3.0, "the run is never held up for long"
+    first, second = Recording(recorder.folder / "test.mcap"), Recording(recorder.folder / "test-2.mcap")
+    assert first.note is not None and "was cut off" in first.note
+    assert 600 <= len(encoded(first.path)) <= killed_at, "what was committed is safe"
+    assert second.note is None and ended is not None and ended.lost == 0
+    last = [message.header.step for message in second][-1]
+    assert last == 2999
+
+
+def test_bad_messages_are_counted_and_change_nothing(bus: Bus, recorder: Recorder) -> None:
+    run, warnings = Squeeze(10), []
+    source = feed(bus, run.session, warnings)
+    source.begin(run.begin)
+    bus.publish(KEYS.session(run.session, Frame), b"\x00garbage")
+    bus.publish(KEYS.session(run.session, StepReport), encode(Event(run.begin.header, "x", "y"))[:-3])
+    for message in run.messages():
+        source.publish(message)
+    ended = source.end("done")
+    assert ended is not None and ended.lost == 2
+    assert encoded(Path(ended.path)) == [encode(message) for message in run.messages()]
+    with pytest.raises(Refused, match="not being recorded: send Begin first"):
+        bus.call(KEYS.recorder, Commit(Header(SCHEMA_VERSION, "nobody", "", 0, 0, 0, 0.0)), Recorded, 5.0)
+
+
+def test_an_end_that_is_repeated_gets_the_same_answer(bus: Bus, recorder: Recorder) -> None:
+    run = Squeeze(3)
+    source = feed(bus, run.session, [])
+    source.begin(run.begin)
+    for message in run.messages():
+        source.publish(message)
+    ended = source.end("done")
+    assert bus.call(KEYS.recorder, End(run.begin.header, "again"), Recorded, 5.0) == ended
+
+
+def test_asked_to_stop_it_finishes_its_files(bus: Bus, recorder: Recorder) -> None:
+    run = Squeeze(50)
+    source = feed(bus, run.session, [])
+    source.begin(run.begin)
+    messages = list(run.messages())
+    for message in messages:
+        source.publish(message)
+    assert bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0).messages == len(messages)
+    assert recorder.stop(signal.SIGTERM) == 0
+    recording = Recording(recorder.folder / "test.mcap")
+    assert recording.note is None and recording.counts["StepReport"] == 50
+
+
+def test_a_folder_that_cannot_be_written_is_exit_2_and_one_line(options: BusOptions, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    command = [sys.executable, "-m", "softseam_services", "serve", "recorder", "--connect", options.connect]
+    done = subprocess.run(
+        [*command, "--directory", str(tmp_path / "file")], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.strip() == f"cannot record into {tmp_path / 'file'}: File exists"

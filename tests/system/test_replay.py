@@ -1,0 +1,210 @@
+"""Replays: files that rerun accepts, a view that is not blank, a web viewer on loopback only, and verification."""
+
+from __future__ import annotations
+
+import http.client
+import shutil
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from squeeze import SCENE, Squeeze
+
+from softseam.embedded import resimulate
+from softseam.recording import Recording
+from softseam.replay import ReplayError, replay, verify
+from softseam.replay.screenshot import screenshots
+from softseam.replay.show import free_port, viewer, web_command
+from softseam_protocol.messages import Bundle, Frame
+from softseam_protocol.scene import Scene
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.recorder.begin import begin
+from softseam_services.recorder.recorder import McapRecorder, Recordable
+
+pytestmark = pytest.mark.slow
+
+
+def write(path: Path, run: Squeeze) -> Path:
+    with McapRecorder(path, run.begin) as recorder:
+        for message in run.messages():
+            recorder.write(message)
+    return path
+
+
+@pytest.fixture(scope="module")
+def rrd(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("replay")
+    saved = replay(write(folder / "run.mcap", Squeeze(60)), save=folder / "run.rrd")
+    assert saved == folder / "run.rrd"
+    return saved
+
+
+def rerun(*arguments: str) -> str:
+    done = subprocess.run([viewer(), *arguments], capture_output=True, text=True, timeout=60, check=True)
+    return done.stdout + done.stderr
+
+
+def test_rerun_verifies_the_file(rrd: Path) -> None:
+    assert "1 file verified without error" in rerun("rrd", "verify", str(rrd))
+
+
+def test_everything_is_in_it(rrd: Path) -> None:
+    """Regions apart from each other, stress, tools, forces, curves, words; each where a person would look for it."""
+    stats = rerun("rrd", "stats", str(rrd))
+    for path in (
+        "/world/body/near",
+        "/world/body/far",
+        "/world/body/stress",
+        "/world/tools/left",
+        "/world/tools/ball",
+        "/world/forces/contact",
+        "/world/forces/seam",
+        "/curves/quantities/grip_force/grip_force",
+        "/curves/seam/gap/gap",
+        "/curves/energy/stored/strain",
+        "/curves/regions/cells/near_fem",
+        "/curves/speed/rtf/rtf",
+        "/summary",
+        "/log",
+        "/legend/scale",
+    ):
+        assert f"{path}:" in stats, path
+    rows = rerun("rrd", "print", "-v", str(rrd)).count("/world/body/stress")
+    assert rows >= 1
+
+
+def test_a_cut_recording_is_replayed_up_to_the_cut(tmp_path: Path) -> None:
+    whole = write(tmp_path / "run.mcap", Squeeze(20, cell=0.025)).read_bytes()
+    for i, part in enumerate((0.2, 0.5, 0.95)):
+        cut = tmp_path / f"cut{i}.mcap"
+        cut.write_bytes(whole[: int(part * len(whole))])
+        replay(cut, save=tmp_path / f"cut{i}.rrd")
+        rerun("rrd", "verify", str(tmp_path / f"cut{i}.rrd"))
+
+
+def test_a_file_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.mcap", Squeeze(2, cell=0.025))
+    with pytest.raises(ReplayError, match=r"ends in \.rrd"):
+        replay(path, save=tmp_path / "run.mp4")
+    with pytest.raises(ReplayError, match="there is no folder"):
+        replay(path, save=tmp_path / "no" / "run.rrd")
+    assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def part_of_hue(picture: np.ndarray, tone: tuple[int, int, int]) -> float:
+    rgb = picture[..., :3].reshape(-1, 3)
+    lit = rgb / np.maximum(np.linalg.norm(rgb, axis=1, keepdims=True), 1e-9)
+    wanted = np.array(tone) / np.linalg.norm(tone)
+    return float(((lit @ wanted > 0.99) & (rgb.max(axis=1) > 0.2)).mean())
+
+
+@pytest.mark.viewer
+def test_the_view_shows_both_regions_and_the_stress(rrd: Path, tmp_path: Path) -> None:
+    """Drawn by the viewer itself, without a display: the body's colours on the left, a wide scale on the right."""
+    screenshots(rrd, {tmp_path / "early.png": 0.05, tmp_path / "late.png": 0.5})
+    early, late = imread(tmp_path / "early.png"), imread(tmp_path / "late.png")
+    height, width = late.shape[:2]
+    models = late[int(0.08 * height) : int(0.6 * height), : int(0.4 * width)]
+    stress = late[int(0.08 * height) : int(0.6 * height), int(0.41 * width) : int(0.8 * width)]
+    assert part_of_hue(models, (205, 90, 50)) > 0.004, "coral"
+    assert part_of_hue(models, (75, 110, 155)) > 0.004, "blue"
+    assert part_of_hue(stress, (40, 143, 140)) > 0.003, "the scale's middle"
+    assert np.abs(early - late).mean() > 0.002, "the body moves"
+
+
+@pytest.fixture
+def served(rrd: Path) -> Iterator[tuple[int, int]]:
+    """The web viewer's HTTP and gRPC ports."""
+    ports = free_port(9090), free_port(9876)
+    process = subprocess.Popen(web_command(rrd, *ports), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        deadline = time.monotonic() + 30.0
+        while time.monotonic() < deadline:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", ports[0])) == 0:
+                    break
+            time.sleep(0.1)
+        yield ports
+    finally:
+        process.terminate()
+        process.wait(10.0)
+
+
+def test_the_web_viewer_listens_on_loopback_only(served: tuple[int, int]) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", served[0], timeout=10)
+    connection.request("GET", "/")
+    assert connection.getresponse().status == 200
+    sockets = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    listening = [one[1].split(":") for one in sockets if one[3] == "0A"]
+    mine = {address for address, port in listening if int(port, 16) in served}
+    assert mine == {"0100007F"}
+    six = Path("/proc/net/tcp6").read_text()
+    assert not any(f":{port:04X} " in six for port in served)
+
+
+@pytest.mark.viewer
+def test_chromium_draws_it(served: tuple[int, int], tmp_path: Path) -> None:
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    assert chromium is not None
+    picture = tmp_path / "web.png"
+    url = f"http://127.0.0.1:{served[0]}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served[1]}%2Fproxy&renderer=webgl"
+    flags = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    flags += ["--virtual-time-budget=30000", "--window-size=1600,1000", f"--user-data-dir={tmp_path}/profile"]
+    subprocess.run([chromium, *flags, f"--screenshot={picture}", url], capture_output=True, timeout=120, check=True)
+    image = imread(picture)
+    assert part_of_hue(image, (205, 90, 50)) + part_of_hue(image, (75, 110, 155)) > 0.002, "a body is drawn"
+
+
+# ---- verification -----------------------------------------------------------------------------------------
+
+
+class Changed(Recording):
+    """A recording whose message of one step was changed by the least that a number can change."""
+
+    step = -1
+
+    def __iter__(self) -> Iterator[Recordable]:
+        for message in super().__iter__():
+            if isinstance(message, Frame) and message.header.step == self.step:
+                x = message.x.copy()
+                x[0, 0] = np.nextafter(x[0, 0], 1.0)
+                message = replace(message, x=x)
+            yield message
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A real run of 30 steps, FEM and PBD together, recorded."""
+    path = tmp_path_factory.mktemp("verify") / "run.mcap"
+    scene = Scene.model_validate({**SCENE, "body": {**SCENE["body"], "cell": 0.025}, "duration": 0.3})  # type: ignore[dict-item]
+    bundle = Bundle(scene.model_dump_json(), {})
+    messages: list[Recordable] = []
+    simulation = Simulation(bundle, EmbeddedTransport(), emit=messages.append)
+    with McapRecorder(path, begin(bundle, simulation.body)) as recorder:
+        while not simulation.done:
+            simulation.step(fields=True)
+        for message in messages:
+            recorder.write(message)
+    simulation.close()
+    return path
+
+
+def test_a_run_is_simulated_again_bit_for_bit(simulated: Path) -> None:
+    found = verify(Recording(simulated), resimulate)
+    assert found.same and found.steps == found.frames == 30, found.text
+    assert found.text == "all 30 steps and 30 frames are the same, bit for bit"
+
+
+def test_verification_says_which_step_differs_first(simulated: Path) -> None:
+    changed = Changed(simulated)
+    changed.step = 17
+    found = verify(changed, resimulate)
+    assert not found.same and found.differs_at == 17
+    assert found.text.startswith("step 17 is the first that differs: x by up to ")
