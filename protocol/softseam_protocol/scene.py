@@ -294,8 +294,8 @@ class ModelsSpec(Spec):
 class SeamSpec(Spec):
     """When the two sides of the seam agree well enough."""
 
-    tolerance: Positive = Field(default=1e-4, description="largest position gap at commit, in cell edges [1]")
-    exchanges: int = Field(default=8, ge=1, description="most exchanges a step")
+    tolerance: Positive = Field(default=3e-4, description="largest position gap at commit, in cell edges [1]")
+    exchanges: int = Field(default=16, ge=1, description="most exchanges a step")
 
 
 class Scene(Spec):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from statistics import median
 from time import perf_counter
 
 from softseam_protocol.bus import Bus, Pending
@@ -16,30 +17,38 @@ from softseam_services.orchestrator.transport import ParticipantFailed, Particip
 
 TIMEOUT = 60.0
 """longest wait for a reply [s]; a process that dies or freezes is noticed long before"""
+FIRST = 10.0
+"""longest wait for a service before its first request [s]"""
 SERVICES = {"fem": "fem", "pbd": "pbd"}
 _RETRY = 0.25
+_KEPT = 4096
 
 
-@dataclass
 class BusTimes:
-    """What the bus has cost so far."""
+    """What the bus has cost in the latest exchanges in which every participant advanced."""
 
-    exchanges: int = 0
-    """exchanges in which every participant advanced"""
-    overhead: float = 0.0
-    """wall time of these exchanges beyond the slowest participant's own work [s]"""
-    payload: float = 0.0
-    """bytes sent and received in them, a participant"""
+    def __init__(self) -> None:
+        self._overhead: deque[float] = deque(maxlen=_KEPT)
+        self._size: deque[float] = deque(maxlen=_KEPT)
 
-    @property
-    def mean_overhead(self) -> float:
-        """[s] an exchange"""
-        return self.overhead / self.exchanges if self.exchanges else 0.0
+    def add(self, overhead: float, size: float) -> None:
+        """overhead [s] beyond the slowest participant's own work; size: bytes sent and received, a participant."""
+        self._overhead.append(overhead)
+        self._size.append(size)
 
     @property
-    def mean_payload(self) -> int:
-        """bytes sent and received an exchange, a participant"""
-        return round(self.payload / self.exchanges) if self.exchanges else 0
+    def exchanges(self) -> int:
+        return len(self._overhead)
+
+    @property
+    def overhead(self) -> float:
+        """Median [s] an exchange; 0 without any."""
+        return median(self._overhead) if self._overhead else 0.0
+
+    @property
+    def size(self) -> int:
+        """Median of the bytes sent and received an exchange, a participant."""
+        return round(median(self._size)) if self._size else 0
 
 
 class BusTransport:
@@ -84,10 +93,7 @@ class BusTransport:
             else:
                 advanced = False
         if advanced and requests:
-            times = self.times
-            times.exchanges += 1
-            times.overhead += max(0.0, perf_counter() - began - slowest)
-            times.payload += size / len(requests)
+            self.times.add(max(0.0, perf_counter() - began - slowest), size / len(requests))
         return replies
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
@@ -106,18 +112,18 @@ class BusTransport:
             changes.close()
         return False
 
-    def echo(self, size: int, count: int = 100) -> float:
-        """Median round trip of `size` bytes, half of them each way, to one participant [s]; 0 without one."""
+    def echo(self, size: int, count: int = 200) -> float:
+        """Median time of an exchange that only echoes: `size` bytes a participant, half of them each way [s]."""
         if not self._service_of:
             return 0.0
-        key = self._keys.echo(next(iter(self._service_of.values())))
         payload = bytes(max(1, size // 2))
+        requests = [(self._keys.echo(service), payload) for service in self._service_of.values()]
         trips = []
         for _ in range(count):
             began = perf_counter()
-            self._bus.request(key, payload, 1.0)
+            self._bus.request_all(requests, 1.0)
             trips.append(perf_counter() - began)
-        return sorted(trips)[count // 2]
+        return median(trips)
 
     def close(self) -> None:
         """Nothing to close: the bus belongs to the service."""
@@ -126,8 +132,12 @@ class BusTransport:
         service = self._services.get(participant) or self._services.get(model)
         if service is None:
             raise ParticipantFailed(participant, Failure("invalid", f"no service runs the model {model!r}"))
+        if self._service_of.get(participant) == service:
+            return
         self._service_of[participant] = service
         self._key_of[participant] = self._keys.participant(service)
+        # the first request may be sent before the router has introduced the two
+        self.wait_alive(participant, FIRST)
 
     def _collect(self, name: str, pending: Pending) -> bytes:
         try:

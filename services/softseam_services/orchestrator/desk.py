@@ -150,11 +150,11 @@ class Desk:
         times = self._transport.times
         if times.exchanges == 0:
             return
-        echo = self._transport.echo(times.mean_payload)
+        echo = self._transport.echo(times.size)
         if echo > 0.0:
             self._warn(
                 "bus",
-                f"{times.exchanges} exchanges cost {1e6 * times.mean_overhead:.0f} us each beyond the solvers' work; "
-                f"an echo of the same {times.mean_payload} B takes {1e6 * echo:.0f} us "
-                f"({times.mean_overhead / echo:.2f} times)",
+                f"{times.exchanges} exchanges cost {1e6 * times.overhead:.0f} us each beyond the solvers' work; "
+                f"an echo of the same {times.size} B to the same processes takes {1e6 * echo:.0f} us "
+                f"({times.overhead / echo:.2f} times)",
             )

@@ -33,6 +33,7 @@ class Quantities:
         low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
         self._top = float(high[2])
         self._bottom = float(low[2])
+        self._weight = float(body.cell_mass.sum() * np.linalg.norm(body.gravity))
         centre = 0.5 * (low + high)
         clamped = body.x_rest[body.fixed]
         away = np.array([1.0, 0.0, 0.0])
@@ -52,15 +53,20 @@ class Quantities:
         axis = self._program.grip_axis()
         return float(0.5 * (wrench[second, :3] - wrench[first, :3]) @ axis)
 
+    def height(self, replies: Mapping[str, Advanced]) -> float:
+        """How far the centre of mass rose since rest, against gravity [m]; without gravity, the lowest point."""
+        if self._weight > 0.0:
+            return sum(reply.gravity for reply in replies.values()) / self._weight
+        return min(float(reply.bounds[0, 2]) for reply in replies.values()) - self._bottom
+
     def measure(
         self, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, frame: Frame | None, lift_base: float
     ) -> dict[str, float]:
         """All quantities of the step; those that need fields only where there is a frame."""
-        low = min(float(reply.bounds[0, 2]) for reply in replies.values())
         high = max(float(reply.bounds[1, 2]) for reply in replies.values())
         found = {
             "grip_force": self.grip_force(wrench),
-            "lift_height": low - lift_base,
+            "lift_height": self.height(replies) - lift_base,
             "slip": max(reply.slip for reply in replies.values()),
             "sag": self._top - high,
             "compression": self._program.compression(position),

@@ -33,6 +33,8 @@ _DIRECT_EXCHANGES = 2
 """tried before the near side is condensed"""
 _CALM_STEPS = 3
 """steps whose prediction was good enough, after which both sides advance at once again"""
+_WORSE = 1.5
+"""growth of the gap after which the model is stiffened and the best round so far taken up again [1]"""
 _CURVATURE = 1e-3
 """least stiffness that a pair may teach, relative to the model's [1]"""
 
@@ -62,6 +64,18 @@ class SeamSolution:
     exchanges: int
     note: str
     """'' or what fell short"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """One condensed round: what the near side was given, what came out."""
+
+    gap: float
+    lambda_: Floats
+    anchor: Floats
+    stiffness: Floats
+    found: Floats
+    image: Floats
 
 
 def learn_stiffness(stiffness: Floats, moved: Floats, resisted: Floats) -> None:
@@ -98,12 +112,12 @@ class SeamLoop:
         self._calm = 0
         self._fresh = True
         self._stiffness: Floats | None = None
+        self._base: Floats | None = None
+        self._touched = False
 
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
-        if self.state.n_history == 0:
-            return np.zeros((self.state.n_nodes, 3))
-        return self.state.history[0].reshape(-1, 3).copy()
+        return self.state.multiplier.reshape(-1, 3).copy()
 
     def solve(self, ask: Ask) -> SeamSolution:
         """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged."""
@@ -136,12 +150,19 @@ class SeamLoop:
         return self._agree(replies, lambda_, answer.gap, self._most, "the sides' exchanges did not converge")
 
     def _condense(self, ask: Ask, lambda_: Floats, far: Advanced, exchanges: int) -> SeamSolution:
-        stiffness = self._stiffness
-        assert stiffness is not None
+        assert self._stiffness is not None and self._base is not None
         tolerance = self._solver.tolerance
+        renewed = False
+        anchor = self._tie.image(far.seam_x)
+        best: _Round | None = None
         while True:
-            anchor = self._tie.image(far.seam_x)
-            near = ask({NEAR: SideRequest(lambda_, False, anchor, stiffness)})[NEAR]
+            if (far.n_contacts > 0) != self._touched and not renewed:
+                # the far side lost or found its ground since its compliance was taken
+                far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True)})[FAR]
+                exchanges += 1
+                renewed = True
+                self._take_far(far)
+            near = ask({NEAR: SideRequest(lambda_, False, anchor, self._stiffness)})[NEAR]
             if exchanges == 1:
                 calm = float(np.abs(near.seam_x - anchor).max()) <= tolerance
                 self._calm = self._calm + 1 if calm else 0
@@ -150,25 +171,52 @@ class SeamLoop:
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             exchanges += 2
             image = self._tie.image(far.seam_x)
-            learn_stiffness(stiffness, (image - anchor).reshape(-1), (lambda_ - found).reshape(-1))
-            lambda_ = found
             gap = float(np.sqrt(((near.seam_x - image) ** 2).sum(axis=1).max()))
             if not np.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
-            replies = {NEAR: near, FAR: far}
             if gap <= tolerance:
-                return self._agree(replies, lambda_, gap, exchanges, "")
-            if exchanges + 2 > self._most:
-                return self._agree(replies, lambda_, gap, exchanges, "the far side answers too unevenly")
+                return self._agree({NEAR: near, FAR: far}, found, gap, exchanges, "")
+            if best is None or gap < best.gap:
+                best = _Round(gap, lambda_, anchor, self._stiffness.copy(), found, image)
+            if exchanges + 4 > self._most:
+                return self._settle(ask, best, gap, {NEAR: near, FAR: far}, found, exchanges)
+            learn_stiffness(self._stiffness, (image - anchor).reshape(-1), (lambda_ - found).reshape(-1))
+            if gap > _WORSE * best.gap:
+                # a model that is too soft overshoots, one that is too stiff is only slow
+                self._stiffness += self._base
+                lambda_, anchor = best.found, best.image
+            else:
+                lambda_, anchor = found, image
+
+    def _settle(
+        self, ask: Ask, best: _Round, gap: float, replies: dict[str, Advanced], found: Floats, exchanges: int
+    ) -> SeamSolution:
+        """Keep the best round of a step that would not converge; forget what the others taught."""
+        assert self._base is not None
+        self._stiffness = self._base.copy()
+        if best.gap < 0.7 * gap:
+            near = ask({NEAR: SideRequest(best.lambda_, False, best.anchor, best.stiffness)})[NEAR]
+            found = near.seam_force
+            far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
+            replies, exchanges = {NEAR: near, FAR: far}, exchanges + 2
+            gap = float(np.sqrt((self._tie.gap(near.seam_x, far.seam_x) ** 2).sum(axis=1).max()))
+        return self._agree(replies, found, gap, exchanges, "the far side's contact jumps with the seam's force")
+
+    def _take_far(self, far: Advanced) -> None:
+        """Keep the far side's answer to a request for its compliance."""
+        if far.compliance.size:
+            self._base = self._tie.far_stiffness(far.compliance)
+            self._stiffness = self._base.copy()
+            self._touched = far.n_contacts > 0
 
     def _rebuild(self, replies: dict[str, Advanced]) -> None:
         near, far = replies[NEAR].compliance, replies[FAR].compliance
-        if near.size == 0 or near.size != far.size:  # a solve that failed has no compliance; ask again
+        if near.size == 0 or near.size != far.size or not (np.isfinite(near).all() and np.isfinite(far).all()):  # a solve that failed has no compliance; ask again
             return
         self._solver.reset(self.state, self._tie.compliance(near, far))
         self._fresh = False
         if self._condensable:
-            self._stiffness = self._tie.far_stiffness(far)
+            self._take_far(replies[FAR])
 
     def _agree(
         self, replies: dict[str, Advanced], lambda_: Floats, gap: float, exchanges: int, note: str
@@ -180,7 +228,8 @@ class SeamLoop:
         """Everything that evolves, for a snapshot."""
         arrays = self.state.to_arrays()
         arrays["stiffness"] = np.zeros((0, 0)) if self._stiffness is None else self._stiffness
-        arrays["flags"] = np.array([self._condensed, self._calm, self._fresh], dtype=np.float64)
+        arrays["base"] = np.zeros((0, 0)) if self._base is None else self._base
+        arrays["flags"] = np.array([self._condensed, self._calm, self._fresh, self._touched], dtype=np.float64)
         return arrays
 
     def take(self, arrays: dict[str, NDArray[np.float64]]) -> None:
@@ -188,5 +237,8 @@ class SeamLoop:
         self.state = SeamState.from_arrays(arrays)
         stiffness = arrays["stiffness"]
         self._stiffness = np.array(stiffness) if stiffness.size else None
-        condensed, calm, fresh = arrays["flags"]
-        self._condensed, self._calm, self._fresh = bool(condensed), int(calm), bool(fresh)
+        base = arrays["base"]
+        self._base = np.array(base) if base.size else None
+        condensed, calm, fresh, touched = arrays["flags"]
+        self._condensed, self._calm = bool(condensed), int(calm)
+        self._fresh, self._touched = bool(fresh), bool(touched)

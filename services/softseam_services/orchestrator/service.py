@@ -36,7 +36,7 @@ from softseam_services.orchestrator.desk import Answer, Desk, Stopped
 from softseam_services.orchestrator.simulation import StepFailed
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.progress import tell_progress
-from softseam_services.warm_up import warm_orchestrator
+from softseam_services.warm_up import settle, warm_orchestrator
 
 ROLE = SERVICE = "orchestrator"
 MOST_SESSIONS = 16
@@ -188,6 +188,7 @@ def serve_orchestrator(options: BusOptions, life: Lifeline) -> None:
     """Serve clients until the process is asked to stop."""
     life.state = "compiling"
     warm_orchestrator()
+    settle()
     keys, instance = options.keys, new_instance()
     with options.open() as bus:
         handler = ClientHandler(bus, keys, life)

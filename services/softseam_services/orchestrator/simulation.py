@@ -133,7 +133,7 @@ class Simulation:
         self._progress = Progress()
         self._position = self.tools.position.copy()
         self._orientation = self.tools.orientation.copy()
-        self._lift_base = float(self.body.x_rest[:, 2].min())
+        self._lift_base = 0.0
         self._lifting = False
         self._report: StepReport | None = None
         self._frame: Frame | None = None
@@ -318,10 +318,10 @@ class Simulation:
         return command
 
     def _follow_lift(self, command: Floats, replies: Mapping[str, Advanced]) -> None:
-        """The lift is measured from the body's lowest point before a tool first rises."""
+        """The lift is measured from where the body was before a tool first rises."""
         self._lifting = self._lifting or bool((command[:, 2] > 0.0).any())
         if not self._lifting:
-            self._lift_base = min(float(reply.bounds[0, 2]) for reply in replies.values())
+            self._lift_base = self._quantities.height(replies)
 
     # ---- regions
 
