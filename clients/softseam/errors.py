@@ -6,6 +6,8 @@ goes on as if the call had not been made.
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 
 class SoftseamError(Exception):
     """Base of everything below; its text is one sentence for a user."""
@@ -79,3 +81,10 @@ def missing_extra(error: ImportError, purpose: str) -> ImportError:
     if extra is None or not isinstance(error, ModuleNotFoundError):
         return error
     return MissingExtra(f"{purpose} needs {absent}, which is not installed: pip install 'softseam[{extra}]'")
+
+
+def require_extra(extra: str, purpose: str) -> None:
+    """Raise MissingExtra where a package of an extra is not installed; imports nothing."""
+    for package, needed_by in _EXTRA_OF.items():
+        if needed_by == extra and find_spec(package) is None:
+            raise MissingExtra(f"{purpose} needs {package}, which is not installed: pip install 'softseam[{extra}]'")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from softseam.errors import BadInput, NoConnection, missing_extra
+from softseam.errors import BadInput, NoConnection, require_extra
 
 if TYPE_CHECKING:
     from softseam_services.bus_options import BusOptions
@@ -19,19 +19,18 @@ PURPOSE = "running services"
 
 def serve(role: str, connect: str | None, deployment: str | None, directory: Path | None, *, guard: bool) -> int:
     """Serve one role until SIGTERM or Ctrl-C; returns the exit code."""
-    try:
-        from softseam_services import launch
-    except ImportError as error:
-        raise missing_extra(error, PURPOSE) from error
+    from softseam_services import launch
+
+    if role != "router":
+        require_extra("solve", PURPOSE)
     return launch.serve(role, launch.ServeOptions(_options(connect, deployment), directory or launch.RECORDINGS, guard))
 
 
 def up(connect: str | None, deployment: str | None, directory: Path | None, command: tuple[str, ...]) -> int:
     """Run all services until Ctrl-C, or until `command` has ended; returns the exit code."""
-    try:
-        from softseam_services import launch
-    except ImportError as error:
-        raise missing_extra(error, PURPOSE) from error
+    from softseam_services import launch
+
+    require_extra("solve", PURPOSE)
     return launch.up(launch.UpOptions(_options(connect, deployment), directory or launch.RECORDINGS, command=command))
 
 
@@ -42,10 +41,9 @@ def services(connect: str, directory: Path, report: Callable[[str], None], ready
     report  told what the services say
     ready   longest wait until all of them are ready, compilation included [s]
     """
-    try:
-        from softseam_services import launch
-    except ImportError as error:
-        raise missing_extra(error, PURPOSE) from error
+    from softseam_services import launch
+
+    require_extra("solve", PURPOSE)
     options = launch.UpOptions(_options(connect, None), directory)
     with launch.supervisor(options, report) as supervisor:
         if not supervisor.wait_ready(ready):
@@ -55,10 +53,8 @@ def services(connect: str, directory: Path, report: Callable[[str], None], ready
 
 def health(connect: str | None, deployment: str | None) -> int:
     """Print which services are well; 0 if all are."""
-    try:
-        from softseam_services.__main__ import show_health
-    except ImportError as error:
-        raise missing_extra(error, PURPOSE) from error
+    from softseam_services.__main__ import show_health
+
     return show_health(replace(_options(connect, deployment), listen="", wait=3.0), ROLES)
 
 

@@ -8,6 +8,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+import pytest
+
 HEAVY = ("numba", "llvmlite", "scipy", "rerun", "zenoh", "pyarrow", "matplotlib", "meshio", "mcap")
 
 
@@ -54,12 +56,16 @@ def test_public_names_exist():
     """)
 
 
-def test_missing_solver_is_named():
-    """Without numba a run in this process ends with the command that installs it, not with a traceback."""
-    code = """
+@pytest.mark.parametrize(
+    "arguments", [["run", "tofu_grasp"], ["check", "tofu_grasp"], ["up"], ["serve", "fem"], ["demo"]]
+)
+def test_missing_solver_is_named(arguments, tmp_path, monkeypatch):
+    """Without numba whatever needs a solver ends with the command that installs it, not with a traceback."""
+    monkeypatch.chdir(tmp_path)
+    code = f"""
     import sys
     sys.modules["numba"] = None          # as if it were not installed: importing it raises ModuleNotFoundError
-    sys.argv = ["softseam", "run", "tofu_grasp"]
+    sys.argv = ["softseam", *{arguments!r}]
     from softseam.cli import main
     sys.exit(main())
     """
