@@ -21,7 +21,7 @@ FILL_FLOOR = 1e-3
 # steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
 # Columns of Anderson acceleration.
-MEMORY = 8
+MEMORY = 12
 
 
 class FemModel(NamedTuple):

@@ -132,6 +132,10 @@ class FemSolver:
         self._couple(request)
         whole = self._tool_tuple(request.tools)
         status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
+        if status == STALLED:
+            # slow, but not lost: points that slip on the bound of friction; go on with a new factor
+            self._memo[FACTORED] = 0.0
+            status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
         if status != CONVERGED:
             status = self._insist(now, end, request, whole)
             if status != CONVERGED:

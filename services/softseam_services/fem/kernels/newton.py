@@ -32,6 +32,8 @@ _TRIALS = 3
 # A step moves no node by more than this share of a cell edge, so that elements do not turn over on the way.
 _LIMIT = 0.3
 _CAREFUL_LIMIT = 0.1
+# A first guess closer to the start of the step than this share of a cell edge is not worth a doubt.
+_FAR = 1e-3
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,6 +175,18 @@ def _move(x, order, step, scale):
 
 
 @njit(cache=True, error_model="numpy")
+def farthest(x0, x):
+    """Longest way of a node between two configurations [m]."""
+    longest = 0.0
+    for node in range(len(x0)):
+        square = 0.0
+        for i in range(3):
+            square += (x[node, i] - x0[node, i]) ** 2
+        longest = max(longest, square)
+    return np.sqrt(longest)
+
+
+@njit(cache=True, error_model="numpy")
 def _too_slow(largest, first, tolerance, since):
     """Whether the mean rate so far asks for more iterations than a new factor costs."""
     if largest <= tolerance or since == 0:
@@ -186,15 +200,17 @@ def _too_slow(largest, first, tolerance, since):
 
 
 @njit(cache=True, error_model="numpy")
-def newton(x, model, tree, tools, count, dt, tolerance, most, careful, work, memo):
+def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work, memo):
     """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
 
-    The factor at hand is tried first, with Anderson acceleration; a new one is made where contacts are missing in it
-    or convergence is slow. careful: a new, positive semi-definite matrix every time, short steps, and a line search
-    along each.
+    The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
+    tool stopped or turned. The factor at hand is tried first, with Anderson acceleration; a new one is made where
+    contacts are missing in it or convergence is slow. careful: a new, positive semi-definite matrix every time, short
+    steps, and a line search along each.
     """
     known, since, first = -1, 0, 0.0
     slope = -1.0
+    guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
     for iteration in range(1, most + 1):
         missing = residual(x, model, tools, count, dt, work, memo)
@@ -222,6 +238,13 @@ def newton(x, model, tree, tools, count, dt, tolerance, most, careful, work, mem
                 break
         if not np.isfinite(largest):
             return NOT_FINITE, iteration
+        if guessed > _FAR * model.edge and not careful and largest > 0.5 * guessed:
+            for node in range(len(x)):
+                for i in range(3):
+                    x[node, i] = x0[node, i]
+            guessed = 0.0
+            continue
+        guessed = 0.0
         if since == 0:
             known, first = -1, largest
         since += 1

@@ -18,7 +18,7 @@ from softseam_services.fem.kernels.contact import (
     find_candidates,
     point_position,
 )
-from softseam_services.fem.kernels.newton import CONVERGED, newton, seam_pull
+from softseam_services.fem.kernels.newton import CONVERGED, farthest, newton, seam_pull
 from softseam_services.tools.kernels import cell_distances
 
 # entries of `out`
@@ -114,18 +114,6 @@ def _summarise(x0, x, v, seam_force, model, work, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _reach_of(x0, x):
-    """Longest way of a node between two configurations [m]."""
-    farthest = 0.0
-    for node in range(len(x0)):
-        square = 0.0
-        for i in range(3):
-            square += (x[node, i] - x0[node, i]) ** 2
-        farthest = max(farthest, square)
-    return np.sqrt(farthest)
-
-
-@njit(cache=True, error_model="numpy")
 def advance(x0, v0, contact0, dt, seam_force, model, tree, tools, tolerance, most, careful, work, memo,
             x, v, contact, wrench, out, seam_x, distance):  # fmt: skip
     """One implicit Euler step from x0, v0, contact0 over dt; returns a status of `newton`.
@@ -151,14 +139,14 @@ def advance(x0, v0, contact0, dt, seam_force, model, tree, tools, tolerance, mos
         if search:
             count = find_candidates(x0, model, tools, contact0, reach, work)
             search = False
-        status, iterations = newton(x, model, tree, tools, count, dt, tolerance, most, careful, work, memo)
+        status, iterations = newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work, memo)
         out[N_ITERATIONS] += iterations
         if status != CONVERGED:
             return status
-        farthest = _reach_of(x0, x)
-        if farthest > reach:
+        way = farthest(x0, x)
+        if way > reach:
             # a node went farther than the search for contacts looked
-            reach = 2.0 * farthest
+            reach = 2.0 * way
             search = True
             continue
         evaluate_contacts(x, model, tools, count, work)
