@@ -102,16 +102,21 @@ def demo(
     "softseam replay run.mcap --verify"
 )
 def replay(
-    recording: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.mcap).")],
+    recording: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A recording (.mcap), or a folder: its newest one.")
+    ],
     save: Annotated[Path | None, typer.Option(metavar="FILE", help="Save for rerun (.rrd) instead of showing.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Show in a web browser, served on this machine alone.")] = False,
     verify: Annotated[bool, typer.Option("--verify", help="Simulate again and compare bit for bit.")] = False,
     pictures: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw pictures into this folder.")] = None,
+    bind: Annotated[str, typer.Option(metavar="ADDRESS", help="For --web: where browsers reach it.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="PORT", help="For --web: the browser's port.")] = 9090,
 ) -> None:
     """Show a recording in rerun, save it for rerun, draw it, or verify it."""
     from softseam.showing import show
 
-    raise typer.Exit(show(recording, _out(), save=save, web=web, verify=verify, pictures=pictures))
+    code = show(recording, _out(), save=save, web=web, verify=verify, pictures=pictures, bind=bind, port=port)
+    raise typer.Exit(code)
 
 
 @app.command(epilog="[bold]Example[/bold]\n\nsoftseam check my.yaml --set body.cell=0.01")

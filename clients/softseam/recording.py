@@ -32,10 +32,13 @@ class RecordingError(Exception):
 
 
 class Recording:
-    """A recording on disk. Opening it reads through the file once and checks it; iterating reads it again."""
+    """A recording on disk. Opening it reads through the file once and checks it; iterating reads it again.
+
+    path  a file, or a folder: then its newest recording
+    """
 
     def __init__(self, path: Path | str) -> None:
-        self.path = Path(path)
+        self.path = _newest(Path(path))
         self.counts: dict[str, int] = {}
         """messages by type"""
         self.surface: SurfaceMesh | None = None
@@ -164,6 +167,15 @@ class Recording:
             )
         if "scene.json" not in self._files:
             raise RecordingError(f"{self.path} ends before its scene: there is nothing in it to read")
+
+
+def _newest(path: Path) -> Path:
+    if not path.is_dir():
+        return path
+    files = sorted(path.glob("*.mcap"), key=lambda file: file.stat().st_mtime)
+    if not files:
+        raise RecordingError(f"there is no recording (*.mcap) in the folder {path}")
+    return files[-1]
 
 
 def _named(group: Group, channels: dict[int, str]) -> Iterator[tuple[str, Message]]:

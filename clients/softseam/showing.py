@@ -23,6 +23,8 @@ def show(
     web: bool = False,
     verify: bool = False,
     pictures: Path | None = None,
+    bind: str = "127.0.0.1",
+    port: int = 9090,
 ) -> int:
     """Do what is asked with a recording, in the order verify, save, pictures; show it where nothing is.
 
@@ -46,7 +48,7 @@ def show(
         if web or not (verify or save or pictures):
             from softseam.replay import replay
 
-            replay(recording, web=web)
+            replay(recording, web=web, bind=bind, port=port)
     return code
 
 

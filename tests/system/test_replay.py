@@ -21,7 +21,7 @@ from softseam.embedded import resimulate
 from softseam.recording import Recording
 from softseam.replay import ReplayError, replay, verify
 from softseam.replay.screenshot import screenshots
-from softseam.replay.show import free_port, viewer, web_command
+from softseam.replay.show import free_port, viewer, web_address, web_command
 from softseam_protocol.messages import Bundle, Frame
 from softseam_protocol.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -154,7 +154,7 @@ def test_the_web_viewer_listens_on_loopback_only(served: tuple[int, int]) -> Non
 def test_chromium_draws_it(served: tuple[int, int], tmp_path: Path) -> None:
     chromium = shutil.which("chromium") or shutil.which("google-chrome")
     assert chromium is not None
-    url = f"http://127.0.0.1:{served[0]}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served[1]}%2Fproxy&renderer=webgl"
+    url = web_address(*served) + "&renderer=webgl"
     part = 0.0
     with browse(chromium, url, tmp_path / "profile") as page:
         deadline = time.monotonic() + 120.0

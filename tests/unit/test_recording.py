@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -103,7 +104,7 @@ def newer(path: Path) -> None:
     ("make", "words"),
     [
         (lambda path: None, "there is no recording"),
-        (lambda path: path.mkdir(), "cannot read"),
+        (lambda path: path.mkdir(), "no recording .* in the folder"),
         (lambda path: path.write_bytes(b""), "does not begin like an MCAP file"),
         (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" * 10), "does not begin like an MCAP file"),
         (lambda path: path.write_bytes(bytes((137, 77, 67, 65, 80, 48, 13, 10))), "cut off at once"),
@@ -117,3 +118,10 @@ def test_what_is_no_recording_is_one_clear_error(tmp_path: Path, make: object, w
     with pytest.raises(RecordingError, match=words) as caught:
         Recording(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_folder_stands_for_its_newest_recording(tmp_path: Path) -> None:
+    for i, name in enumerate(("b.mcap", "a.mcap")):
+        LogFile(tmp_path / name, Squeeze(1, cell=0.025).begin).close()
+        os.utime(tmp_path / name, (i, i))
+    assert Recording(tmp_path).path.name == "a.mcap"

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from urllib.parse import quote
 
 import rerun as rr
 import rerun_cli
@@ -24,12 +25,18 @@ class ReplayError(Exception):
 
 
 def replay(
-    recording: Recording | Path | str, *, save: Path | str | None = None, web: bool = False, port: int = 9090
+    recording: Recording | Path | str,
+    *,
+    save: Path | str | None = None,
+    web: bool = False,
+    bind: str = LOOPBACK,
+    port: int = 9090,
 ) -> Path | None:
     """Write a .rrd file, or show the recording until the viewer is closed (or, in a browser, until Ctrl-C).
 
     save  the file to write; nothing is shown then
-    web   serve a viewer for browsers on this machine only
+    web   serve a viewer for browsers
+    bind  address at which browsers reach it; the default is this machine alone, a container wants 0.0.0.0
     port  the browser's port; another free one where it is taken
     Raises RecordingError and ReplayError; returns the file that was saved.
     """
@@ -41,8 +48,9 @@ def replay(
         file = save_rrd(recording, Path(folder) / f"{recording.path.stem}.rrd")
         if web:
             http = free_port(port)
-            command = web_command(file, http, free_port(9876))
-            print(f"open http://{LOOPBACK}:{http} in a browser on this machine; Ctrl-C ends it", flush=True)
+            grpc = free_port(9876)
+            command = web_command(file, http, grpc, bind)
+            print(f"open {web_address(http, grpc)} in a browser on this machine; Ctrl-C ends it", flush=True)
         else:
             command = [viewer(), str(file), "--bind", LOOPBACK, "--port", str(free_port(9876))]
         _run(command)
@@ -78,10 +86,16 @@ def viewer() -> str:
     return str(Path(rerun_cli.__file__).parent / name)
 
 
-def web_command(file: Path, http: int, grpc: int) -> list[str]:
+def web_address(http: int, grpc: int) -> str:
+    """The page that shows what `web_command` serves."""
+    source = quote(f"rerun+http://{LOOPBACK}:{grpc}/proxy", safe="")
+    return f"http://{LOOPBACK}:{http}/?url={source}"
+
+
+def web_command(file: Path, http: int, grpc: int, bind: str = LOOPBACK) -> list[str]:
     """Serve `file` to browsers on this machine; rerun's own default would be every interface."""
     ports = ["--port", str(grpc), "--web-viewer-port", str(http)]
-    return [viewer(), str(file), "--serve-web", "--bind", LOOPBACK, *ports]
+    return [viewer(), str(file), "--serve-web", "--bind", bind, *ports]
 
 
 def _run(command: list[str]) -> None:
