@@ -25,8 +25,9 @@ class Accounts:
 
     def reset(self) -> None:
         self._ledger: LedgerState | None = None
-        self.alarms: tuple[Alarm, ...] = ()
-        """alarms of the last step"""
+        self.raised: tuple[Alarm, ...] = ()
+        """alarms that the last step was the first of the run to raise"""
+        self._told: set[Alarm] = set()
         self.begin(perf_counter())
 
     def begin(self, now: float) -> None:
@@ -86,7 +87,9 @@ class Accounts:
             self._ledger = self._book.open(energies)
         else:
             entry = self._book.step(self._ledger, energies, tool_work, seam_work, 0.0)
-            dissipation, switch, self.alarms = entry.dissipation, entry.switch, entry.alarms
+            dissipation, switch = entry.dissipation, entry.switch
+            self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
+            self._told.update(self.raised)
         total = perf_counter() - self._began
         seconds = dict(self._seconds)
         seconds["total"] = total

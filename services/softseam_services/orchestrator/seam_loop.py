@@ -114,6 +114,7 @@ class SeamLoop:
         self._stiffness: Floats | None = None
         self._base: Floats | None = None
         self._touched = False
+        self._n_contacts = 0
 
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
@@ -123,7 +124,9 @@ class SeamLoop:
         """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged."""
         lambda_ = self._solver.predict(self.state)
         if self._condensed and not self._fresh:
-            far = ask({FAR: SideRequest(self._tie.far_force(lambda_))})[FAR]
+            left_ground = self._touched and self._n_contacts == 0
+            far = ask({FAR: SideRequest(self._tie.far_force(lambda_), left_ground)})[FAR]
+            self._take_far(far)
             return self._condense(ask, lambda_, far, 1)
         replies: dict[str, Advanced] = {}
         for exchange in range(1, self._most + 1):
@@ -156,8 +159,8 @@ class SeamLoop:
         anchor = self._tie.image(far.seam_x)
         best: _Round | None = None
         while True:
-            if (far.n_contacts > 0) != self._touched and not renewed:
-                # the far side lost or found its ground since its compliance was taken
+            if far.n_contacts > 0 and not self._touched and not renewed:
+                # the far side found ground since its compliance was taken: a model too soft for it would overshoot
                 far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True)})[FAR]
                 exchanges += 1
                 renewed = True
@@ -211,7 +214,9 @@ class SeamLoop:
 
     def _rebuild(self, replies: dict[str, Advanced]) -> None:
         near, far = replies[NEAR].compliance, replies[FAR].compliance
-        if near.size == 0 or near.size != far.size or not (np.isfinite(near).all() and np.isfinite(far).all()):  # a solve that failed has no compliance; ask again
+        if (
+            near.size == 0 or near.size != far.size or not (np.isfinite(near).all() and np.isfinite(far).all())
+        ):  # a solve that failed has no compliance; ask again
             return
         self._solver.reset(self.state, self._tie.compliance(near, far))
         self._fresh = False
@@ -222,6 +227,7 @@ class SeamLoop:
         self, replies: dict[str, Advanced], lambda_: Floats, gap: float, exchanges: int, note: str
     ) -> SeamSolution:
         self._solver.commit(self.state, lambda_)
+        self._n_contacts = replies[FAR].n_contacts
         return SeamSolution(replies, lambda_, gap, exchanges, note)
 
     def to_arrays(self) -> dict[str, NDArray[np.float64]]:
@@ -229,7 +235,9 @@ class SeamLoop:
         arrays = self.state.to_arrays()
         arrays["stiffness"] = np.zeros((0, 0)) if self._stiffness is None else self._stiffness
         arrays["base"] = np.zeros((0, 0)) if self._base is None else self._base
-        arrays["flags"] = np.array([self._condensed, self._calm, self._fresh, self._touched], dtype=np.float64)
+        arrays["flags"] = np.array(
+            [self._condensed, self._calm, self._fresh, self._touched, self._n_contacts], dtype=np.float64
+        )
         return arrays
 
     def take(self, arrays: dict[str, NDArray[np.float64]]) -> None:
@@ -239,6 +247,6 @@ class SeamLoop:
         self._stiffness = np.array(stiffness) if stiffness.size else None
         base = arrays["base"]
         self._base = np.array(base) if base.size else None
-        condensed, calm, fresh, touched = arrays["flags"]
+        condensed, calm, fresh, touched, n_contacts = arrays["flags"]
         self._condensed, self._calm = bool(condensed), int(calm)
-        self._fresh, self._touched = bool(fresh), bool(touched)
+        self._fresh, self._touched, self._n_contacts = bool(fresh), bool(touched), int(n_contacts)

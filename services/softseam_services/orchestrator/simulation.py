@@ -190,7 +190,7 @@ class Simulation:
             command=command,
         )
         self._accounts.switched(kinetic_change)
-        for alarm in self._accounts.alarms:
+        for alarm in self._accounts.raised:
             self._event("energy", f"step {self._step - 1}: {alarm.value}")
         self._report = report
         if self._emit is not None:
