@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from softseam_coupling.mortar import SeamTie, identity_tie, mortar_tie
 
+from softseam_coupling.mortar import SeamTie, identity_tie, mortar_tie
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides
 
