@@ -181,8 +181,12 @@ def up(options: UpOptions, report: Callable[[str], None] = say) -> int:
 def _run_client(command: Sequence[str], services: Supervisor) -> int:
     """Run the client's command beside the services; it is stopped where they give up."""
     process = subprocess.Popen(command)
-    ended = threading.Thread(target=lambda: (process.wait(), services.request_stop()), daemon=True)
-    ended.start()
+
+    def follow() -> None:
+        process.wait()
+        services.request_stop()
+
+    threading.Thread(target=follow, daemon=True).start()
     services.wait_stopped()
     if process.poll() is None:
         process.terminate()

@@ -16,7 +16,7 @@ from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.progress import tell_progress
 from softseam_services.server import ParticipantServer
-from softseam_services.warm_up import warm_participant
+from softseam_services.warm_up import settle, warm_participant
 
 ROLE = "participant"
 _log = logging.getLogger(__name__)
@@ -65,6 +65,7 @@ def serve_participant(model: str, options: BusOptions, life: Lifeline, name: str
     service = name or model
     life.state = "compiling"
     warm_participant(model)
+    settle()
     handler = ParticipantHandler(model)
     keys, instance = options.keys, new_instance()
     with options.open() as bus:
