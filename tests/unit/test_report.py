@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from squeeze import Squeeze
 
 from softseam.recording import Recording
 from softseam.report import ReportBuilder, write_report
+from softseam_protocol.messages import StepReport
 from softseam_protocol.scene_file import scene_hash
 from softseam_services.recorder.recorder import McapRecorder
 
@@ -150,3 +152,25 @@ def test_the_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
         write_report({"bad": math.nan}, path)
     assert json.loads(path.read_text()) == report, "the file that was there stays"
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
+
+
+def outcome(run: Squeeze, *, touching: bool, slip: float | None = None) -> str:
+    """The verdict on a run whose tools keep pressing, or do not, and with another slip [m]."""
+    builder = ReportBuilder(run.bundle)
+    for message in run.messages():
+        if isinstance(message, StepReport):
+            wrench = message.wrench.copy()
+            wrench[1:3, 0] = (-13.0, 13.0) if touching or message.header.step < 20 else 0.0
+            wrench[1:3, 2] = 0.0
+            quantities = message.quantities if slip is None else {**message.quantities, "slip": slip}
+            message = replace(message, wrench=wrench, quantities=quantities)
+        builder.add(message)
+    return builder.verdict.outcome
+
+
+def test_what_counts_as_dropped() -> None:
+    """Slid down between tools that still press; or no longer pressed; but not a long body that hangs from the tools."""
+    assert outcome(Squeeze(40, drop=True), touching=True) == "dropped"
+    assert outcome(Squeeze(40), touching=False) == "dropped"
+    assert outcome(Squeeze(40, drop=True), touching=True, slip=1e-4) == "lifted"
+    assert outcome(Squeeze(40), touching=True) == "lifted"
