@@ -43,8 +43,10 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     force = sum(np.linalg.norm(each, axis=0) for each in forces)
     touched, touches = bool(force.max() > 0.0), bool(force[-1] > _LOST * force.max())
     risen = float(height[-1]) if np.isfinite(height[-1]) else (rise if touches else 0.0)
-    slip = columns["quantity.slip"][-1]
-    slid = not np.isfinite(slip) or slip >= 0.5 * (rise - risen)
+    slip = columns["quantity.slip"]
+    slip = slip[np.isfinite(slip)]
+    # the largest so far: a point that has slid out of the tools' reach no longer counts in the last step
+    slid = not len(slip) or slip.max() >= 0.5 * (rise - risen)
     figures = f"the tools rose by {1e3 * rise:.1f} mm, the body by {1e3 * risen:.1f} mm"
     if not touched:
         return Verdict("missed", f"the tools never touched the body: {figures}{end}")

@@ -155,7 +155,7 @@ def test_the_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 def outcome(run: Squeeze, *, touching: bool, slip: float | None = None) -> str:
-    """The verdict on a run whose tools keep pressing, or do not, and with another slip [m]."""
+    """The verdict on a run whose tools keep pressing, or do not, and with another slip [m], gone in the last step."""
     builder = ReportBuilder(run.bundle)
     for message in run.messages():
         if isinstance(message, StepReport):
@@ -163,6 +163,8 @@ def outcome(run: Squeeze, *, touching: bool, slip: float | None = None) -> str:
             wrench[1:3, 0] = (-13.0, 13.0) if touching or message.header.step < 20 else 0.0
             wrench[1:3, 2] = 0.0
             quantities = message.quantities if slip is None else {**message.quantities, "slip": slip}
+            if message.done:
+                quantities = {**quantities, "slip": 0.0}
             message = replace(message, wrench=wrench, quantities=quantities)
         builder.add(message)
     return builder.verdict.outcome
