@@ -30,7 +30,9 @@ from softseam_services.orchestrator.sides import FAR, NEAR
 Floats = NDArray[np.float64]
 
 _DIRECT_EXCHANGES = 2
-"""tried before the near side is condensed"""
+"""least number tried before the near side is condensed"""
+_SLOW = 0.3
+"""share of the gap that an exchange may leave without the near side being condensed [1]"""
 _CALM_STEPS = 3
 """steps whose prediction was good enough, after which both sides advance at once again"""
 _WORSE = 1.5
@@ -144,7 +146,8 @@ class SeamLoop:
                 raise SeamDiverged(answer.outcome.value)
             if answer.outcome is Outcome.ACCEPT:
                 return self._agree(replies, lambda_, answer.gap, exchange, "")
-            if self._condensable and self._stiffness is not None and exchange >= _DIRECT_EXCHANGES:
+            slow = exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
+            if slow and self._condensable and self._stiffness is not None:
                 self._condensed = True
                 return self._condense(ask, lambda_, replies[FAR], exchange)
             if exchange < self._most:
@@ -214,10 +217,8 @@ class SeamLoop:
 
     def _rebuild(self, replies: dict[str, Advanced]) -> None:
         near, far = replies[NEAR].compliance, replies[FAR].compliance
-        if (
-            near.size == 0 or near.size != far.size or not (np.isfinite(near).all() and np.isfinite(far).all())
-        ):  # a solve that failed has no compliance; ask again
-            return
+        if near.size == 0 or near.size != far.size or not np.isfinite(near + far).all():
+            return  # a solve that failed has no compliance; ask again
         self._solver.reset(self.state, self._tie.compliance(near, far))
         self._fresh = False
         if self._condensable:
@@ -235,9 +236,8 @@ class SeamLoop:
         arrays = self.state.to_arrays()
         arrays["stiffness"] = np.zeros((0, 0)) if self._stiffness is None else self._stiffness
         arrays["base"] = np.zeros((0, 0)) if self._base is None else self._base
-        arrays["flags"] = np.array(
-            [self._condensed, self._calm, self._fresh, self._touched, self._n_contacts], dtype=np.float64
-        )
+        flags = [self._condensed, self._calm, self._fresh, self._touched, self._n_contacts]
+        arrays["flags"] = np.array(flags, dtype=np.float64)
         return arrays
 
     def take(self, arrays: dict[str, NDArray[np.float64]]) -> None:

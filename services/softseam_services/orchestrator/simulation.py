@@ -231,7 +231,8 @@ class Simulation:
             if entries["scene"].tobytes() != self._bundle.scene.encode():
                 raise ArchiveError("this state was saved from another scene: open that scene to restore it")
             numbers = entries["numbers"]
-            regions = RegionState.from_arrays({k[8:]: v for k, v in entries.items() if k.startswith("regions.")})
+            masks = {k[8:]: v.astype(np.int32) for k, v in entries.items() if k.startswith("regions.")}
+            regions = RegionState.from_arrays(masks)
             seam = {k[5:]: v.astype(np.float64) for k, v in entries.items() if k.startswith("seam.")}
             position, orientation = entries["position"], entries["orientation"]
             ledger = entries["ledger"]

@@ -18,7 +18,7 @@ _OCTANTS = np.arange(8).reshape(2, 2, 2)
 def _sheet(cube: NDArray[np.int64], face: int) -> NDArray[np.int64]:
     """Local ids on a face -x +x -y +y -z +z, the lower remaining axis fastest."""
     axis, last = divmod(face, 2)
-    return np.take(cube, -1 if last else 0, axis=2 - axis).reshape(-1)
+    return np.asarray(np.take(cube, -1 if last else 0, axis=2 - axis)).reshape(-1)
 
 
 def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32]) -> SeamTie:
