@@ -24,7 +24,6 @@ from softseam.session import Session
 from softseam.session import open as open_session
 from softseam.showing import draw, drawing_errors
 from softseam.variants import Model
-from softseam_protocol.scene_file import bundle_scene
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def follow(
     began    when its set-up began, on the clock of perf_counter [s]
     """
     scene = session.scene
-    builder = ReportBuilder(bundle_scene(scene), facts=_facts(), model=None if model == "hybrid" else model)
+    builder = ReportBuilder(session.bundle, facts=_facts(), model=None if model == "hybrid" else model)
     setup: float | None = None
 
     def step(observation: Observation) -> None:

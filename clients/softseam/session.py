@@ -80,14 +80,16 @@ def open(
         from softseam.connected import ConnectedBackend
 
         backend = ConnectedBackend(bundle, connect, record=bool(record), timeout=timeout)
-    return Session(varied, backend)
+    return Session(varied, bundle, backend)
 
 
 class Session:
     """One simulation of one scene. A context manager; not for use from several threads at once."""
 
-    def __init__(self, scene: Scene, backend: Backend) -> None:
+    def __init__(self, scene: Scene, bundle: messages.Bundle, backend: Backend) -> None:
         self.scene = scene
+        self.bundle = bundle
+        """the scene and the files that it names"""
         self._backend: Backend | None = backend
         self._tools = tuple(scene.tools)
         self._last: Observation | None = None
