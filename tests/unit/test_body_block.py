@@ -109,11 +109,17 @@ def test_region_masses_sum_to_the_body_and_seams_are_shared():
     assert not body.fixed[seam].any()
     total = np.zeros(body.n_nodes)
     seen = []
-    for cells in (near, far):
-        region = build_region(body, cells[::-1], seam)  # order does not matter
+    for cells, owns in ((near, True), (far, False)):
+        region = build_region(body, cells[::-1], seam, owns)  # order does not matter
         np.testing.assert_array_equal(region.nodes[region.cell_nodes], body.cell_nodes[cells])
         np.testing.assert_array_equal(region.nodes[region.seam], seam)
-        np.testing.assert_array_equal(region.cells[region.point_cell], body.surface.cell[region.points])
+        indptr, node, weight = point_weights(body, region, "fem")
+        np.testing.assert_array_equal(np.diff(indptr), 1)
+        np.testing.assert_array_equal(weight, 1.0)
+        at = region.nodes[node]
+        np.testing.assert_allclose(body.x_rest[at], rest_points(body)[region.points], atol=1e-16)
+        # points on the seam belong to one side, whichever cell carries them in the body
+        assert np.isin(at, seam).any() == owns
         np.testing.assert_array_equal(region.fixed, body.fixed[region.nodes])
         total[region.nodes] += region.mass
         seen.append(region.points)
