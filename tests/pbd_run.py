@@ -89,9 +89,10 @@ class PbdRun:
         x: Floats | None = None,
         v: Floats | None = None,
         state: BodyState | None = None,
+        files: Mapping[str, bytes] | None = None,
     ) -> None:
         self.scene = scene
-        self.body = build_body(scene, {})
+        self.body = build_body(scene, files or {})
         self.tools = build_tools(scene)
         everything = np.arange(self.body.n_cells, dtype=np.int32)
         none = np.zeros(0, dtype=np.int32)

@@ -241,6 +241,12 @@ def test_requests_that_are_not_finite_are_answered_and_change_nothing(what):
     assert run.solver.snapshot() == before
 
 
+def test_a_seam_that_yields_is_refused_by_name():
+    run = _split()
+    request = dataclasses.replace(run.request(), seam_anchor=run.x[run.region.seam])
+    assert "seam_anchor" in run.solver.advance(request).status
+
+
 def test_a_force_beyond_all_reason_fails_with_a_remedy():
     run = _split()
     force = np.full((len(run.region.seam), 3), 1e200)

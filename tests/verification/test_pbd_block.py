@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pbd_run import CLAMP_LEFT, Energy, PbdRun, block_scene, static_solution
 
 from softseam_services.body.materials import MATERIALS
+from softseam_services.pbd.kernels.sweep import new_workspace, strain_energy
 
 KINDS = ("neo_hookean", "linear")
 
@@ -38,6 +39,65 @@ def test_force_is_minus_the_gradient_of_the_energy(kind, hourglass, scale):
     force = energy.force(x)
     # Central differences: h^2 error plus roundoff of the energy over h.
     np.testing.assert_allclose(-np.sum(force * direction), slope, rtol=2e-6, atol=1e-6 * np.abs(force).sum())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_hourglass_energies_are_those_of_bending_and_twist(kind):
+    """One block of 10 x 8 x 6 mm in pure modes of amplitude q, energy over V q^2/2, E 20 kPa, nu 0.4, a = 2/l.
+
+    Bending u_x = q xi zeta alone: E/(1 - nu^2) a_x^2/3, the plate's; with the anticlastic u_y = r q eta zeta that a
+    beam takes, r a_y = -nu a_x, E a_x^2/3, the beam's; warping u_x = q eta zeta: mu/3 (a_y^2 + a_z^2); twist
+    u_c = q xi eta zeta: E a_c^2/9.
+    """
+    run = PbdRun(block_scene((0.02, 0.016, 0.012), (0.02, 0.016, 0.012), kind=kind, poisson=0.4))
+    energy = Energy(run)
+    young, nu, mu = 20e3, 0.4, run.body.material.mu
+    edges = np.array([0.010, 0.008, 0.006])
+    a = 2.0 / edges
+    q = 1e-6
+    centre = np.array([-0.005, -0.004, 0.003])
+    s = (run.body.x_rest - centre) / (0.5 * edges)
+    only = np.all(np.abs(s) < 1.0 + 1e-9, axis=1)
+    xi, eta, zeta = s.T
+    zero = np.zeros_like(xi)
+
+    def value(u_x, u_y, u_z):
+        x = run.body.x_rest[only] + q * np.stack([u_x, u_y, u_z], axis=1)[only]
+        return _single_block(run, only, x) / (0.5 * edges.prod() * q * q)
+
+    r = -nu * a[0] / a[1]
+    expected = {
+        "plate": young / (1 - nu**2) * a[0] ** 2 / 3,
+        "beam": young * a[0] ** 2 / 3,
+        "warp": mu * (a[1] ** 2 + a[2] ** 2) / 3,
+        "twist x": young * a[0] ** 2 / 9,
+        "twist z": young * a[2] ** 2 / 9,
+    }
+    found = {
+        "plate": value(xi * zeta, zero, zero),
+        "beam": value(xi * zeta, r * eta * zeta, zero),
+        "warp": value(eta * zeta, zero, zero),
+        "twist x": value(xi * eta * zeta, zero, zero),
+        "twist z": value(zero, zero, xi * eta * zeta),
+    }
+    for name in expected:
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-4, err_msg=name)
+
+
+def _single_block(run: PbdRun, only: np.ndarray, x: np.ndarray) -> float:
+    """Energy [J] of the block whose nodes are `only`, at positions x (8, 3)."""
+    blocks = run.solver.model.blocks
+    ids = np.flatnonzero(only)
+    batch, lane = np.nonzero(np.isin(blocks.nodes, ids).all(axis=1))
+    assert len(batch) == 1
+    n = len(only)
+    xw = np.zeros((n + 8, 4))
+    xw[:n, :3] = run.body.x_rest
+    xw[n:, :3] = blocks.padding_x
+    xw[ids, :3] = x
+    volume = np.zeros_like(blocks.volume)
+    volume[batch[0], lane[0]] = blocks.volume[batch[0], lane[0]]
+    return float(strain_energy(new_workspace(), xw, blocks.nodes, volume, blocks.constants, blocks.linear)[0])
 
 
 @settings(max_examples=20, deadline=None)

@@ -39,6 +39,7 @@ class Fault(Enum):
 
     NONE = "converged"
     INPUT = "a tool pose, the seam force or dt is not finite or not positive: check the request"
+    ANCHOR = "PBD takes a seam force that is constant over the step: leave seam_anchor empty on this side"
     DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
     ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
 
@@ -136,8 +137,8 @@ class PbdSolver:
         committed, work = self._committed, self._work
         result = self._result
         iterations = 0
-        fault = Fault.INPUT
-        if _finite(request):
+        fault = Fault.ANCHOR if len(request.seam_anchor) else Fault.INPUT
+        if fault is Fault.INPUT and _finite(request):
             if committed.monitor[4] != 0.0:
                 self._share_out(request)
             for attempt in range(RETRIES + 1):
@@ -145,7 +146,7 @@ class PbdSolver:
                 fault = self._check()
                 if fault is Fault.NONE:
                     break
-        if fault in (Fault.INPUT, Fault.DIVERGED):
+        if fault in (Fault.INPUT, Fault.ANCHOR, Fault.DIVERGED):
             np.copyto(work.buffer, committed.buffer)
             result[:] = 0.0
             self._wrench[:] = 0.0
