@@ -78,7 +78,7 @@ def test_block_on_an_incline(friction, slides):
         np.testing.assert_allclose(replies[-1].wrench[0, 0], friction * -replies[-1].wrench[0, 2], rtol=1e-3)
     else:
         assert abs(moved) < 1e-6
-        np.testing.assert_allclose(replies[-1].wrench[0, 0], 1000 * 6.4e-5 * gravity[0], rtol=1e-3)
+        np.testing.assert_allclose(replies[-1].wrench[0, 0], 1000 * 6.4e-5 * gravity[0], rtol=1e-2)
 
 
 def test_drop_on_the_ground_pays_its_energy():

@@ -34,6 +34,7 @@ _LIMIT = 0.3
 _CAREFUL_LIMIT = 0.1
 # A first guess closer to the start of the step than this share of a cell edge is not worth a doubt.
 _FAR = 1e-3
+_FIRST = 0.1
 
 
 @njit(cache=True, error_model="numpy")
@@ -256,7 +257,8 @@ def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work,
         if careful:
             slope = _dot(work.r, work.dx)
         _move(x, model.order, work.dx, 1.0)
-        if largest <= tolerance and moved <= tolerance:
+        # one correction says nothing of how fast they shrink, so that one alone must be much smaller
+        if largest <= (tolerance if since > 1 else _FIRST * tolerance) and moved <= tolerance:
             return CONVERGED, iteration
     return STALLED, most
 
