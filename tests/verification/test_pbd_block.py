@@ -50,7 +50,6 @@ def test_hourglass_energies_are_those_of_bending_and_twist(kind):
     u_c = q xi eta zeta: E a_c^2/9.
     """
     run = PbdRun(block_scene((0.02, 0.016, 0.012), (0.02, 0.016, 0.012), kind=kind, poisson=0.4))
-    energy = Energy(run)
     young, nu, mu = 20e3, 0.4, run.body.material.mu
     edges = np.array([0.010, 0.008, 0.006])
     a = 2.0 / edges
