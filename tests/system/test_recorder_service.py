@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -11,7 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import free_port
 from squeeze import Squeeze
 
 from softseam.recording import Recording
@@ -51,7 +51,9 @@ class Recorder:
 
 @pytest.fixture(scope="module")
 def options() -> Iterator[BusOptions]:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     with Router(endpoint):
         yield BusOptions(connect=endpoint)
 
@@ -97,7 +99,8 @@ def test_every_message_is_recorded_verbatim_the_first_and_the_last_too(bus: Bus,
 
 
 def test_a_second_run_of_a_session_gets_a_file_of_its_own(bus: Bus, recorder: Recorder) -> None:
-    run, warnings = Squeeze(5), []
+    run = Squeeze(5)
+    warnings: list[str] = []
     source = feed(bus, run.session, warnings)
     for _ in range(2):
         source.begin(run.begin)
@@ -112,7 +115,8 @@ def test_a_second_run_of_a_session_gets_a_file_of_its_own(bus: Bus, recorder: Re
 def test_a_killed_recorder_costs_a_quarter_of_a_second_and_its_successor_goes_on(
     options: BusOptions, bus: Bus, recorder: Recorder
 ) -> None:
-    run, warnings = Squeeze(3000, cell=0.025), []
+    run = Squeeze(3000, cell=0.025)
+    warnings: list[str] = []
     source = feed(bus, run.session, warnings)
     source.begin(run.begin)
     successor = None
@@ -144,8 +148,8 @@ def test_a_killed_recorder_costs_a_quarter_of_a_second_and_its_successor_goes_on
 
 
 def test_bad_messages_are_counted_and_change_nothing(bus: Bus, recorder: Recorder) -> None:
-    run, warnings = Squeeze(10), []
-    source = feed(bus, run.session, warnings)
+    run = Squeeze(10)
+    source = feed(bus, run.session, [])
     source.begin(run.begin)
     bus.publish(KEYS.session(run.session, Frame), b"\x00garbage")
     bus.publish(KEYS.session(run.session, StepReport), encode(Event(run.begin.header, "x", "y"))[:-3])

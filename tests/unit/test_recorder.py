@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from squeeze import Squeeze
 
@@ -77,7 +78,7 @@ def test_any_mcap_reader_reads_it(tmp_path: Path) -> None:
         assert all(len(schema.data) > 1000 for schema in summary.schemas.values())
         assert {a.name for a in reader.iter_attachments()} == {"scene.json", "files/notes.txt"}
     with (tmp_path / "run.mcap").open("rb") as stream:
-        chunks = [r for r in StreamReader(stream, emit_chunks=True).records if type(r).__name__ == "Chunk"]
+        chunks = [r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)]
         assert {chunk.compression for chunk in chunks} == {"zstd"} and all(chunk.uncompressed_crc for chunk in chunks)
 
 

@@ -89,7 +89,7 @@ def foreign(path: Path) -> None:
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start(profile="ros2", library="x")
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def newer(path: Path) -> None:
@@ -97,7 +97,7 @@ def newer(path: Path) -> None:
         writer = Writer(stream)
         writer.start(profile="softseam", library="x")
         writer.add_metadata("softseam", {"schema": "99"})
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 @pytest.mark.parametrize(

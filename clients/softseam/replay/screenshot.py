@@ -52,7 +52,7 @@ def _connect(process: subprocess.Popen[bytes], port: int, timeout: float) -> Vie
             reason = "it does not load the file"
         except (ConnectionError, RuntimeError, OSError) as error:
             reason = str(error).partition("\n")[0]
-        time.sleep(0.1)
+        time.sleep(0.1)  # the viewer cannot be waited for, only asked
     if process.poll() is not None:
         raise ReplayError(
             f"the viewer ended with code {process.returncode}: is there a Vulkan driver (mesa-vulkan-drivers)?"
@@ -70,5 +70,5 @@ def _settle(client: ViewerClient, path: Path, timeout: float) -> None:
             path.write_bytes(picture)
             return
         previous = picture
-        time.sleep(0.3)
+        time.sleep(0.3)  # it does not say when it has loaded everything either
     raise ReplayError(f"the viewer was still changing after {timeout:g} s")
