@@ -7,16 +7,15 @@ All matrices are column-major blocks of one flat float64 array. With the JIT off
 
 from __future__ import annotations
 
-import ctypes
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
 import numpy as np
-import scipy
 from numba import njit, types
 from numba.core import config
 from numba.extending import get_cython_function_address
+
+from softseam_services.blas import use_one_thread
 
 _ROUTINES = {
     "dpotrf": ("scipy.linalg.cython_lapack", 5),
@@ -33,16 +32,7 @@ def _register(name: str) -> Any:
     return types.ExternalFunction(f"softseam_{name}", types.void(*[types.intp] * n_arguments))
 
 
-def _single_thread() -> None:
-    """One BLAS thread: the fronts are small, and sums must not depend on the number of cores."""
-    for library in Path(scipy.__file__).parent.parent.glob("scipy.libs/*openblas*"):
-        handle = ctypes.CDLL(str(library))
-        for symbol in ("scipy_openblas_set_num_threads", "openblas_set_num_threads"):
-            if hasattr(handle, symbol):
-                getattr(handle, symbol)(1)
-
-
-_single_thread()
+use_one_thread()  # sums must not depend on the number of cores
 _dpotrf, _dtrsm = _register("dpotrf"), _register("dtrsm")
 _dsyrk, _dgemm, _dgemv = _register("dsyrk"), _register("dgemm"), _register("dgemv")
 
