@@ -102,13 +102,8 @@ def squeezed_bar(near: str = "fem", far: str = "pbd") -> Scene:
             },
             "tools": {
                 "ground": {"kind": "plane", "friction": 0.5},
-                "front": {
-                    "kind": "box",
-                    "size": [0.02, 0.01, 0.04],
-                    "position": [0.02, -0.0205, 0.021],
-                    "friction": 0.6,
-                },
-                "back": {"kind": "box", "size": [0.02, 0.01, 0.04], "position": [0.02, 0.0205, 0.021], "friction": 0.6},
+                "front": plate | {"position": [0.02, -0.0205, 0.021]},
+                "back": plate | {"position": [0.02, 0.0205, 0.021]},
             },
             "motion": [
                 {"tools": ["front", "back"], "close": 0.02, "until": {"compression": 0.1}},

@@ -1,0 +1,201 @@
+"""deploy/compose.yaml on a real Docker engine: up, a client steps a scene, containers die, the run goes on, down.
+
+The engine and the base image come from deploy/engine.sh: the machine's own engine where one answers, else one that is
+started here and stopped afterwards.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from conftest import free_port
+from trajectory import first_difference
+
+from softseam.connected import ConnectedBackend
+from softseam_protocol.bus import Bus
+from softseam_protocol.messages import Bundle, StepReport
+from softseam_protocol.topics import Keys
+from softseam_services.health import EXPECTED, probe
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+
+pytestmark = pytest.mark.docker
+
+ROOT = Path(__file__).parents[2]
+DEPLOY = ROOT / "deploy"
+STEPS = 40
+
+
+def command(*args: str, env: dict[str, str] | None = None, timeout: float = 60.0) -> str:
+    """Run a command; its standard output. Fails the test with all that it said."""
+    done = subprocess.run(args, capture_output=True, text=True, timeout=timeout, env=env, cwd=ROOT, check=False)
+    assert done.returncode == 0, f"{' '.join(args)}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+    return done.stdout.strip()
+
+
+@dataclass
+class Deployment:
+    """The services as containers; its client's port is published on the loopback."""
+
+    env: dict[str, str]
+    project: str
+    endpoint: str
+
+    def compose(self, *args: str, timeout: float = 120.0) -> str:
+        tool = ("docker-compose",) if shutil.which("docker-compose") else ("docker", "compose")
+        files = ("-f", str(DEPLOY / "compose.yaml"), "-f", str(DEPLOY / "compose.publish.yaml"))
+        return command(*tool, "-p", self.project, *files, *args, env=self.env, timeout=timeout)
+
+    def docker(self, *args: str) -> str:
+        return command("docker", *args, env=self.env)
+
+    def container(self, service: str) -> str:
+        return self.compose("ps", "-q", service)
+
+    def logs(self, service: str) -> str:
+        return self.compose("logs", "--no-color", service)
+
+    def started_at(self, service: str) -> str:
+        return self.docker("inspect", "-f", "{{.State.StartedAt}}", self.container(service))
+
+    def wait_well(self, timeout: float = 120.0) -> None:
+        """Until every service shows itself and its heartbeat is heard."""
+        end = time.monotonic() + timeout
+        with Bus(self.endpoint, connect_timeout=timeout) as bus:
+            while True:
+                found = probe(bus, Keys(), EXPECTED)
+                if all(one.state == "well" for one in found):
+                    return
+                assert time.monotonic() < end, "\n".join(map(str, found)) + self.compose("logs", "--no-color")
+
+
+@pytest.fixture(scope="module")
+def deployment() -> Iterator[Deployment]:
+    engine = str(DEPLOY / "engine.sh")
+    ours_before = Path("/run/softseam-engine/docker.pid").exists()
+    env = os.environ | {"DOCKER_HOST": command(engine, "up", timeout=600.0)}
+    base = command(engine, "base", env=env, timeout=600.0)
+    show = "import sys; print('%d.%d' % sys.version_info[:2])"
+    version = command("docker", "run", "--rm", base, "python3", "-c", show, env=env)
+    command(str(DEPLOY / "wheels.sh"), sys.executable, version, env=env, timeout=600.0)
+    build = ("docker", "build", "-f", str(DEPLOY / "Dockerfile"), "--network", "none", "-t", "softseam-test")
+    command(*build, "--build-arg", f"BASE_IMAGE={base}", "--build-arg", "VIEW=no", str(DEPLOY), env=env, timeout=1500.0)
+    port = free_port()
+    env |= {"SOFTSEAM_IMAGE": "softseam-test", "SOFTSEAM_PORT": str(port)}
+    running = Deployment(env, f"softseam-test-{port}", f"tcp/127.0.0.1:{port}")
+    try:
+        running.compose("up", "-d")
+        running.wait_well()
+        yield running
+    finally:
+        running.compose("down", "-v", timeout=180.0)
+        if not ours_before:
+            command(engine, "down", env=env)
+
+
+@pytest.fixture(scope="module")
+def reference(bar: Bundle) -> list[StepReport]:
+    simulation = Simulation(bar, EmbeddedTransport())
+    reports = [simulation.step() for _ in range(STEPS)]
+    simulation.close()
+    return reports
+
+
+def run(deployment: Deployment, bundle: Bundle, at_step: int, act: Callable[[], object]) -> list[StepReport]:
+    backend = ConnectedBackend(bundle, deployment.endpoint, record=False, timeout=120.0)
+    try:
+        backend.reset(0)
+        reports = []
+        for step in range(STEPS):
+            if step == at_step:
+                act()
+            reports.append(backend.step(1, None, False).report)
+    finally:
+        backend.close()
+    return reports
+
+
+def test_a_container_that_crashes_is_restarted_and_the_run_goes_on(
+    deployment: Deployment, bar: Bundle, reference: list[StepReport]
+) -> None:
+    """Every process of the container gets SIGKILL, as from the kernel out of memory; Docker restarts it."""
+    before = deployment.started_at("fem")
+
+    def crash() -> None:
+        deployment.docker("exec", "-d", deployment.container("fem"), "sh", "-c", "kill -KILL -1")
+
+    reports = run(deployment, bar, 15, crash)
+    assert deployment.started_at("fem") != before, "the container was not restarted"
+    assert first_difference(reference, reports) == ""
+
+
+def test_a_killed_container_is_replaced_and_the_run_goes_on(
+    deployment: Deployment, bar: Bundle, reference: list[StepReport]
+) -> None:
+    """`docker kill` counts as an operator's wish, which Docker respects; `up` brings the service back."""
+
+    def kill() -> None:
+        deployment.docker("kill", deployment.container("pbd"))
+        deployment.compose("up", "-d")
+
+    assert first_difference(reference, run(deployment, bar, 20, kill)) == ""
+
+
+def test_a_frozen_solver_is_replaced_inside_its_container(
+    deployment: Deployment, bar: Bundle, reference: list[StepReport]
+) -> None:
+    before = deployment.started_at("pbd")
+
+    solver = re.findall(r"pbd is ready \(pid (\d+)", deployment.logs("pbd"))[-1]
+
+    def freeze() -> None:
+        deployment.docker("exec", deployment.container("pbd"), "sh", "-c", f"kill -STOP {solver}")
+
+    reports = run(deployment, bar, 15, freeze)
+    assert deployment.started_at("pbd") == before, "the container itself was restarted"
+    assert first_difference(reference, reports) == ""
+
+
+def test_the_client_of_the_image_runs_a_scene_and_it_is_recorded(deployment: Deployment) -> None:
+    """The `client` profile: the command line inside of the network; the recorder's file is whole and readable."""
+    script = (
+        "import softseam; s = softseam.open('tofu_grasp', connect='tcp/router:7447', record=True); s.reset(); "
+        "o = s.step(count=5); s.close(); print('reached', round(o.time, 6))"
+    )
+    said = deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
+    assert "reached" in said
+    assert "0 lost; closed" in deployment.logs("recorder"), deployment.logs("recorder")
+
+
+def test_containers_are_confined(deployment: Deployment) -> None:
+    """Non-root, read-only, no capabilities, nothing published but the loopback port of this test."""
+    for service in ("router", *EXPECTED):
+        container = deployment.container(service)
+        user = deployment.docker("exec", container, "id", "-u")
+        assert user == "10001"
+        form = (
+            "{{.HostConfig.ReadonlyRootfs}} {{.HostConfig.CapDrop}} {{.HostConfig.SecurityOpt}} {{.HostConfig.Memory}}"
+        )
+        read_only, *rest = deployment.docker("inspect", "-f", form, container).split(" ")
+        assert read_only == "true" and rest[0] == "[ALL]" and "no-new-privileges:true" in rest[1]
+        assert int(rest[2]) > 0
+        bindings = deployment.docker("inspect", "-f", "{{json .HostConfig.PortBindings}}", container)
+        assert ("127.0.0.1" in bindings) == (service == "router")
+        assert "0.0.0.0" not in bindings
+
+
+def test_docker_sees_health(deployment: Deployment) -> None:
+    end = time.monotonic() + 90.0
+    for service in ("router", *EXPECTED):
+        container = deployment.container(service)
+        while (health := deployment.docker("inspect", "-f", "{{.State.Health.Status}}", container)) != "healthy":
+            assert time.monotonic() < end, f"{service}: {health}"
