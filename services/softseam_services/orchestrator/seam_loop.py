@@ -37,6 +37,8 @@ _CALM_STEPS = 3
 """steps whose prediction was good enough, after which both sides advance at once again"""
 _WORSE = 1.5
 """growth of the gap after which the model is stiffened and the best round so far taken up again [1]"""
+_QUIET, _QUIETER = 20.0, 0.1
+"""a prediction that misses by fewer tolerances than this is noise, which a tighter tolerance lets die out [1]"""
 _CURVATURE = 1e-3
 """least stiffness that a pair may teach, relative to the model's [1]"""
 
@@ -117,6 +119,8 @@ class SeamLoop:
         self._base: Floats | None = None
         self._touched = False
         self._n_contacts = 0
+        self._resumed = False  # to advance both at once again: the near side's compliance is old
+        self._far_compliance = np.zeros((0, 0))
 
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
@@ -135,11 +139,11 @@ class SeamLoop:
             compliance = self._fresh
             replies = ask(
                 {
-                    NEAR: SideRequest(lambda_, compliance),
+                    NEAR: SideRequest(lambda_, compliance or self._resumed),
                     FAR: SideRequest(self._tie.far_force(lambda_), compliance),
                 }
             )
-            if compliance:
+            if compliance or self._resumed:
                 self._rebuild(replies)
             answer = self._solver.update(self.state, lambda_, self._tie.gap(replies[NEAR].seam_x, replies[FAR].seam_x))
             if answer.outcome is Outcome.NOT_FINITE:
@@ -148,7 +152,7 @@ class SeamLoop:
                 return self._agree(replies, lambda_, answer.gap, exchange, "")
             slow = exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
             if slow and self._condensable and self._stiffness is not None:
-                self._condensed = True
+                self._condensed, self._calm = True, 0
                 return self._condense(ask, lambda_, replies[FAR], exchange)
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
@@ -169,10 +173,13 @@ class SeamLoop:
                 renewed = True
                 self._take_far(far)
             near = ask({NEAR: SideRequest(lambda_, False, anchor, self._stiffness)})[NEAR]
-            if exchanges == 1:
-                calm = float(np.abs(near.seam_x - anchor).max()) <= tolerance
-                self._calm = self._calm + 1 if calm else 0
+            if best is None:
+                moved = float(np.abs(near.seam_x - anchor).max())
+                self._calm = self._calm + 1 if moved <= tolerance else 0
                 self._condensed = self._calm < _CALM_STEPS
+                self._resumed = not self._condensed
+                if moved <= _QUIET * tolerance:
+                    tolerance *= _QUIETER
             found = near.seam_force
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             exchanges += 2
@@ -180,7 +187,7 @@ class SeamLoop:
             gap = float(np.sqrt(((near.seam_x - image) ** 2).sum(axis=1).max()))
             if not np.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
-            if gap <= tolerance:
+            if gap <= tolerance or (gap <= self._solver.tolerance and exchanges + 4 > self._most):
                 return self._agree({NEAR: near, FAR: far}, found, gap, exchanges, "")
             if best is None or gap < best.gap:
                 best = _Round(gap, lambda_, anchor, self._stiffness.copy(), found, image)
@@ -211,16 +218,19 @@ class SeamLoop:
     def _take_far(self, far: Advanced) -> None:
         """Keep the far side's answer to a request for its compliance."""
         if far.compliance.size:
+            self._far_compliance = far.compliance
             self._base = self._tie.far_stiffness(far.compliance)
             self._stiffness = self._base.copy()
             self._touched = far.n_contacts > 0
 
     def _rebuild(self, replies: dict[str, Advanced]) -> None:
         near, far = replies[NEAR].compliance, replies[FAR].compliance
+        if far.size == 0:
+            far = self._far_compliance
         if near.size == 0 or near.size != far.size or not np.isfinite(near + far).all():
             return  # a solve that failed has no compliance; ask again
         self._solver.reset(self.state, self._tie.compliance(near, far))
-        self._fresh = False
+        self._fresh = self._resumed = False
         if self._condensable:
             self._take_far(replies[FAR])
 
@@ -235,8 +245,9 @@ class SeamLoop:
         """Everything that evolves, for a snapshot."""
         arrays = self.state.to_arrays()
         arrays["stiffness"] = np.zeros((0, 0)) if self._stiffness is None else self._stiffness
+        arrays["far_compliance"] = self._far_compliance
         arrays["base"] = np.zeros((0, 0)) if self._base is None else self._base
-        flags = [self._condensed, self._calm, self._fresh, self._touched, self._n_contacts]
+        flags = [self._condensed, self._calm, self._fresh, self._resumed, self._touched, self._n_contacts]
         arrays["flags"] = np.array(flags, dtype=np.float64)
         return arrays
 
@@ -247,6 +258,8 @@ class SeamLoop:
         self._stiffness = np.array(stiffness) if stiffness.size else None
         base = arrays["base"]
         self._base = np.array(base) if base.size else None
-        condensed, calm, fresh, touched, n_contacts = arrays["flags"]
+        self._far_compliance = np.array(arrays["far_compliance"])
+        condensed, calm, fresh, resumed, touched, n_contacts = arrays["flags"]
         self._condensed, self._calm = bool(condensed), int(calm)
-        self._fresh, self._touched, self._n_contacts = bool(fresh), bool(touched), int(n_contacts)
+        self._fresh, self._resumed = bool(fresh), bool(resumed)
+        self._touched, self._n_contacts = bool(touched), int(n_contacts)
