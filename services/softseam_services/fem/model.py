@@ -131,6 +131,8 @@ class Work(NamedTuple):
     """(3s, 3s) [N/m]"""
     seam_anchor: Floats
     """(s, 3) [m]"""
+    seam_away: Floats
+    """anchor - x (3s,) [m]"""
     seam_actual: Floats
     """force on the seam nodes at the end of the step (s, 3) [N]"""
 
@@ -225,5 +227,6 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         seam_coupled=np.zeros(1, dtype=np.int32),
         seam_stiffness=np.zeros((3 * len(model.seam), 3 * len(model.seam))),
         seam_anchor=np.zeros((len(model.seam), 3)),
+        seam_away=np.zeros(3 * len(model.seam)),
         seam_actual=np.zeros((len(model.seam), 3)),
     )

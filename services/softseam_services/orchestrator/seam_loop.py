@@ -33,8 +33,8 @@ _DIRECT_EXCHANGES = 2
 """least number tried before the near side is condensed"""
 _SLOW = 0.3
 """share of the gap that an exchange may leave without the near side being condensed [1]"""
-_CALM_STEPS = 3
-"""steps whose prediction was good enough, after which both sides advance at once again"""
+_MOST_PATIENCE = 8
+"""most condensed steps before both sides are tried at once again; doubled from 1 with every failure"""
 _WORSE = 1.5
 """growth of the gap after which the model is stiffened and the best round so far taken up again [1]"""
 _QUIET, _QUIETER = 20.0, 0.1
@@ -113,7 +113,7 @@ class SeamLoop:
         self.state: SeamState = solver.init(n_nodes, first)
         self._condensable = condensable
         self._condensed = False
-        self._calm = 0
+        self._wait, self._patience = 0, 1
         self._fresh = True
         self._stiffness: Floats | None = None
         self._base: Floats | None = None
@@ -149,10 +149,12 @@ class SeamLoop:
             if answer.outcome is Outcome.NOT_FINITE:
                 raise SeamDiverged(answer.outcome.value)
             if answer.outcome is Outcome.ACCEPT:
+                self._patience = 1
                 return self._agree(replies, lambda_, answer.gap, exchange, "")
             slow = exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
             if slow and self._condensable and self._stiffness is not None:
-                self._condensed, self._calm = True, 0
+                self._condensed = True
+                self._wait = self._patience = min(2 * self._patience, _MOST_PATIENCE)
                 return self._condense(ask, lambda_, replies[FAR], exchange)
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
@@ -175,8 +177,8 @@ class SeamLoop:
             near = ask({NEAR: SideRequest(lambda_, False, anchor, self._stiffness)})[NEAR]
             if best is None:
                 moved = float(np.abs(near.seam_x - anchor).max())
-                self._calm = self._calm + 1 if moved <= tolerance else 0
-                self._condensed = self._calm < _CALM_STEPS
+                self._wait -= 1
+                self._condensed = self._wait > 0
                 self._resumed = not self._condensed
                 if moved <= _QUIET * tolerance:
                     tolerance *= _QUIETER
@@ -247,7 +249,7 @@ class SeamLoop:
         arrays["stiffness"] = np.zeros((0, 0)) if self._stiffness is None else self._stiffness
         arrays["far_compliance"] = self._far_compliance
         arrays["base"] = np.zeros((0, 0)) if self._base is None else self._base
-        flags = [self._condensed, self._calm, self._fresh, self._resumed, self._touched, self._n_contacts]
+        flags = [self._condensed, self._wait, self._patience, self._fresh, self._resumed, self._touched, self._n_contacts]
         arrays["flags"] = np.array(flags, dtype=np.float64)
         return arrays
 
@@ -259,7 +261,7 @@ class SeamLoop:
         base = arrays["base"]
         self._base = np.array(base) if base.size else None
         self._far_compliance = np.array(arrays["far_compliance"])
-        condensed, calm, fresh, resumed, touched, n_contacts = arrays["flags"]
-        self._condensed, self._calm = bool(condensed), int(calm)
+        condensed, wait, patience, fresh, resumed, touched, n_contacts = arrays["flags"]
+        self._condensed, self._wait, self._patience = bool(condensed), int(wait), int(patience)
         self._fresh, self._resumed = bool(fresh), bool(resumed)
         self._touched, self._n_contacts = bool(touched), int(n_contacts)

@@ -38,14 +38,26 @@ _FIRST = 0.1
 
 
 @njit(cache=True, error_model="numpy")
-def seam_pull(x, model, work, s, i):
-    """Component i of stiffness (anchor - x) at seam node s [N]: what the other side adds to the seam force."""
-    total = 0.0
+def seam_pull(x, model, work):
+    """work.seam_actual (s, 3) <- stiffness (anchor - x): what the other side adds to the seam force [N]."""
+    n = 3 * len(model.seam)
+    away = work.seam_away
     for t in range(len(model.seam)):
         node = model.seam[t]
         for k in range(3):
-            total += work.seam_stiffness[3 * s + i, 3 * t + k] * (work.seam_anchor[t, k] - x[node, k])
-    return total
+            away[3 * t + k] = work.seam_anchor[t, k] - x[node, k]
+    for row in range(n):
+        stiffness = work.seam_stiffness[row]
+        s0 = s1 = s2 = s3 = 0.0
+        whole = n - n % 4
+        for column in range(0, whole, 4):
+            s0 += stiffness[column] * away[column]
+            s1 += stiffness[column + 1] * away[column + 1]
+            s2 += stiffness[column + 2] * away[column + 2]
+            s3 += stiffness[column + 3] * away[column + 3]
+        for column in range(whole, n):
+            s0 += stiffness[column] * away[column]
+        work.seam_actual[row // 3, row % 3] = (s0 + s1) + (s2 + s3)
 
 
 @njit(cache=True, error_model="numpy")
@@ -60,9 +72,10 @@ def residual(x, model, tools, count, dt, work, memo):
             for i in range(3):
                 r[3 * place + i] = work.force[node, i] - inertia * (x[node, i] - work.x_hat[node, i])
     if work.seam_coupled[0]:
+        seam_pull(x, model, work)
         for s in range(len(model.seam)):
             for i in range(3):
-                r[3 * model.order[model.seam[s]] + i] += seam_pull(x, model, work, s, i)
+                r[3 * model.order[model.seam[s]] + i] += work.seam_actual[s, i]
     memo[LEAST_J], memo[WORST_CELL] = subtract_forces(x, model, work, r)
     missing = evaluate_contacts(x, model, tools, count, work)
     add_contact_forces(model, count, work, r)

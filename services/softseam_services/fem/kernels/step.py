@@ -104,11 +104,13 @@ def _summarise(x0, x, v, seam_force, model, work, out):
     out[KINETIC], out[GRAVITY] = kinetic, gravity
     out[STRAIN] = strain_energy(x, model, work)
     out[SEAM_WORK] = 0.0
+    if work.seam_coupled[0]:
+        seam_pull(x, model, work)
     for s in range(len(model.seam)):
         for i in range(3):
             force = seam_force[s, i]
             if work.seam_coupled[0]:
-                force += seam_pull(x, model, work, s, i)
+                force += work.seam_actual[s, i]
             work.seam_actual[s, i] = force
             out[SEAM_WORK] += force * (x[model.seam[s], i] - x0[model.seam[s], i])
 
