@@ -114,7 +114,7 @@ def _half_products(first: str, second: str, half: int) -> Floats:
     """int N_a N_b over one half of the unit edge (3, 3), exact by three Gauss points."""
     points, weights = np.polynomial.legendre.leggauss(3)
     s = 0.25 * (points + 1.0) + 0.5 * half
-    return np.einsum("q,qa,qb->ab", 0.25 * weights, _trace(first, s), _trace(second, s))
+    return np.asarray(np.einsum("q,qa,qb->ab", 0.25 * weights, _trace(first, s), _trace(second, s)))
 
 
 def _trace(kind: str, s: Floats) -> Floats:

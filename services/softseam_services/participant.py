@@ -17,6 +17,7 @@ from softseam_protocol.messages import (
     Configure,
     Configured,
     Fields,
+    Header,
 )
 
 
@@ -28,7 +29,7 @@ class Solver(Protocol):
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
 
-    def fields(self, request_header: object) -> Fields: ...
+    def fields(self, request_header: Header) -> Fields: ...
 
     def snapshot(self) -> bytes: ...
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport

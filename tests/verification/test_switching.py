@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -24,7 +25,10 @@ def spinning_cube() -> Scene:
                 "velocity": [0.1, -0.05, 0.02],
                 "spin": [1.0, 2.0, 5.0],
             },
-            "regions": {"default": "pbd", "near": {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [-0.01, 1, 1]}]}},
+            "regions": {
+                "default": "pbd",
+                "near": {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [-0.01, 1, 1]}]},
+            },
             "seam": {"tolerance": 1e-9, "exchanges": 12},
         }
     )
@@ -52,9 +56,7 @@ def test_momentum_survives_switches() -> None:
         if before is not None:
             own.append(np.linalg.norm(report.angular_momentum - before.angular_momentum))
         before = report
-        np.testing.assert_allclose(
-            report.momentum, first.momentum, rtol=0, atol=1e-12 * np.linalg.norm(first.momentum)
-        )
+        np.testing.assert_allclose(report.momentum, first.momentum, rtol=0, atol=1e-12 * np.linalg.norm(first.momentum))
         if step % 20 == 0:
             held = momentum(simulation)
             near = columns[(step // 20) % len(columns)]
