@@ -9,7 +9,7 @@ was restored.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from softseam_protocol.messages import (
     Advance,
@@ -88,7 +88,10 @@ class RecoveringTransport:
             log = self._logs[name]
             log.checkpoint = SnapshotTaken(request.header, request.state)
             log.since.clear()
-        elif isinstance(request, Advance | Commit):
+        elif isinstance(request, Advance):
+            # the caller goes on working in its array of forces
+            self._logs[name].since.append(replace(request, seam_force=request.seam_force.copy()))
+        elif isinstance(request, Commit):
             self._logs[name].since.append(request)
 
     def _recover(self, error: ParticipantLost | ParticipantFailed) -> None:
