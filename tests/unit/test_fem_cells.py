@@ -175,7 +175,7 @@ def test_crushed_cells_have_finite_forces_and_a_safe_matrix():
     for front in range(len(tree.meta)):
         _, n_own, n_all, _, offset, _ = tree.meta[front]
         work.values[offset + np.arange(3 * n_own) * (3 * n_all + 1)] += 1e-6 * values[-1]
-    assert factor(tree, work.values, work.panel, work.ints) == 0
+    assert factor(tree, work.values, work.ints) == 0
 
 
 def test_masses_are_those_of_the_block():

@@ -52,7 +52,7 @@ def _dense(model, tree, work):
 def test_solve_equals_dense(case):
     """Residual of the factored solve at rounding, relative to the matrix."""
     _, tree, work, dense = _problem(case)
-    assert factor(tree, work.values, work.panel, work.ints) == 0
+    assert factor(tree, work.values, work.ints) == 0
     b = np.random.default_rng(0).standard_normal(len(dense))
     x = b.copy()
     solve(tree, work.values, x, work.t, work.ints)
@@ -65,7 +65,7 @@ def test_last_fronts_hold_the_seam(case):
     model, tree, work, dense = _problem(case)
     n = 3 * len(model.seam)
     assert n > 0
-    assert factor(tree, work.values, work.panel, work.ints) == 0
+    assert factor(tree, work.values, work.ints) == 0
     inverse = np.empty((n, n))
     seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
     dofs = (3 * tree.position[model.seam][:, None] + np.arange(3)).ravel()
@@ -90,4 +90,4 @@ def test_components_without_a_seam_have_trees_of_their_own():
 def test_an_indefinite_matrix_is_reported():
     model, tree, work, _ = _problem("clamped")
     add_diagonal(tree, work.values, model.mass, -1e10)
-    assert factor(tree, work.values, work.panel, work.ints) > 0
+    assert factor(tree, work.values, work.ints) > 0

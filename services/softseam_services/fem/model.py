@@ -113,7 +113,6 @@ class Work(NamedTuple):
     q: Floats
     s: Floats
     t: Floats
-    panel: Floats
     pair: Ints
     start: Floats
     multiplier: Floats
@@ -213,7 +212,6 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         q=np.zeros((MEMORY, 3 * n_free)),
         s=np.zeros((MEMORY, 3 * n_free)),
         t=np.zeros(3 * tree.widest),
-        panel=np.zeros(9 * int(np.max(tree.meta[:, 1], initial=0)) ** 2),
         pair=np.zeros((n_pairs, 2), dtype=np.int32),
         start=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),

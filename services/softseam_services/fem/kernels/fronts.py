@@ -55,16 +55,13 @@ def add_seam_stiffness(tree, values, stiffness):
 
 
 @njit(cache=True, error_model="numpy")
-def factor(tree, values, scratch, ints):
-    """Factor all fronts in place; returns 0, or 1 + the front where the matrix is not positive definite.
-
-    scratch (square of 3 times the most nodes that a front eliminates,)
-    """
+def factor(tree, values, ints):
+    """Factor all fronts in place; returns 0, or 1 + the front where the matrix is not positive definite."""
     for front in range(len(tree.meta)):
         n_own, n_all, parent = tree.meta[front, 1], tree.meta[front, 2], tree.meta[front, 3]
         offset, row = tree.meta[front, 4], tree.meta[front, 5]
         m = 3 * n_all
-        if factor_panel(values, offset, m, 3 * n_own, scratch, ints) != 0:
+        if factor_panel(values, offset, m, 3 * n_own, ints) != 0:
             return 1 + front
         if parent < 0:
             continue

@@ -19,7 +19,9 @@ from softseam_services.blas import use_one_thread
 
 _ROUTINES = {
     "dpotrf": ("scipy.linalg.cython_lapack", 5),
+    "dtrtri": ("scipy.linalg.cython_lapack", 6),
     "dtrsm": ("scipy.linalg.cython_blas", 11),
+    "dtrmm": ("scipy.linalg.cython_blas", 11),
     "dsyrk": ("scipy.linalg.cython_blas", 10),
     "dgemv": ("scipy.linalg.cython_blas", 11),
     "dgemm": ("scipy.linalg.cython_blas", 13),
@@ -33,7 +35,8 @@ def _register(name: str) -> Any:
 
 
 use_one_thread()  # sums must not depend on the number of cores
-_dpotrf, _dtrsm = _register("dpotrf"), _register("dtrsm")
+_dpotrf, _dtrtri = _register("dpotrf"), _register("dtrtri")
+_dtrsm, _dtrmm = _register("dtrsm"), _register("dtrmm")
 _dsyrk, _dgemm, _dgemv = _register("dsyrk"), _register("dgemm"), _register("dgemv")
 
 _CHARACTERS = np.frombuffer(b"LNTR", dtype=np.uint8).copy()
@@ -41,7 +44,7 @@ _NUMBERS = np.array([1.0, -1.0, 0.0])
 
 
 @njit(cache=True, error_model="numpy")
-def _factor_panel(a, offset, m, k, scratch, ints):
+def _factor_panel(a, offset, m, k, ints):
     lower = _CHARACTERS.ctypes.data
     plain, transposed, right = lower + 1, lower + 2, lower + 3
     one = _NUMBERS.ctypes.data
@@ -53,22 +56,19 @@ def _factor_panel(a, offset, m, k, scratch, ints):
     _dpotrf(lower, pk, front, pm, info)
     if ints[3] != 0:
         return ints[3]
+    below, rest = front + 8 * k, front + 8 * (k * m + k)
     if m > k:
-        below, rest = front + 8 * k, front + 8 * (k * m + k)
         _dtrsm(right, lower, transposed, plain, pr, pk, one, front, pm, below, pm)
         _dsyrk(lower, plain, pr, pk, one + 8, below, pm, one, rest, pm)
-    # W = [I; -L21] L11^-1
-    for j in range(k):
+    for j in range(1, k):
         c = offset + j * m
-        for i in range(j, k):
-            scratch[j * k + i] = a[c + i]
-        for i in range(k):
+        for i in range(j):
             a[c + i] = 0.0
-        a[c + j] = 1.0
-        for i in range(k, m):
-            a[c + i] = -a[c + i]
-    _dtrsm(right, lower, plain, plain, pm, pk, one, scratch.ctypes.data, pk, front, pm)
-    return 0
+    # W = [L11^-1; -L21 L11^-1]
+    _dtrtri(lower, plain, pk, front, pm, info)
+    if m > k:
+        _dtrmm(right, lower, plain, plain, pr, pk, one + 8, front, pm, below, pm)
+    return ints[3]
 
 
 @njit(cache=True, error_model="numpy")
@@ -115,7 +115,7 @@ def _view(a, offset, m):
     return a[offset : offset + m * m].reshape(m, m).T
 
 
-def _factor_panel_plain(a, offset, m, k, scratch, ints):
+def _factor_panel_plain(a, offset, m, k, ints):
     front = _view(a, offset, m)
     try:
         lower = np.linalg.cholesky(np.tril(front[:k, :k]) + np.tril(front[:k, :k], -1).T)
@@ -150,9 +150,9 @@ def _multiply_plain(a, b, c, m, n, k, add, ints):
 _OFF = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
 
 factor_panel = _factor_panel_plain if _OFF else _factor_panel
-"""(a, offset, m, k, scratch, ints) -> info. Factor the first k columns of the m x m front at `offset`, lower triangle:
+"""(a, offset, m, k, ints) -> info. Factor the first k columns of the m x m front at `offset`, lower triangle:
 F11 = L11 L11^T, L21 = F21 L11^-T, F22 <- F22 - L21 L21^T; the columns then are W = [L11^-1; -L21 L11^-1].
-info > 0: not positive definite. scratch (k*k,); ints (4,) int32 scratch, here and below."""
+info > 0: not positive definite. ints (4,) int32 scratch, here and below."""
 apply_panel = _apply_panel_plain if _OFF else _apply_panel
 """(a, offset, m, k, b, start, t, ints). t[:m] <- W b[start:start+k]."""
 apply_panel_transposed = _apply_panel_transposed_plain if _OFF else _apply_panel_transposed

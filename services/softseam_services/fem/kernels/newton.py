@@ -98,7 +98,7 @@ def refactor(x, model, tree, tools, count, dt, safe, work, memo):
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
-        if factor(tree, work.values, work.panel, work.ints) == 0:
+        if factor(tree, work.values, work.ints) == 0:
             memo[FACTORED] = 1.0
             memo[FACTOR_DT] = dt
             return True
