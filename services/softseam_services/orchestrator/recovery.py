@@ -89,8 +89,15 @@ class RecoveringTransport:
             log.checkpoint = SnapshotTaken(request.header, request.state)
             log.since.clear()
         elif isinstance(request, Advance):
-            # the caller goes on working in its array of forces
-            self._logs[name].since.append(replace(request, seam_force=request.seam_force.copy()))
+            # the caller goes on working in its arrays
+            self._logs[name].since.append(
+                replace(
+                    request,
+                    seam_force=request.seam_force.copy(),
+                    seam_anchor=request.seam_anchor.copy(),
+                    seam_stiffness=request.seam_stiffness.copy(),
+                )
+            )
         elif isinstance(request, Commit):
             self._logs[name].since.append(request)
 
