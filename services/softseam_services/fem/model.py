@@ -131,7 +131,7 @@ class Work(NamedTuple):
     seam_anchor: Floats
     """(s, 3) [m]"""
     seam_away: Floats
-    """anchor - x (3s,) [m]"""
+    """anchor - x (3s, 1) [m]"""
     seam_actual: Floats
     """force on the seam nodes at the end of the step (s, 3) [N]"""
 
@@ -225,6 +225,6 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         seam_coupled=np.zeros(1, dtype=np.int32),
         seam_stiffness=np.zeros((3 * len(model.seam), 3 * len(model.seam))),
         seam_anchor=np.zeros((len(model.seam), 3)),
-        seam_away=np.zeros(3 * len(model.seam)),
+        seam_away=np.zeros((3 * len(model.seam), 1)),
         seam_actual=np.zeros((len(model.seam), 3)),
     )

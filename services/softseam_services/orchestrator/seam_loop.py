@@ -33,12 +33,13 @@ _DIRECT_EXCHANGES = 2
 """least number tried before the near side is condensed"""
 _SLOW = 0.3
 """share of the gap that an exchange may leave without the near side being condensed [1]"""
-_MOST_PATIENCE = 8
+_MOST_PATIENCE = 16
 """most condensed steps before both sides are tried at once again; doubled from 1 with every failure"""
 _WORSE = 1.5
 """growth of the gap after which the model is stiffened and the best round so far taken up again [1]"""
-_QUIET, _QUIETER = 20.0, 0.1
-"""a prediction that misses by fewer tolerances than this is noise, which a tighter tolerance lets die out [1]"""
+_WORTH = 0.25
+"""share of what a round moved that it may leave before the near side is given what was learned: it then has to factor
+anew [1]"""
 _CURVATURE = 1e-3
 """least stiffness that a pair may teach, relative to the model's [1]"""
 
@@ -117,6 +118,7 @@ class SeamLoop:
         self._fresh = True
         self._stiffness: Floats | None = None
         self._base: Floats | None = None
+        self._used: Floats | None = None
         self._touched = False
         self._n_contacts = 0
         self._resumed = False  # to advance both at once again: the near side's compliance is old
@@ -162,7 +164,7 @@ class SeamLoop:
         return self._agree(replies, lambda_, answer.gap, self._most, "the sides' exchanges did not converge")
 
     def _condense(self, ask: Ask, lambda_: Floats, far: Advanced, exchanges: int) -> SeamSolution:
-        assert self._stiffness is not None and self._base is not None
+        assert self._stiffness is not None and self._base is not None and self._used is not None
         tolerance = self._solver.tolerance
         renewed = False
         anchor = self._tie.image(far.seam_x)
@@ -174,14 +176,12 @@ class SeamLoop:
                 exchanges += 1
                 renewed = True
                 self._take_far(far)
-            near = ask({NEAR: SideRequest(lambda_, False, anchor, self._stiffness)})[NEAR]
+            near = ask({NEAR: SideRequest(lambda_, False, anchor, self._used)})[NEAR]
+            moved = float(np.abs(near.seam_x - anchor).max())
             if best is None:
-                moved = float(np.abs(near.seam_x - anchor).max())
                 self._wait -= 1
                 self._condensed = self._wait > 0
                 self._resumed = not self._condensed
-                if moved <= _QUIET * tolerance:
-                    tolerance *= _QUIETER
             found = near.seam_force
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             exchanges += 2
@@ -189,18 +189,21 @@ class SeamLoop:
             gap = float(np.sqrt(((near.seam_x - image) ** 2).sum(axis=1).max()))
             if not np.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
-            if gap <= tolerance or (gap <= self._solver.tolerance and exchanges + 4 > self._most):
+            if gap <= tolerance:
                 return self._agree({NEAR: near, FAR: far}, found, gap, exchanges, "")
             if best is None or gap < best.gap:
-                best = _Round(gap, lambda_, anchor, self._stiffness.copy(), found, image)
+                best = _Round(gap, lambda_, anchor, self._used, found, image)
             if exchanges + 4 > self._most:
                 return self._settle(ask, best, gap, {NEAR: near, FAR: far}, found, exchanges)
             learn_stiffness(self._stiffness, (image - anchor).reshape(-1), (lambda_ - found).reshape(-1))
             if gap > _WORSE * best.gap:
                 # a model that is too soft overshoots, one that is too stiff is only slow
                 self._stiffness += self._base
+                self._used = self._stiffness.copy()
                 lambda_, anchor = best.found, best.image
             else:
+                if gap > _WORTH * moved:
+                    self._used = self._stiffness.copy()
                 lambda_, anchor = found, image
 
     def _settle(
@@ -208,7 +211,7 @@ class SeamLoop:
     ) -> SeamSolution:
         """Keep the best round of a step that would not converge; forget what the others taught."""
         assert self._base is not None
-        self._stiffness = self._base.copy()
+        self._stiffness, self._used = self._base.copy(), self._base
         if best.gap < 0.7 * gap:
             near = ask({NEAR: SideRequest(best.lambda_, False, best.anchor, best.stiffness)})[NEAR]
             found = near.seam_force
@@ -222,7 +225,7 @@ class SeamLoop:
         if far.compliance.size:
             self._far_compliance = far.compliance
             self._base = self._tie.far_stiffness(far.compliance)
-            self._stiffness = self._base.copy()
+            self._stiffness, self._used = self._base.copy(), self._base
             self._touched = far.n_contacts > 0
 
     def _rebuild(self, replies: dict[str, Advanced]) -> None:
@@ -248,6 +251,7 @@ class SeamLoop:
         arrays = self.state.to_arrays()
         arrays["stiffness"] = np.zeros((0, 0)) if self._stiffness is None else self._stiffness
         arrays["far_compliance"] = self._far_compliance
+        arrays["used"] = np.zeros((0, 0)) if self._used is None else self._used
         arrays["base"] = np.zeros((0, 0)) if self._base is None else self._base
         flags = [self._condensed, self._wait, self._patience, self._fresh, self._resumed, self._touched, self._n_contacts]
         arrays["flags"] = np.array(flags, dtype=np.float64)
@@ -258,6 +262,8 @@ class SeamLoop:
         self.state = SeamState.from_arrays(arrays)
         stiffness = arrays["stiffness"]
         self._stiffness = np.array(stiffness) if stiffness.size else None
+        used = arrays["used"]
+        self._used = np.array(used) if used.size else None
         base = arrays["base"]
         self._base = np.array(base) if base.size else None
         self._far_compliance = np.array(arrays["far_compliance"])

@@ -51,6 +51,8 @@ Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
 _CHECKPOINT_STEPS = 50
+_FIELDS_EVERY = 5
+"""steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
 
 
 class StepFailed(RuntimeError):
@@ -169,7 +171,7 @@ class Simulation:
         self._follow_lift(command, replies)
         frame = None
         self._frame = None
-        if fields or self._wants_fields:
+        if fields or (self._wants_fields and (self.done or self._step % _FIELDS_EVERY == 0)):
             frame = self.frame()
         quantities = self._quantities.measure(replies, wrench, self._position, frame, self._lift_base)
         header, sides = self._header("", self._step - 1), self._sides

@@ -20,6 +20,7 @@ from softseam_services.fem.kernels.contact import (
     find_candidates,
 )
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, factor, seam_inverse, solve
+from softseam_services.fem.kernels.lapack import multiply
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
@@ -45,19 +46,8 @@ def seam_pull(x, model, work):
     for t in range(len(model.seam)):
         node = model.seam[t]
         for k in range(3):
-            away[3 * t + k] = work.seam_anchor[t, k] - x[node, k]
-    for row in range(n):
-        stiffness = work.seam_stiffness[row]
-        s0 = s1 = s2 = s3 = 0.0
-        whole = n - n % 4
-        for column in range(0, whole, 4):
-            s0 += stiffness[column] * away[column]
-            s1 += stiffness[column + 1] * away[column + 1]
-            s2 += stiffness[column + 2] * away[column + 2]
-            s3 += stiffness[column + 3] * away[column + 3]
-        for column in range(whole, n):
-            s0 += stiffness[column] * away[column]
-        work.seam_actual[row // 3, row % 3] = (s0 + s1) + (s2 + s3)
+            away[3 * t + k, 0] = work.seam_anchor[t, k] - x[node, k]
+    multiply(work.seam_stiffness, away, work.seam_actual, n, 1, n, False, work.ints)
 
 
 @njit(cache=True, error_model="numpy")
