@@ -14,7 +14,7 @@ from softseam_services.tools.kernels import cell_distances, tool_gap
 
 from .contact import carry_point, find_pairs, place_points
 from .relax import relax
-from .sweep import strain_energy
+from .sweep import block_forces, strain_energy
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
 MOMENTUM, ANGULAR, BOUNDS, N_PAIRS = 10, 13, 16, 22
@@ -39,6 +39,27 @@ def tool_pose(fraction, position, orientation, position_next, orientation_next, 
         scale = 1.0 / np.sqrt(square)
         for a in range(4):
             orientation_out[tool, a] *= scale
+
+
+@njit(cache=True, error_model="numpy")
+def carried(xw, nodes, stress, constants, indptr, node, weight, force, pull, a):
+    """A of eq. (1) from the stresses of the blocks and the contact forces, into a (n, 3).
+
+    Once a step: added up over the substeps alone, the roundings of (x - x*)/h^2 grow into a force on the whole body.
+    pull (n + 8, 3) is scratch.
+    """
+    pull[:] = 0.0
+    block_forces(nodes, stress, constants, pull)
+    for point in range(len(force)):
+        for tool in range(force.shape[1]):
+            for c in range(3):
+                f = force[point, tool, c]
+                if f != 0.0:
+                    for entry in range(indptr[point], indptr[point + 1]):
+                        pull[node[entry], c] += weight[entry] * f
+    for i in range(len(a)):
+        for c in range(3):
+            a[i, c] = xw[i, 3] * pull[i, c]
 
 
 @njit(cache=True, error_model="numpy")
@@ -200,6 +221,7 @@ def advance_step(
     for s in range(len(seam)):
         for c in range(3):
             seam_work -= seam_force[s, c] * x[seam[s], c]
+    carried(xw, nodes, stress, constants, indptr, node, weight, force, np.empty((n + 8, 3)), a)
     place_points(xw, indptr, node, weight, point_x)
     fastest = 0.0
     for i in range(n):
