@@ -125,6 +125,7 @@ def test_a_stalled_disk_costs_one_short_wait_and_is_counted(tmp_path: Path, monk
     assert ended.messages + ended.lost == len(waits)
 
 
+# Two threads print: a line and its end in one write.
 CHILD = """
     import sys, time, resource
     sys.path.insert(0, {tests!r})
@@ -133,11 +134,11 @@ CHILD = """
     run = Squeeze(400)
     messages = list(run.messages())
     {limit}
-    recorder = McapRecorder({path!r}, run.begin, on_loss=lambda why: print("LOST", why, flush=True))
+    recorder = McapRecorder({path!r}, run.begin, on_loss=lambda why: print(f"LOST {{why}}\\n", end="", flush=True))
     print("READY", flush=True)
     for i in range({count}):
         recorder.write(messages[i % len(messages)])
-        print("AT", time.time_ns(), flush=True)
+        print(f"AT {{time.time_ns()}}\\n", end="", flush=True)
         time.sleep({pause})
     ended = recorder.close()
     print("END", ended.messages, ended.lost, ended.note, flush=True)

@@ -73,7 +73,7 @@ def test_neo_hookean_fem_split_equals_unsplit() -> None:
     split, exchanges, gap = run(beam(near="fem", far="fem", tolerance=1e-9))
     assert difference(split, whole) < 1e-6
     assert gap < 1e-9 * 0.02
-    assert np.mean(exchanges) <= 8.0  # down to a gap of 1e-9 of a cell
+    assert max(exchanges) <= 8  # down to a gap of 1e-9 of a cell
 
 
 def test_pbd_split_agrees_with_unsplit() -> None:
@@ -82,7 +82,7 @@ def test_pbd_split_agrees_with_unsplit() -> None:
     split, exchanges, gap = run(beam(near="pbd", far="pbd", tolerance=1e-6))
     assert difference(split, whole) < 0.02
     assert gap < 1e-6 * 0.02
-    assert np.mean(exchanges) <= 8.0  # down to a gap of 1e-9 of a cell
+    assert np.mean(exchanges) <= 8.0  # down to a gap of 1e-6 of a cell
 
 
 @pytest.mark.parametrize("near, far", [("fem", "pbd"), ("pbd", "fem")])
