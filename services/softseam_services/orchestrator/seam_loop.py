@@ -153,7 +153,9 @@ class SeamLoop:
             if answer.outcome is Outcome.ACCEPT:
                 self._patience = 1
                 return self._agree(replies, lambda_, answer.gap, exchange, "")
-            slow = exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
+            # without contact the answers are smooth, and the solver's corrections learn them faster
+            rough = replies[NEAR].n_contacts + replies[FAR].n_contacts > 0
+            slow = rough and exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
             if slow and self._condensable and self._stiffness is not None:
                 self._condensed = True
                 self._wait = self._patience = min(2 * self._patience, _MOST_PATIENCE)
