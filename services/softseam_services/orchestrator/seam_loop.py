@@ -100,6 +100,10 @@ class SeamDiverged(RuntimeError):
     """The sides' answers are not finite."""
 
 
+class SeamUnsettled(RuntimeError):
+    """The step would not converge; shorter ones may."""
+
+
 class SeamLoop:
     """Ties two sides for one epoch.
 
@@ -120,6 +124,8 @@ class SeamLoop:
         self._base: Floats | None = None
         self._used: Floats | None = None
         self._touched = False
+        self._stale = False
+        self._may_cut = False
         self._n_contacts = 0
         self._resumed = False  # to advance both at once again: the near side's compliance is old
         self._far_compliance = np.zeros((0, 0))
@@ -128,12 +134,16 @@ class SeamLoop:
         """The last committed one (s, 3) [N]."""
         return self.state.multiplier.reshape(-1, 3).copy()
 
-    def solve(self, ask: Ask) -> SeamSolution:
-        """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged."""
+    def solve(self, ask: Ask, may_cut: bool = False) -> SeamSolution:
+        """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged.
+
+        may_cut  where a step will not converge, raise SeamUnsettled and commit nothing; else keep its best round
+        """
+        self._may_cut = may_cut
         lambda_ = self._solver.predict(self.state)
         if self._condensed and not self._fresh:
-            left_ground = self._touched and self._n_contacts == 0
-            far = ask({FAR: SideRequest(self._tie.far_force(lambda_), left_ground)})[FAR]
+            renew = self._stale or (self._touched and self._n_contacts == 0)
+            far = ask({FAR: SideRequest(self._tie.far_force(lambda_), renew)})[FAR]
             self._take_far(far)
             return self._condense(ask, lambda_, far, 1)
         replies: dict[str, Advanced] = {}
@@ -196,6 +206,8 @@ class SeamLoop:
             if best is None or gap < best.gap:
                 best = _Round(gap, lambda_, anchor, self._used, found, image)
             if exchanges + 4 > self._most:
+                if self._may_cut:
+                    raise SeamUnsettled
                 return self._settle(ask, best, gap, {NEAR: near, FAR: far}, found, exchanges)
             learn_stiffness(self._stiffness, (image - anchor).reshape(-1), (lambda_ - found).reshape(-1))
             if gap > _WORSE * best.gap:
@@ -207,6 +219,11 @@ class SeamLoop:
                 if gap > _WORTH * moved:
                     self._used = self._stiffness.copy()
                 lambda_, anchor = found, image
+
+    def change_step(self) -> None:
+        """The steps to come have another length: the far side's compliance is asked for again."""
+        self._stale = self._condensed = True
+        self._wait = self._patience = _MOST_PATIENCE
 
     def _settle(
         self, ask: Ask, best: _Round, gap: float, replies: dict[str, Advanced], found: Floats, exchanges: int
@@ -229,6 +246,7 @@ class SeamLoop:
             self._base = self._tie.far_stiffness(far.compliance)
             self._stiffness, self._used = self._base.copy(), self._base
             self._touched = far.n_contacts > 0
+            self._stale = False
 
     def _rebuild(self, replies: dict[str, Advanced]) -> None:
         near, far = replies[NEAR].compliance, replies[FAR].compliance
@@ -255,7 +273,16 @@ class SeamLoop:
         arrays["far_compliance"] = self._far_compliance
         arrays["used"] = np.zeros((0, 0)) if self._used is None else self._used
         arrays["base"] = np.zeros((0, 0)) if self._base is None else self._base
-        flags = [self._condensed, self._wait, self._patience, self._fresh, self._resumed, self._touched, self._n_contacts]
+        flags = [
+            self._condensed,
+            self._wait,
+            self._patience,
+            self._fresh,
+            self._resumed,
+            self._touched,
+            self._n_contacts,
+            self._stale,
+        ]
         arrays["flags"] = np.array(flags, dtype=np.float64)
         return arrays
 
@@ -269,7 +296,7 @@ class SeamLoop:
         base = arrays["base"]
         self._base = np.array(base) if base.size else None
         self._far_compliance = np.array(arrays["far_compliance"])
-        condensed, wait, patience, fresh, resumed, touched, n_contacts = arrays["flags"]
+        condensed, wait, patience, fresh, resumed, touched, n_contacts, stale = arrays["flags"]
         self._condensed, self._wait, self._patience = bool(condensed), int(wait), int(patience)
         self._fresh, self._resumed = bool(fresh), bool(resumed)
-        self._touched, self._n_contacts = bool(touched), int(n_contacts)
+        self._touched, self._n_contacts, self._stale = bool(touched), int(n_contacts), bool(stale)

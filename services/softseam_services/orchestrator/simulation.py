@@ -36,10 +36,11 @@ from softseam_protocol.messages import (
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.parts import parts_of, sum_replies
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
 from softseam_services.orchestrator.recovery import RecoveringTransport
-from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SideRequest
+from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SeamUnsettled, SideRequest
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides, contact_state, cut, resting_state, side_mass
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
@@ -51,6 +52,8 @@ Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
 _CHECKPOINT_STEPS = 50
+_PARTS = 4
+"""of a step whose seam will not settle"""
 _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
 
@@ -99,6 +102,7 @@ class Simulation:
         self._seam = SeamSolver(tolerance=self.scene.seam.tolerance * float(self.body.edges.min()))
         self._accounts = Accounts()
         self._epoch = -1
+        self._step = self._tick = 0
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
         self.reset(self.scene.seed)
@@ -132,6 +136,8 @@ class Simulation:
         """Back to the start of the scene."""
         self._seed = self.scene.seed if seed is None else seed
         self._step = 0
+        self._tick = 0  # steps that participants have taken; more than `_step` where steps were cut
+        self._n_asked = -1
         self._progress = Progress()
         self._position = self.tools.position.copy()
         self._orientation = self.tools.orientation.copy()
@@ -174,7 +180,7 @@ class Simulation:
         if fields or (self._wants_fields and (self.done or self._step % _FIELDS_EVERY == 0)):
             frame = self.frame()
         quantities = self._quantities.measure(replies, wrench, self._position, frame, self._lift_base)
-        header, sides = self._header("", self._step - 1), self._sides
+        header, sides = self._last_header(), self._sides
         kinetic_change = self._follow_tools(replies)
         if self._step % _CHECKPOINT_STEPS == 0:
             self._snapshot()
@@ -243,6 +249,7 @@ class Simulation:
                 raise
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
         self._step, phase = int(numbers[0]), int(numbers[1])
+        self._tick, self._n_asked = self._step, -1
         self._progress = Progress(phase, float(numbers[2]))
         self._lift_base, self._lifting, self._seed = float(numbers[3]), bool(numbers[4]), int(numbers[5])
         self._position, self._orientation = np.array(position), np.array(orientation)
@@ -265,35 +272,49 @@ class Simulation:
     # ---- one step
 
     def _solve(self, motion: ToolMotion) -> SeamSolution:
-        """Advance all sides until they agree at the seam."""
-        sides, exchange = self._sides, -1
+        """Advance all sides until they agree at the seam; where they will not, in parts of the step."""
+        try:
+            try:
+                return self._advance(motion, self.scene.step, may_cut=True)
+            except SeamUnsettled:
+                return self._cut(motion)
+        except SeamDiverged as error:
+            raise StepFailed(f"step {self._step}: {error}") from error
+
+    def _advance(self, motion: ToolMotion, dt: float, may_cut: bool) -> SeamSolution:
+        sides = self._sides
 
         def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
-            nonlocal exchange
-            exchange += 1
+            self._n_asked += 1
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
-                header = self._header(name, self._step, exchange)
+                header = self._header(name, self._tick, self._n_asked)
                 if side.anchor is None or side.stiffness is None:
-                    request = Advance(header, self.scene.step, side.force, motion, side.compliance)
+                    request = Advance(header, dt, side.force, motion, side.compliance)
                 else:
-                    request = Advance(
-                        header, self.scene.step, side.force, motion, side.compliance, side.anchor, side.stiffness
-                    )
+                    request = Advance(header, dt, side.force, motion, side.compliance, side.anchor, side.stiffness)
                 requests[name] = request
             return self._advanced(self._exchange(requests))
 
         if self._loop is None:
             free = np.zeros((0, 3))
-            return SeamSolution(ask({name: SideRequest(free) for name in sides.names}), free, 0.0, 1, "")
-        try:
-            solution = self._loop.solve(ask)
-        except SeamDiverged as error:
-            raise StepFailed(f"step {self._step}: {error}") from error
-        if solution.note:
-            gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
-            self._event("seam", f"step {self._step}: {gap}: {solution.note}")
+            solution = SeamSolution(ask({name: SideRequest(free) for name in sides.names}), free, 0.0, 1, "")
+        else:
+            solution = self._loop.solve(ask, may_cut)
+        self._tick += 1
+        self._n_asked = -1
         return solution
+
+    def _cut(self, motion: ToolMotion) -> SeamSolution:
+        """Take the step in parts; each is committed by the next."""
+        assert self._loop is not None
+        self._loop.change_step()
+        parts = [self._advance(part, self.scene.step / _PARTS, may_cut=False) for part in parts_of(motion, _PARTS)]
+        self._loop.change_step()
+        gap, exchanges = parts[-1].gap, sum(part.exchanges for part in parts)
+        text = f"step {self._step}: taken in {_PARTS} parts, {exchanges} exchanges, gap {1e6 * gap:.3g} um"
+        self._event("seam", f"{text}{': ' if parts[-1].note else ''}{parts[-1].note}")
+        return SeamSolution(sum_replies([part.replies for part in parts]), parts[-1].lambda_, gap, exchanges, "")
 
     def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
         found = {}
@@ -414,8 +435,15 @@ class Simulation:
     # ---- messages
 
     def _header(self, participant: str, step: int | None = None, exchange: int = 0) -> Header:
-        at = self._step if step is None else step
-        return Header(SCHEMA_VERSION, self._session, participant, self._epoch, at, exchange, at * self.scene.step)
+        at = step
+        if at is None:
+            at = self._tick if participant else self._step
+        return Header(SCHEMA_VERSION, self._session, participant, self._epoch, at, exchange, self.time)
+
+    def _last_header(self) -> Header:
+        """Names the last step by its number and the time at its start."""
+        at = max(self._step - 1, 0)
+        return Header(SCHEMA_VERSION, self._session, "", self._epoch, at, 0, at * self.scene.step)
 
     def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         began = perf_counter()
@@ -448,7 +476,7 @@ class Simulation:
         force, tool = contact_state(body, fields)
         multiplier = np.zeros((len(sides.seam), 3)) if self._loop is None else self._loop.multiplier()
         return Frame(
-            self._header("", max(self._step - 1, 0)),
+            self._last_header(),
             x,
             cauchy,
             self._regions.near.astype(np.int8),
@@ -462,7 +490,7 @@ class Simulation:
         )
 
     def _event(self, kind: str, message: str) -> None:
-        event = Event(self._header("", max(getattr(self, "_step", 0), 0)), kind, message)
+        event = Event(self._header(""), kind, message)
         self.events.append(event)
         if self._emit is not None:
             self._emit(event)
