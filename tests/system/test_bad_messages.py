@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Services
+from real_services import Services
 from trajectory import bits
 
 from softseam_protocol.bus import Bus

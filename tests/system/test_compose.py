@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from conftest import free_port
+from real_services import free_port
 from trajectory import first_difference
 
 from softseam.connected import ConnectedBackend
@@ -25,8 +25,6 @@ from softseam_protocol.bus import Bus
 from softseam_protocol.messages import Bundle, StepReport
 from softseam_protocol.topics import Keys
 from softseam_services.health import EXPECTED, probe
-from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.simulation import Simulation
 
 pytestmark = pytest.mark.docker
 
@@ -102,14 +100,6 @@ def deployment() -> Iterator[Deployment]:
             command(engine, "down", env=env)
 
 
-@pytest.fixture(scope="module")
-def reference(bar: Bundle) -> list[StepReport]:
-    simulation = Simulation(bar, EmbeddedTransport())
-    reports = [simulation.step() for _ in range(STEPS)]
-    simulation.close()
-    return reports
-
-
 def run(deployment: Deployment, bundle: Bundle, at_step: int, act: Callable[[], object]) -> list[StepReport]:
     backend = ConnectedBackend(bundle, deployment.endpoint, record=False, timeout=120.0)
     try:
@@ -122,6 +112,12 @@ def run(deployment: Deployment, bundle: Bundle, at_step: int, act: Callable[[], 
     finally:
         backend.close()
     return reports
+
+
+@pytest.fixture(scope="module")
+def reference(deployment: Deployment, bar: Bundle) -> list[StepReport]:
+    """The same run with nothing in its way."""
+    return run(deployment, bar, -1, lambda: None)
 
 
 def test_a_container_that_crashes_is_restarted_and_the_run_goes_on(

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import Services, free_port, squeezed_bar
+from real_services import Services, free_port, squeezed_bar
 
 import softseam
 from softseam import connected

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 
 import pytest
-from conftest import READY, Services
+from real_services import READY, Services
 from trajectory import first_difference, same_frame
 
 from softseam.connected import ConnectedBackend

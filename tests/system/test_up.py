@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import READY, free_port
+from real_services import READY, free_port
 
 MODULE = (sys.executable, "-m", "softseam_services")
 
