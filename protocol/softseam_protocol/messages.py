@@ -164,7 +164,8 @@ class Advance:
     seam_anchor: Vectors = field(default_factory=_NO_VECTORS)
     """where the other side would be without a change of force (s, 3) [m]; empty: the seam force is constant"""
     seam_stiffness: Matrix = field(default_factory=_NO_MATRIX)
-    """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x)"""
+    """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x);
+    empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,6 +79,7 @@ class FemSolver:
         )
         self._next = self._committed.copy()
         self._tentative = False
+        self._knows_stiffness = False
         self._step: tuple[int, int] | None = None
         n_seam = len(region.seam)
         self._wrench = np.zeros((n_tools, 6))
@@ -194,12 +195,13 @@ class FemSolver:
     def _couple(self, request: Advance) -> None:
         """Take over how the other side resists at the seam, or that it does not."""
         work, coupled = self._work, len(request.seam_anchor) > 0
+        same = coupled == bool(work.seam_coupled[0])
         if coupled:
             work.seam_anchor[:] = request.seam_anchor
-        same = coupled == bool(work.seam_coupled[0])
-        if coupled and not (same and np.array_equal(request.seam_stiffness, work.seam_stiffness)):
-            work.seam_stiffness[:] = request.seam_stiffness
-            same = False
+            if request.seam_stiffness.size and not np.array_equal(request.seam_stiffness, work.seam_stiffness):
+                work.seam_stiffness[:] = request.seam_stiffness
+                same = False
+            self._knows_stiffness = True
         if not same:
             self._memo[FACTORED] = 0.0
         work.seam_coupled[0] = coupled
@@ -215,8 +217,11 @@ class FemSolver:
         if not np.isfinite(request.seam_force).all():
             return "the seam force is not finite: the seam solver must send finite multipliers"
         if len(request.seam_anchor):
-            if request.seam_anchor.shape != (n_seam, 3) or request.seam_stiffness.shape != (3 * n_seam, 3 * n_seam):
-                return f"a seam anchor ({n_seam}, 3) needs a stiffness ({3 * n_seam}, {3 * n_seam}) beside it"
+            shape = request.seam_stiffness.shape
+            if request.seam_anchor.shape != (n_seam, 3) or shape not in ((3 * n_seam, 3 * n_seam), (0, 0)):
+                return f"a seam anchor ({n_seam}, 3) needs a stiffness ({3 * n_seam}, {3 * n_seam}) beside it, or none"
+            if shape == (0, 0) and not self._knows_stiffness:
+                return "a seam anchor without a stiffness, and none came since the last snapshot: send it again"
             if not (np.isfinite(request.seam_anchor).all() and np.isfinite(request.seam_stiffness).all()):
                 return "the seam's anchor or stiffness is not finite"
         poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
@@ -313,6 +318,7 @@ class FemSolver:
     def _forget(self) -> None:
         self._tentative = False
         self._step = None
+        self._knows_stiffness = False
         self._memo[:] = 0.0
         self._work.factored_state[:] = 0
 

@@ -63,13 +63,14 @@ class Quantities:
         self, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, frame: Frame | None, lift_base: float
     ) -> dict[str, float]:
         """All quantities of the step; those that need fields only where there is a frame."""
+        low = min(float(reply.bounds[0, 2]) for reply in replies.values())
         high = max(float(reply.bounds[1, 2]) for reply in replies.values())
         found = {
             "grip_force": self.grip_force(wrench),
             "lift_height": self.height(replies) - lift_base,
             "slip": max(reply.slip for reply in replies.values()),
-            "sag": self._top - high,
-            "compression": self._program.compression(position),
+            "sag": (self._top - self._bottom) - (high - low),
+            "compression": max(0.0, self._program.compression(position)),
         }
         if frame is not None:
             found["peak_von_mises"] = float(von_mises(frame.cauchy).max())

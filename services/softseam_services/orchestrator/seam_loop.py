@@ -125,6 +125,7 @@ class SeamLoop:
         self._used: Floats | None = None
         self._touched = False
         self._stale = False
+        self._told: Floats | None = None
         self._may_cut = False
         self._n_contacts = 0
         self._resumed = False  # to advance both at once again: the near side's compliance is old
@@ -188,7 +189,7 @@ class SeamLoop:
                 exchanges += 1
                 renewed = True
                 self._take_far(far)
-            near = ask({NEAR: SideRequest(lambda_, False, anchor, self._used)})[NEAR]
+            near = ask({NEAR: self._coupled(lambda_, anchor, self._used)})[NEAR]
             moved = float(np.abs(near.seam_x - anchor).max())
             if best is None:
                 self._wait -= 1
@@ -220,6 +221,16 @@ class SeamLoop:
                     self._used = self._stiffness.copy()
                 lambda_, anchor = found, image
 
+    def _coupled(self, lambda_: Floats, anchor: Floats, stiffness: Floats) -> SideRequest:
+        """Ask the near side with the far side's stiffness, which is sent only where it is another than before."""
+        told = stiffness is self._told
+        self._told = stiffness
+        return SideRequest(lambda_, False, anchor, None if told else stiffness)
+
+    def forget_told(self) -> None:
+        """The near side no longer knows the stiffness that it was sent: it took a snapshot or was restored."""
+        self._told = None
+
     def change_step(self) -> None:
         """The steps to come have another length: the far side's compliance is asked for again."""
         self._stale = self._condensed = True
@@ -232,7 +243,7 @@ class SeamLoop:
         assert self._base is not None
         self._stiffness, self._used = self._base.copy(), self._base
         if best.gap < 0.7 * gap:
-            near = ask({NEAR: SideRequest(best.lambda_, False, best.anchor, best.stiffness)})[NEAR]
+            near = ask({NEAR: self._coupled(best.lambda_, best.anchor, best.stiffness)})[NEAR]
             found = near.seam_force
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             replies, exchanges = {NEAR: near, FAR: far}, exchanges + 2
@@ -289,6 +300,7 @@ class SeamLoop:
     def take(self, arrays: dict[str, NDArray[np.float64]]) -> None:
         """Continue from `to_arrays`."""
         self.state = SeamState.from_arrays(arrays)
+        self._told = None
         stiffness = arrays["stiffness"]
         self._stiffness = np.array(stiffness) if stiffness.size else None
         used = arrays["used"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -52,6 +53,8 @@ Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
 _CHECKPOINT_STEPS = 50
+_KEPT = np.zeros((0, 0))
+"""stands for the stiffness that the near side has"""
 _PARTS = 4
 """of a step whose seam will not settle"""
 _FIELDS_EVERY = 5
@@ -289,10 +292,10 @@ class Simulation:
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
                 header = self._header(name, self._tick, self._n_asked)
-                if side.anchor is None or side.stiffness is None:
-                    request = Advance(header, dt, side.force, motion, side.compliance)
-                else:
-                    request = Advance(header, dt, side.force, motion, side.compliance, side.anchor, side.stiffness)
+                request = Advance(header, dt, side.force, motion, side.compliance)
+                if side.anchor is not None:
+                    stiffness = _KEPT if side.stiffness is None else side.stiffness
+                    request = replace(request, seam_anchor=side.anchor, seam_stiffness=stiffness)
                 requests[name] = request
             return self._advanced(self._exchange(requests))
 
@@ -456,6 +459,8 @@ class Simulation:
         return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
 
     def _snapshot(self) -> dict[str, SnapshotTaken]:
+        if self._loop is not None:
+            self._loop.forget_told()
         replies = self._exchange({name: Snapshot(self._header(name)) for name in self._sides.names})
         return {name: reply for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
