@@ -21,7 +21,7 @@ def python(code: str, *flags: str) -> str:
     return done.stdout
 
 
-def test_import_loads_nothing_heavy():
+def test_import_loads_nothing_heavy() -> None:
     """`import softseam`, and even the names behind `softseam.open`, load neither solvers nor viewers nor the bus."""
     for code in ("import softseam", "import softseam; softseam.open, softseam.Scene, softseam.Observation"):
         loaded = json.loads(python(f"{code}\nimport json, sys; print(json.dumps(sorted(sys.modules)))"))
@@ -29,7 +29,7 @@ def test_import_loads_nothing_heavy():
         assert not [name for name in loaded if name.startswith(("softseam_services", "softseam_coupling"))]
 
 
-def test_import_is_quick():
+def test_import_is_quick() -> None:
     """Less than 0.3 s in a fresh interpreter, the best of three: other work on the machine only adds time."""
     code = """
     from time import perf_counter
@@ -40,7 +40,7 @@ def test_import_is_quick():
     assert min(float(python(code)) for _ in range(3)) < 0.3
 
 
-def test_public_names_exist():
+def test_public_names_exist() -> None:
     """Every name of `__all__` is there, and a name that is not says so."""
     python("""
     import softseam
@@ -59,7 +59,7 @@ def test_public_names_exist():
 @pytest.mark.parametrize(
     "arguments", [["run", "tofu_grasp"], ["check", "tofu_grasp"], ["up"], ["serve", "fem"], ["demo"]]
 )
-def test_missing_solver_is_named(arguments, tmp_path, monkeypatch):
+def test_missing_solver_is_named(arguments, tmp_path, monkeypatch) -> None:
     """Without numba whatever needs a solver ends with the command that installs it, not with a traceback."""
     monkeypatch.chdir(tmp_path)
     code = f"""
@@ -77,7 +77,7 @@ def test_missing_solver_is_named(arguments, tmp_path, monkeypatch):
     assert "Traceback" not in done.stderr
 
 
-def test_house_names_no_registry():
+def test_house_names_no_registry() -> None:
     """Locks and build files pin packages by hash and name no host, path or local build."""
     root = Path(__file__).parents[2]
     for name in ("requirements.lock", "requirements-dev.lock"):

@@ -24,13 +24,13 @@ def block(language: str) -> str:
     return found[1]
 
 
-def test_scene_is_valid():
+def test_scene_is_valid() -> None:
     scene = parse_scene(block("yaml"), "README.md")
     assert scene.regions.near is not None
 
 
 @pytest.mark.slow
-def test_program_runs(capsys):
+def test_program_runs(capsys) -> None:
     """The program as printed: a tool driven by hand still ends when the scene's motion would."""
     exec(compile(block("python"), "README.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
@@ -38,13 +38,13 @@ def test_program_runs(capsys):
     assert float(lines[-1].split()[1]) > 3.0  # it grips [N]
 
 
-def test_commands_exist():
+def test_commands_exist() -> None:
     known = {command.name or command.callback.__name__ for command in app.registered_commands}
     assert set(re.findall(r"^    softseam ([a-z]+)", README, re.MULTILINE)) <= known
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_links_lead_somewhere(page):
+def test_links_lead_somewhere(page) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
         if "://" not in target:

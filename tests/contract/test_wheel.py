@@ -24,7 +24,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_contents(wheel: Path):
+def test_contents(wheel: Path) -> None:
     """Nothing generic reaches site-packages; types, scenes and the licence are inside, tests are not."""
     names = zipfile.ZipFile(wheel).namelist()
     top = {name.partition("/")[0] for name in names}
@@ -38,7 +38,7 @@ def test_contents(wheel: Path):
 
 
 @pytest.mark.slow
-def test_works_installed(wheel: Path, tmp_path: Path):
+def test_works_installed(wheel: Path, tmp_path: Path) -> None:
     """Installed by itself it finds its own modules and scenes, and `softseam --help` teaches."""
     target = tmp_path / "site"
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(target), str(wheel)]

@@ -20,7 +20,7 @@ from softseam_protocol.scene_file import scene_json
 SQUEEZE = {"front": [0.0, 0.02, 0.0], "back": [0.0, -0.02, 0.0]}
 
 
-def test_same_bits_as_embedded(services: Services):
+def test_same_bits_as_embedded(services: Services) -> None:
     """Positions, stresses, multipliers and quantities; by hand and along the scene's motion."""
     services.wait_well()
     seen = []
@@ -42,7 +42,7 @@ def test_same_bits_as_embedded(services: Services):
     assert seen[0] == seen[1]
 
 
-def test_snapshot_travels(services: Services):
+def test_snapshot_travels(services: Services) -> None:
     """A snapshot taken over the bus continues in this process, bit for bit, and the other way round."""
     services.wait_well()
     with softseam.open(squeezed_bar(), services.endpoint) as far, softseam.open(squeezed_bar()) as here:
@@ -56,7 +56,7 @@ def test_snapshot_travels(services: Services):
         assert here.step(SQUEEZE).positions.tobytes() == far.step(SQUEEZE).positions.tobytes()
 
 
-def test_bad_input_changes_nothing(services: Services):
+def test_bad_input_changes_nothing(services: Services) -> None:
     services.wait_well()
     with softseam.open(squeezed_bar(), services.endpoint) as sim:
         with pytest.raises(softseam.NotReset):
@@ -71,7 +71,7 @@ def test_bad_input_changes_nothing(services: Services):
         sim.step(SQUEEZE)
 
 
-def test_other_schema_version(services: Services, monkeypatch: pytest.MonkeyPatch):
+def test_other_schema_version(services: Services, monkeypatch: pytest.MonkeyPatch) -> None:
     """A client of another version is told so by name."""
     services.wait_well()
     monkeypatch.setattr(connected, "SCHEMA_VERSION", 99)
@@ -79,7 +79,7 @@ def test_other_schema_version(services: Services, monkeypatch: pytest.MonkeyPatc
         softseam.open(squeezed_bar(), services.endpoint)
 
 
-def test_nobody_behind_the_router():
+def test_nobody_behind_the_router() -> None:
     """A router without an orchestrator: one error that says what to start."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with Router(endpoint), pytest.raises(softseam.NoConnection, match="softseam up"):
@@ -87,7 +87,7 @@ def test_nobody_behind_the_router():
 
 
 @pytest.mark.slow
-def test_run_connected(services: Services, tmp_path: Path):
+def test_run_connected(services: Services, tmp_path: Path) -> None:
     """`softseam run --connect` writes the report here and brings the recorder's file."""
     services.wait_well()
     scene = tmp_path / "bar.yaml"

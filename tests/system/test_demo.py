@@ -15,7 +15,7 @@ from softseam.recording import Recording
 
 
 @pytest.mark.slow
-def test_demo_leaves_everything(tmp_path: Path):
+def test_demo_leaves_everything(tmp_path: Path) -> None:
     """Recording, .rrd, report and pictures are in the folder it names; progress shows RTF and ETA; no process stays."""
     out = tmp_path / "out"
     done = subprocess.run(

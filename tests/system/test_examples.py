@@ -14,10 +14,10 @@ EXAMPLES = sorted(p.stem for p in Path(softseam.examples.__path__[0]).glob("[a-z
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_example_runs(name, capsys):
+def test_example_runs(name, capsys) -> None:
     runpy.run_module(f"softseam.examples.{name}", run_name="__main__")
     assert len(capsys.readouterr().out.splitlines()) >= 2
 
 
-def test_there_are_examples():
+def test_there_are_examples() -> None:
     assert len(EXAMPLES) >= 3

@@ -36,7 +36,7 @@ def node_mass(body: Body) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("cell", "counts"), [(None, (4, 3, 4)), (0.02, (2, 2, 3)), ([0.1, 0.02, 0.011], (1, 2, 5))])
-def test_cells_fill_the_block_exactly(cell, counts):
+def test_cells_fill_the_block_exactly(cell, counts) -> None:
     body = block(cell=cell)
     np.testing.assert_allclose(body.edges * counts, SIZE, rtol=1e-15)
     assert body.n_cells == np.prod(counts)
@@ -52,13 +52,13 @@ def test_cells_fill_the_block_exactly(cell, counts):
     np.testing.assert_array_equal(order, np.arange(body.n_cells))
 
 
-def test_octants_hold_their_corners():
+def test_octants_hold_their_corners() -> None:
     middle = LOCAL[OCTANT_NODES].mean(axis=1)
     for o in range(8):
         np.testing.assert_array_equal(middle[o], [(o & 1) + 0.5, (o >> 1 & 1) + 0.5, (o >> 2 & 1) + 0.5])
 
 
-def test_mass_centre_and_inertia_are_those_of_a_box():
+def test_mass_centre_and_inertia_are_those_of_a_box() -> None:
     """Simpson's rule integrates quadratics exactly, so second moments are exact too."""
     body = block(cell=0.02)
     mass = node_mass(body)
@@ -71,7 +71,7 @@ def test_mass_centre_and_inertia_are_those_of_a_box():
     assert (body.cell_mass > 0).all()
 
 
-def test_surface_areas_normals_and_triangles():
+def test_surface_areas_normals_and_triangles() -> None:
     body = block(cell=0.02)
     points, surface = rest_points(body), body.surface
     a, b, c = SIZE
@@ -86,7 +86,7 @@ def test_surface_areas_normals_and_triangles():
     np.testing.assert_allclose(np.linalg.norm(surface.normal, axis=1), 1.0, rtol=1e-14)
 
 
-def test_clamps_and_initial_velocities():
+def test_clamps_and_initial_velocities() -> None:
     body = block(
         cell=0.02,
         fixed=[{"min": [-1, -1, 0.3], "max": [1, 1, 0.3]}],
@@ -101,7 +101,7 @@ def test_clamps_and_initial_velocities():
     np.testing.assert_allclose(body.v_initial[free], expected, atol=1e-14)
 
 
-def test_region_masses_sum_to_the_body_and_seams_are_shared():
+def test_region_masses_sum_to_the_body_and_seams_are_shared() -> None:
     body = block(cell=0.01, fixed=[{"min": [-1, -1, 0.3], "max": [1, 1, 0.3]}])
     near = np.flatnonzero(body.x_rest[body.cell_nodes[:, 13], 0] < 0.1).astype(np.int32)
     far = np.setdiff1d(np.arange(body.n_cells), near).astype(np.int32)
@@ -127,7 +127,7 @@ def test_region_masses_sum_to_the_body_and_seams_are_shared():
     np.testing.assert_array_equal(np.sort(np.concatenate(seen)), np.arange(len(body.surface.cell)))
 
 
-def test_regions_refuse_foreign_cells_and_seam_nodes():
+def test_regions_refuse_foreign_cells_and_seam_nodes() -> None:
     body = block(cell=0.02)
     with pytest.raises(ValueError, match="needs cells within"):
         build_region(body, np.array([body.n_cells], dtype=np.int32), np.zeros(0, dtype=np.int32))
@@ -136,7 +136,7 @@ def test_regions_refuse_foreign_cells_and_seam_nodes():
 
 
 @pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_points_of_a_block_are_single_nodes(kind):
+def test_points_of_a_block_are_single_nodes(kind) -> None:
     body = block(cell=0.02)
     region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
     indptr, node, weight = point_weights(body, region, kind)
@@ -150,7 +150,7 @@ local = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 
 @settings(deadline=None, max_examples=60)
 @given(local)
-def test_shape_functions_reproduce_polynomials(at):
+def test_shape_functions_reproduce_polynomials(at) -> None:
     """Both reproduce linear fields; hex27 all products of quadratics as well."""
     t = np.array(at)
     nodes = LOCAL - 1.0
@@ -166,7 +166,7 @@ def test_shape_functions_reproduce_polynomials(at):
     assert value @ field == pytest.approx((t**2).prod(), abs=1e-13)
 
 
-def test_hex27_gradients_meet_finite_differences():
+def test_hex27_gradients_meet_finite_differences() -> None:
     t, h = np.array([0.3, -0.6, 0.8]), 1e-6
     value, gradient = np.empty(27), np.empty((27, 3))
     hex27(t, value, gradient)

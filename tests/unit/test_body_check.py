@@ -19,7 +19,7 @@ def check(cell: object = 0.025, **material: float) -> BodyCheck:
     return check_body(build_body(scene, {}))
 
 
-def test_a_sound_block():
+def test_a_sound_block() -> None:
     result = check()
     assert result.warnings == ()
     assert result.n_cells == result.full_cells == 8
@@ -43,5 +43,5 @@ def test_a_sound_block():
         (0.025, {"young": 0.02}, "Young's modulus 0.02"),
     ],
 )
-def test_what_is_odd_is_said(cell, material, words):
+def test_what_is_odd_is_said(cell, material, words) -> None:
     assert any(words in warning for warning in check(cell, **material).warnings)

@@ -47,14 +47,14 @@ def _deformed(model, size=0.1, seed=0):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fill", FILLS)
-def test_rest_is_free_of_stress(fill, kind):
+def test_rest_is_free_of_stress(fill, kind) -> None:
     model, _, work = _model(fill, kind)
     assert np.abs(_forces(model.x_rest, model, work)).max() < 1e-14 * model.mu * 0.01**2 * 1e3
     assert abs(strain_energy(model.x_rest, model, work)) < 1e-14 * model.mu * model.weight.sum()
 
 
 @pytest.mark.parametrize("fill", FILLS)
-def test_forces_sum_to_zero(fill):
+def test_forces_sum_to_zero(fill) -> None:
     """No net force, and no net torque about the origin."""
     model, _, work = _model(fill)
     x = _deformed(model)
@@ -66,7 +66,7 @@ def test_forces_sum_to_zero(fill):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fill", FILLS)
-def test_forces_are_the_gradient_of_the_energy(fill, kind):
+def test_forces_are_the_gradient_of_the_energy(fill, kind) -> None:
     model, _, work = _model(fill, kind)
     x, way = _deformed(model), np.random.default_rng(2).standard_normal(model.x_rest.shape)
     e = 1e-7
@@ -76,7 +76,7 @@ def test_forces_are_the_gradient_of_the_energy(fill, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fill", FILLS)
-def test_tangent_is_the_gradient_of_the_forces(fill, kind):
+def test_tangent_is_the_gradient_of_the_forces(fill, kind) -> None:
     """Central differences of f along random directions, away from rest."""
     model, tree, work = _model(fill, kind)
     x = _deformed(model)
@@ -94,7 +94,7 @@ def test_tangent_is_the_gradient_of_the_forces(fill, kind):
 
 
 @pytest.mark.parametrize("fill", FILLS)
-def test_patch(fill):
+def test_patch(fill) -> None:
     """A uniform deformation gives the material's own stress and energy, whatever the fill."""
     model, _, work = _model(fill)
     F = np.eye(3) + 0.2 * np.random.default_rng(3).standard_normal((3, 3))
@@ -110,7 +110,7 @@ def test_patch(fill):
     assert not stress[~model.filled].any()
 
 
-def test_patch_of_full_cells_is_in_equilibrium_inside():
+def test_patch_of_full_cells_is_in_equilibrium_inside() -> None:
     """Under a uniform deformation only nodes of the surface carry force."""
     model, _, work = _model(counts=(2, 2, 2))
     f = _forces(model.x_rest @ (np.eye(3) + 0.1), model, work)
@@ -120,7 +120,7 @@ def test_patch_of_full_cells_is_in_equilibrium_inside():
     assert np.abs(f[inside]).max() < 1e-13 * np.abs(f).max()
 
 
-def test_small_strains_follow_the_linear_law():
+def test_small_strains_follow_the_linear_law() -> None:
     model, _, work = _model(kind="linear")
     F = np.eye(3) + 1e-3 * np.random.default_rng(3).standard_normal((3, 3))
     stress = np.empty((2, 8, 6))
@@ -130,7 +130,7 @@ def test_small_strains_follow_the_linear_law():
 
 
 @pytest.mark.parametrize("fill", FILLS)
-def test_six_rigid_modes_and_no_others(fill):
+def test_six_rigid_modes_and_no_others(fill) -> None:
     """At rest K has exactly six modes without energy: no hourglass modes, also where octants are empty."""
     model, tree, work = _model(fill)
     add_cell_tangents(model.x_rest, model, tree, work, False)
@@ -139,7 +139,7 @@ def test_six_rigid_modes_and_no_others(fill):
     assert values[6] > (1e-3 if fill == "full" else 1e-3 * FILL_FLOOR) * values[-1]
 
 
-def test_rotation_costs_nothing():
+def test_rotation_costs_nothing() -> None:
     """The neo-Hookean solid is objective: a quarter turn and a shift give no force."""
     model, _, work = _model("partial")
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -148,7 +148,7 @@ def test_rotation_costs_nothing():
     assert np.abs(_forces(moved, model, work)).max() < 1e-14 * model.mu * 0.01 * 1e2
 
 
-def test_stabilisation_is_semi_definite_and_blind_to_linear_fields():
+def test_stabilisation_is_semi_definite_and_blind_to_linear_fields() -> None:
     tables = cell_tables(np.array([0.01, 0.02, 0.015]))
     values = np.linalg.eigvalsh(tables.stabilisation)
     assert values[0] > -1e-14 * values[-1]
@@ -158,7 +158,7 @@ def test_stabilisation_is_semi_definite_and_blind_to_linear_fields():
     assert np.abs(field @ tables.stabilisation).max() < 1e-13 * values[-1] * np.abs(field).max()
 
 
-def test_crushed_cells_have_finite_forces_and_a_safe_matrix():
+def test_crushed_cells_have_finite_forces_and_a_safe_matrix() -> None:
     """Cells turned inside out: the energy goes on, and the safe tangent can be factored where the true one cannot."""
     model, tree, work = _model(counts=(2, 2, 1))
     x = model.x_rest * np.array([-0.4, 1.0, 0.3]) + 1e-3 * np.random.default_rng(0).standard_normal(model.x_rest.shape)
@@ -178,7 +178,7 @@ def test_crushed_cells_have_finite_forces_and_a_safe_matrix():
     assert factor(tree, work.values, work.ints) == 0
 
 
-def test_masses_are_those_of_the_block():
+def test_masses_are_those_of_the_block() -> None:
     model, _, _ = _model(counts=(2, 1, 1))
     np.testing.assert_allclose(model.mass.sum(), 1050.0 * 0.02 * 0.01 * 0.01, rtol=1e-13)
     assert (model.mass > 0.0).all()

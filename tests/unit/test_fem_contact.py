@@ -42,7 +42,7 @@ def _force(x, model, tools, count, work):
     return r
 
 
-def test_pressure_follows_the_penalty():
+def test_pressure_follows_the_penalty() -> None:
     """Without a multiplier p = r depth at each point; the sum is r/A of the face times area times depth."""
     model, _, work, tools, x, count = _problem(0.0)
     assert count == 25
@@ -53,7 +53,7 @@ def test_pressure_follows_the_penalty():
 
 
 @pytest.mark.parametrize(("way", "state"), [((1e-6, 2e-6, 0.0), STICK), ((1e-4, -2e-4, 0.0), SLIP)])
-def test_friction_sticks_inside_the_cone_and_slips_on_it(way, state):
+def test_friction_sticks_inside_the_cone_and_slips_on_it(way, state) -> None:
     model, _, work, tools, x, count = _problem(0.5, start=way)
     evaluate_contacts(x, model, tools, count, work)
     assert (work.state[:count] == state).all()
@@ -66,14 +66,14 @@ def test_friction_sticks_inside_the_cone_and_slips_on_it(way, state):
             assert traction @ np.array(way) < 0.0
 
 
-def test_a_pulling_multiplier_is_dropped():
+def test_a_pulling_multiplier_is_dropped() -> None:
     model, _, work, tools, x, count = _problem(0.5, multiplier=(0.0, 0.0, -1.0))
     evaluate_contacts(x + np.array([0.0, 0.0, 2e-5]), model, tools, count, work)
     assert (work.state[:count] == OPEN).all()
 
 
 @pytest.mark.parametrize("case", ["frictionless", "stick", "slip"])
-def test_tangent_is_the_gradient_of_the_force(case):
+def test_tangent_is_the_gradient_of_the_force(case) -> None:
     """Central differences; in slip along directions that leave the pressure alone, whose effect is dropped."""
     friction = {"frictionless": 0.0, "stick": 5.0, "slip": 0.01}[case]
     model, tree, work, tools, x, count = _problem(friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0))
@@ -93,7 +93,7 @@ def test_tangent_is_the_gradient_of_the_force(case):
     np.testing.assert_allclose(product, difference / (2.0 * e), atol=1e-5 * np.abs(product).max())
 
 
-def test_tools_that_carry_a_point_along_do_not_rub():
+def test_tools_that_carry_a_point_along_do_not_rub() -> None:
     """A point that moves with its tool, turn included, has no slip."""
     model, _, work, tools, x, _ = _problem(0.5)
     half = 0.05

@@ -49,7 +49,7 @@ def _dense(model, tree, work):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_solve_equals_dense(case):
+def test_solve_equals_dense(case) -> None:
     """Residual of the factored solve at rounding, relative to the matrix."""
     _, tree, work, dense = _problem(case)
     assert factor(tree, work.values, work.ints) == 0
@@ -60,7 +60,7 @@ def test_solve_equals_dense(case):
 
 
 @pytest.mark.parametrize("case", ["two_columns", "ring"])
-def test_last_fronts_hold_the_seam(case):
+def test_last_fronts_hold_the_seam(case) -> None:
     """The trailing block of the root is the seam's Schur complement, also of two components."""
     model, tree, work, dense = _problem(case)
     n = 3 * len(model.seam)
@@ -73,21 +73,21 @@ def test_last_fronts_hold_the_seam(case):
     np.testing.assert_allclose(inverse, expected, atol=1e-9 * np.abs(expected).max())
 
 
-def test_every_free_node_is_eliminated_once():
+def test_every_free_node_is_eliminated_once() -> None:
     _, tree, _, _ = _problem("clamped")
     free = tree.position[tree.position >= 0]
     assert sorted(free) == list(range(len(free)))
     assert np.count_nonzero(tree.position < 0) == 25
 
 
-def test_components_without_a_seam_have_trees_of_their_own():
+def test_components_without_a_seam_have_trees_of_their_own() -> None:
     body = build_body(block((0.03, 0.01, 0.02), 0.01), {})
     cells = np.flatnonzero(body.cell_grid[:, 0] != 1)
     _, tree = build_model(body, build_region(body, cells, np.zeros(0, dtype=np.int32)))
     assert np.count_nonzero(tree.meta[:, 3] < 0) == 2
 
 
-def test_an_indefinite_matrix_is_reported():
+def test_an_indefinite_matrix_is_reported() -> None:
     model, tree, work, _ = _problem("clamped")
     add_diagonal(tree, work.values, model.mass, -1e10)
     assert factor(tree, work.values, work.ints) > 0

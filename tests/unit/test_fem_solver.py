@@ -41,7 +41,7 @@ def grip(gripped):
     return run
 
 
-def test_requests_give_the_same_bits(grip):
+def test_requests_give_the_same_bits(grip) -> None:
     """Twice the same steps from the same snapshot: equal to the last bit, contact and friction included."""
     state = grip.solver.snapshot()
     force = np.random.default_rng(0).standard_normal((len(grip.region.seam), 3)) * 1e-3
@@ -58,7 +58,7 @@ def _numbered(run, force, n, exchange=0):
     return dataclasses.replace(request, header=dataclasses.replace(request.header, step=100 + n, exchange=exchange))
 
 
-def test_a_run_goes_on_alike_after_snapshot_and_restore(grip):
+def test_a_run_goes_on_alike_after_snapshot_and_restore(grip) -> None:
     """One run takes a snapshot and goes on; another solver restores it: bit for bit the same from there."""
     for _ in range(3):
         grip.step(CLOSE)
@@ -73,7 +73,7 @@ def test_a_run_goes_on_alike_after_snapshot_and_restore(grip):
     assert grip.solver.snapshot() == other.solver.snapshot()
 
 
-def test_a_higher_exchange_starts_from_the_committed_state(grip):
+def test_a_higher_exchange_starts_from_the_committed_state(grip) -> None:
     """The third exchange with the first one's force ends where the first did, to the solver's tolerance."""
     zero = np.zeros((len(grip.region.seam), 3))
     force = np.random.default_rng(0).standard_normal(zero.shape) * 1e-2
@@ -87,7 +87,7 @@ def test_a_higher_exchange_starts_from_the_committed_state(grip):
 
 
 @pytest.mark.parametrize(("friction", "tolerance"), [(5.0, 1e-3), (0.0, 1e-3), (0.6, 0.2)])
-def test_compliance_is_the_derivative_of_the_seam(friction, tolerance):
+def test_compliance_is_the_derivative_of_the_seam(friction, tolerance) -> None:
     """Central differences through whole steps, in contact: exact where points stick or slide freely.
 
     With points that slip against friction, the change of the friction's bound with the pressure is left out.
@@ -106,7 +106,7 @@ def test_compliance_is_the_derivative_of_the_seam(friction, tolerance):
     np.testing.assert_allclose((ahead - behind) / (2.0 * e), expected, atol=tolerance * np.abs(expected).max())
 
 
-def test_columns_do_not_feel_each_other(grip):
+def test_columns_do_not_feel_each_other(grip) -> None:
     """The compliance of two disjoint columns has no cross terms."""
     zero = np.zeros((len(grip.region.seam), 3))
     compliance = grip.solver.advance(dataclasses.replace(_numbered(grip, zero, 0), compliance=True)).compliance
@@ -116,7 +116,7 @@ def test_columns_do_not_feel_each_other(grip):
     np.testing.assert_allclose(compliance, compliance.T, atol=1e-12 * np.abs(compliance).max())
 
 
-def test_state_is_taken_over_at_a_switch():
+def test_state_is_taken_over_at_a_switch() -> None:
     """A solver built from the fields of another goes on with the same motion and contact forces."""
     run = FemRun(tofu())
     for _ in range(10):
@@ -132,7 +132,7 @@ def test_state_is_taken_over_at_a_switch():
     np.testing.assert_allclose(after.wrench, expected.wrench, atol=1e-4 * np.abs(expected.wrench).max())
 
 
-def test_the_same_force_on_a_linear_body_takes_one_iteration():
+def test_the_same_force_on_a_linear_body_takes_one_iteration() -> None:
     """A constant matrix: the first correction is exact, the next step needs no new factor."""
     run = FemRun(block(kind="linear", gravity=(0.0, 0.0, 0.0)), seam=lambda body, cells: np.arange(3, dtype=np.int32))
     force = 1e-3 * np.ones((3, 3))
@@ -159,7 +159,7 @@ def _failures(run):
 
 
 @pytest.mark.parametrize("case", ["force", "shape", "step", "backwards", "pose"])
-def test_nonsense_is_refused_and_changes_nothing(grip, case):
+def test_nonsense_is_refused_and_changes_nothing(grip, case) -> None:
     before = grip.solver.snapshot()
     with np.errstate(invalid="ignore"):
         reply = grip.solver.advance(_failures(grip)[case])
@@ -168,7 +168,7 @@ def test_nonsense_is_refused_and_changes_nothing(grip, case):
     assert grip.solver.snapshot() == before
 
 
-def test_a_hopeless_step_fails_with_a_remedy_and_without_nan():
+def test_a_hopeless_step_fails_with_a_remedy_and_without_nan() -> None:
     """A force of a million newtons at one node: refused after the last sub-step, and the next step is fine."""
     run = FemRun(block(gravity=(0.0, 0.0, 0.0)), seam=lambda body, cells: np.array([0], dtype=np.int32))
     run.step(force=np.zeros((1, 3)))
@@ -183,7 +183,7 @@ def test_a_hopeless_step_fails_with_a_remedy_and_without_nan():
 
 
 @pytest.mark.parametrize("shape", ["crushed", "scrambled", "mirrored"])
-def test_crushed_starts_recover(shape):
+def test_crushed_starts_recover(shape) -> None:
     """Cells pressed flat or turned inside out come back to rest; a whole body mirrored only stays finite."""
     run = FemRun(block(gravity=(0.0, 0.0, 0.0), step=0.01))
     rest = run.body.x_rest
@@ -205,7 +205,7 @@ def test_crushed_starts_recover(shape):
         assert reply.strain < 1e-6 * 20e3 * 0.05**3
 
 
-def test_a_damaged_snapshot_is_refused(grip):
+def test_a_damaged_snapshot_is_refused(grip) -> None:
     state = grip.solver.snapshot()
     for damaged in (state[:-8], b"x" + state[1:], state[:-8] + b"\xff" * 8):
         with pytest.raises(ValueError, match="snapshot"):

@@ -22,7 +22,7 @@ FILES = [
 
 
 @pytest.mark.slow
-def test_kernels_pass_without_jit():
+def test_kernels_pass_without_jit() -> None:
     result = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *FILES],
         cwd=HERE.parents[1],

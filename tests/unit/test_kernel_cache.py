@@ -19,7 +19,7 @@ def _compile(package):
     return index
 
 
-def test_a_change_anywhere_forgets_everything(tmp_path):
+def test_a_change_anywhere_forgets_everything(tmp_path) -> None:
     packages = [_package(tmp_path, "one"), _package(tmp_path, "two")]
     drop_stale_kernels(packages)
     indexes = [_compile(package) for package in packages]
@@ -31,7 +31,7 @@ def test_a_change_anywhere_forgets_everything(tmp_path):
     assert drop_stale_kernels(packages) == 0
 
 
-def test_sources_without_kernels_do_not_count(tmp_path):
+def test_sources_without_kernels_do_not_count(tmp_path) -> None:
     package = _package(tmp_path, "one")
     drop_stale_kernels([package])
     index = _compile(package)
@@ -40,5 +40,5 @@ def test_sources_without_kernels_do_not_count(tmp_path):
     assert index.exists()
 
 
-def test_both_packages_with_kernels_are_watched():
+def test_both_packages_with_kernels_are_watched() -> None:
     assert [folder.name for folder in kernel_packages()] == ["softseam_services", "softseam_coupling"]

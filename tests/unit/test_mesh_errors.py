@@ -50,17 +50,17 @@ def tets(points: np.ndarray, blocks: list[tuple[str, np.ndarray]], suffix: str) 
 KUHN = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
 
 
-def test_open_edges():
+def test_open_edges() -> None:
     refused(CUBE, CUBE_TRIANGLES[1:], "3 open edges", "of 18", "close the holes")
 
 
-def test_non_manifold_edges():
+def test_non_manifold_edges() -> None:
     fin = np.concatenate([CUBE, [[0.02, 0.015, 0.05]]])
     refused(fin, np.concatenate([CUBE_TRIANGLES, [[6, 7, 8], [7, 6, 8]]]), "1 non-manifold edges", "remove inner walls")
     refused(CUBE, np.concatenate([CUBE_TRIANGLES, CUBE_TRIANGLES[:1]]), "non-manifold")
 
 
-def test_one_sided_surface():
+def test_one_sided_surface() -> None:
     """Klein's bottle on a 6 x 5 grid of quads: closed, manifold, without an inside."""
     n, m = 6, 5
     at = lambda i, j: (i % n) * m + (j if i < n else -j) % m  # noqa: E731
@@ -69,7 +69,7 @@ def test_one_sided_surface():
     refused(np.random.default_rng(0).uniform(size=(n * m, 3)), triangles, "one-sided")
 
 
-def test_degenerate_triangles():
+def test_degenerate_triangles() -> None:
     """A sliver with three corners on a line."""
     vertices = np.concatenate([CUBE, [0.5 * (CUBE[0] + CUBE[1])]])
     triangles = BOX_TRIANGLES.copy()
@@ -78,20 +78,20 @@ def test_degenerate_triangles():
     refused(vertices, np.concatenate([first, triangles[1:]]), "1 of 14 triangles are degenerate", "number 2")
 
 
-def test_self_crossing():
+def test_self_crossing() -> None:
     one, two = box((0.04, 0.03, 0.02)), box((0.02, 0.01, 0.03), (0.01, 0.011, -0.005))
     refused(*join(one, two), "crosses itself", "unite")
     # the same with faces in exact alignment: edges meet edges
     refused(*join(one, box((0.04, 0.03, 0.02), (0.02, 0.015, 0.01))), "crosses itself")
 
 
-def test_touching_itself_is_no_crossing():
+def test_touching_itself_is_no_crossing() -> None:
     """A finely meshed sphere and a box have no crossing."""
     read(*sphere(0.02, 4))
     read(CUBE, CUBE_TRIANGLES)
 
 
-def test_pieces_and_cavities():
+def test_pieces_and_cavities() -> None:
     apart = box((0.01, 0.01, 0.01), (0.1, 0, 0))
     refused(*join((CUBE, CUBE_TRIANGLES), apart), "disconnected", "2 separate bodies", "1e-06 m^3")
     # an island within a cavity is a second body
@@ -103,7 +103,7 @@ def test_pieces_and_cavities():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_orientation_is_repaired(seed):
+def test_orientation_is_repaired(seed) -> None:
     turned = CUBE_TRIANGLES.copy()
     flip = np.random.default_rng(seed).random(12) < 0.4
     turned[flip] = turned[flip][:, [0, 2, 1]]
@@ -112,13 +112,13 @@ def test_orientation_is_repaired(seed):
     assert any("turned" in note for note in notes)
 
 
-def test_inside_out():
+def test_inside_out() -> None:
     vertices, triangles, notes = read(CUBE, CUBE_TRIANGLES[:, [0, 2, 1]])
     assert enclosed_volume(vertices, triangles) > 0
     assert notes
 
 
-def test_sizes_of_the_wrong_unit():
+def test_sizes_of_the_wrong_unit() -> None:
     refused(1e5 * CUBE, CUBE_TRIANGLES, "4e+03 m long", "scale")
     refused(1e-3 * CUBE, CUBE_TRIANGLES, "4e-05 m long", "scale")
     assert np.ptp(read_solid("a.obj", obj(1e3 * CUBE, CUBE_TRIANGLES), 1e-3, "z")[0], axis=0) == pytest.approx(
@@ -126,13 +126,13 @@ def test_sizes_of_the_wrong_unit():
     )
 
 
-def test_no_volume():
+def test_no_volume() -> None:
     refused(CUBE * [1, 1, 0], CUBE_TRIANGLES, "degenerate")
     refused(CUBE * [1, 1, 1e-6], CUBE_TRIANGLES, "next to nothing")
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_up_turns_without_mirroring(up):
+def test_up_turns_without_mirroring(up) -> None:
     vertices, triangles, _ = read_solid("a.obj", obj(CUBE, CUBE_TRIANGLES), 1.0, up)
     assert enclosed_volume(vertices, triangles) > 0
     assert vertices[:, 2].max() == pytest.approx([0.04, 0.03, 0.02]["xyz".index(up)], rel=1e-14)
@@ -141,7 +141,7 @@ def test_up_turns_without_mirroring(up):
 
 
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".msh"])
-def test_tetrahedra_with_other_cells_and_stray_points(suffix):
+def test_tetrahedra_with_other_cells_and_stray_points(suffix) -> None:
     """As real exports: volume, faces, lines and vertices in one file, and points that nothing uses."""
     points = np.concatenate([[[9.0, 9.0, 9.0]], CUBE])
     blocks = [
@@ -157,13 +157,13 @@ def test_tetrahedra_with_other_cells_and_stray_points(suffix):
 
 
 @pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj"])
-def test_surface_files(suffix):
+def test_surface_files(suffix) -> None:
     vertices, triangles, _ = read_solid("m" + suffix, tets(CUBE, [("triangle", CUBE_TRIANGLES)], suffix), 1.0, "z")
     assert enclosed_volume(vertices, triangles) == pytest.approx(0.04 * 0.03 * 0.02, rel=1e-6)  # STL is single
     assert len(vertices) == 8
 
 
-def test_mirrored_tetrahedra_are_turned_and_mixed_ones_refused():
+def test_mirrored_tetrahedra_are_turned_and_mixed_ones_refused() -> None:
     mirrored = KUHN[:, [0, 2, 1, 3]]
     vertices, triangles, _ = read_solid("m.vtk", tets(CUBE, [("tetra", mirrored)], ".vtk"), 1.0, "z")
     assert enclosed_volume(vertices, triangles) > 0
@@ -173,7 +173,7 @@ def test_mirrored_tetrahedra_are_turned_and_mixed_ones_refused():
         read_solid("m.vtk", tets(CUBE, [("tetra", mixed)], ".vtk"), 1.0, "z")
 
 
-def test_degenerate_and_duplicate_tetrahedra():
+def test_degenerate_and_duplicate_tetrahedra() -> None:
     flat = np.concatenate([KUHN, [[0, 1, 3, 2]]])
     with pytest.raises(MeshError, match="1 of 7 tetrahedra are degenerate, the worst is number 6"):
         read_solid("m.vtk", tets(CUBE, [("tetra", flat)], ".vtk"), 1.0, "z")
@@ -194,7 +194,7 @@ def test_degenerate_and_duplicate_tetrahedra():
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
     ],
 )
-def test_files_that_are_no_meshes(path, data, words, capfd):
+def test_files_that_are_no_meshes(path, data, words, capfd) -> None:
     with pytest.raises(MeshError) as caught:
         read_solid(path, data, 1.0, "z")
     assert words in str(caught.value)
@@ -203,7 +203,7 @@ def test_files_that_are_no_meshes(path, data, words, capfd):
     assert out + err == ""
 
 
-def test_other_solid_cells_are_refused_by_kind():
+def test_other_solid_cells_are_refused_by_kind() -> None:
     hexahedron = np.array([[0, 1, 3, 2, 4, 5, 7, 6]])
     with pytest.raises(MeshError, match="1 hexahedron"):
         read_solid("m.vtk", tets(CUBE, [("hexahedron", hexahedron)], ".vtk"), 1.0, "z")
@@ -223,14 +223,14 @@ def built(**shape: object) -> Body:
     return build_body(scene(**shape), {"a.obj": obj(CUBE, CUBE_TRIANGLES)})
 
 
-def test_missing_file_and_too_many_cells():
+def test_missing_file_and_too_many_cells() -> None:
     with pytest.raises(MeshError, match=r"a\.obj: the file is missing"):
         build_body(scene(), {})
     with pytest.raises(MeshError, match="make `cell` larger"):
         built(scale=1000.0)
 
 
-def test_a_box_as_mesh_is_the_block():
+def test_a_box_as_mesh_is_the_block() -> None:
     body = built()
     points = rest_points(body)
     np.testing.assert_allclose(points.min(axis=0), [0.08, 0.185, 0.3], atol=1e-12)
@@ -244,7 +244,7 @@ def test_a_box_as_mesh_is_the_block():
     assert body.surface.area.sum() == pytest.approx(block.surface.area.sum(), rel=1e-12)
 
 
-def test_fine_surfaces_carry_contact_on_a_subset_only():
+def test_fine_surfaces_carry_contact_on_a_subset_only() -> None:
     body = build_body(scene(), {"a.obj": obj(*sphere(0.02, 5))})
     carrying = body.surface.area > 0
     assert 20 < carrying.sum() < 0.2 * len(carrying)

@@ -50,12 +50,12 @@ def _bits(reply: Advanced) -> list[bytes | float | str]:
     return [value.tobytes() if isinstance(value, np.ndarray) else value for value in values]
 
 
-def test_same_requests_same_bits():
+def test_same_requests_same_bits() -> None:
     a, b = _gripped(), _gripped()
     assert [_bits(a.step()) for _ in range(3)] == [_bits(b.step()) for _ in range(3)]
 
 
-def test_a_step_is_tentative_until_it_is_committed():
+def test_a_step_is_tentative_until_it_is_committed() -> None:
     run = _split()
     push = np.zeros((len(run.region.seam), 3))
     first = run.solver.advance(run.request(push))
@@ -68,7 +68,7 @@ def test_a_step_is_tentative_until_it_is_committed():
     np.testing.assert_array_equal(run.x[run.region.seam], again.seam_x)
 
 
-def test_restored_runs_go_on_with_the_same_bits():
+def test_restored_runs_go_on_with_the_same_bits() -> None:
     run = _gripped()
     data, position = run.solver.snapshot(), run.position
     expected = [_bits(run.step()) for _ in range(5)]
@@ -90,7 +90,7 @@ def test_restored_runs_go_on_with_the_same_bits():
         (lambda data: data[:15] + (7).to_bytes(8, "little") + data[23:], "configure the region"),
     ],
 )
-def test_damaged_snapshots_are_refused_and_change_nothing(damage, text):
+def test_damaged_snapshots_are_refused_and_change_nothing(damage, text) -> None:
     run = _gripped()
     data = run.solver.snapshot()
     with pytest.raises(ValueError, match=text):
@@ -98,7 +98,7 @@ def test_damaged_snapshots_are_refused_and_change_nothing(damage, text):
     assert run.solver.snapshot() == data
 
 
-def test_hand_over_at_rest_is_no_jolt():
+def test_hand_over_at_rest_is_no_jolt() -> None:
     """A body squeezed and at rest, rebuilt from positions, velocities and contact forces alone, stays put.
 
     Points on the bottom edges touch a plate and the ground, and a state names one tool a point: how much of their
@@ -121,7 +121,7 @@ def test_hand_over_at_rest_is_no_jolt():
     np.testing.assert_allclose(rebuilt.x, handed.x, atol=5e-6)
 
 
-def test_hand_over_with_one_tool_a_point_is_exact():
+def test_hand_over_with_one_tool_a_point_is_exact() -> None:
     """A block on a steep slope, held by friction: nothing moves by more than the rest of its own motion."""
     scene = block_scene(gravity=(4.0, 0.0, -8.96), tools={"ground": GROUND})
     run = PbdRun(scene)
@@ -135,7 +135,7 @@ def test_hand_over_with_one_tool_a_point_is_exact():
     np.testing.assert_allclose(rebuilt.x, handed.x, atol=1e-7)
 
 
-def test_hand_over_in_motion_goes_on():
+def test_hand_over_in_motion_goes_on() -> None:
     """A bent, swinging beam rebuilt in mid-swing keeps its course: within 0.1 % of the amplitude after 0.1 s."""
     run = PbdRun(cantilever((0.2, 0.05, 0.05), 0.05, 1e5, 0.4))
     run.run(0.12)
@@ -148,7 +148,7 @@ def test_hand_over_in_motion_goes_on():
 
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
 @pytest.mark.parametrize("dt", [0.005, 0.01])
-def test_compliance_is_the_derivative_of_the_step(kind, dt):
+def test_compliance_is_the_derivative_of_the_step(kind, dt) -> None:
     """Against central differences of the real step in mid-swing, seam loaded; 5 % is what the coupling tolerates."""
     run = _split(kind, dt)
     force = np.zeros((len(run.region.seam), 3))
@@ -171,7 +171,7 @@ def test_compliance_is_the_derivative_of_the_step(kind, dt):
     assert run.solver.advance(run.request(force)).compliance.shape == (0, 0)
 
 
-def test_seam_work_and_balance():
+def test_seam_work_and_balance() -> None:
     """Momentum: the seam force and the clamps are all that acts; energy: its work is what the body gains and loses."""
     run = _split()
     force = np.zeros((len(run.region.seam), 3))
@@ -188,7 +188,7 @@ def test_seam_work_and_balance():
         before = after
 
 
-def test_fields_describe_the_last_step():
+def test_fields_describe_the_last_step() -> None:
     run = _gripped()
     fields = run.fields()
     np.testing.assert_array_equal(fields.nodes, run.region.nodes)
@@ -211,7 +211,7 @@ def _surface(run: PbdRun) -> np.ndarray:
     return model.node
 
 
-def test_cell_distance_and_bounds():
+def test_cell_distance_and_bounds() -> None:
     run = _gripped()
     reply = run.step()
     x = run.x
@@ -223,7 +223,7 @@ def test_cell_distance_and_bounds():
 
 
 @pytest.mark.parametrize("what", ["seam force", "dt", "tool"])
-def test_requests_that_are_not_finite_are_answered_and_change_nothing(what):
+def test_requests_that_are_not_finite_are_answered_and_change_nothing(what) -> None:
     run = _split() if what != "tool" else _gripped()
     before = run.solver.snapshot()
     request = run.request()
@@ -241,13 +241,13 @@ def test_requests_that_are_not_finite_are_answered_and_change_nothing(what):
     assert run.solver.snapshot() == before
 
 
-def test_a_seam_that_yields_is_refused_by_name():
+def test_a_seam_that_yields_is_refused_by_name() -> None:
     run = _split()
     request = dataclasses.replace(run.request(), seam_anchor=run.x[run.region.seam])
     assert "seam_anchor" in run.solver.advance(request).status
 
 
-def test_a_force_beyond_all_reason_fails_with_a_remedy():
+def test_a_force_beyond_all_reason_fails_with_a_remedy() -> None:
     run = _split()
     force = np.full((len(run.region.seam), 3), 1e200)
     reply = run.solver.advance(run.request(force))
@@ -256,7 +256,7 @@ def test_a_force_beyond_all_reason_fails_with_a_remedy():
     assert run.solver.advance(run.request(np.zeros_like(force), exchange=1)).status == "converged"
 
 
-def test_substeps_follow_the_scene_or_the_wave_speed():
+def test_substeps_follow_the_scene_or_the_wave_speed() -> None:
     assert PbdRun(block_scene(pbd={"substeps": 7})).step().iterations == 7
     assert PbdRun(block_scene(pbd={"substeps": 7, "sweeps": 2})).step().iterations == 14
     coarse, fine = (PbdRun(block_scene(cell=cell)).solver.substeps for cell in (0.025, 0.0125))

@@ -27,12 +27,12 @@ def maker() -> ModuleType:
     return module
 
 
-def test_every_scene_is_listed():
+def test_every_scene_is_listed() -> None:
     assert sorted(path.stem for path in SCENES.glob("*.yaml")) == NAMES
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_scene_builds(name):
+def test_scene_builds(name) -> None:
     loaded = load_scene(SCENES / f"{name}.yaml")
     scene = scene_from_bundle(loaded.bundle)
     assert scene.name == name
@@ -44,7 +44,7 @@ def test_scene_builds(name):
     assert tools.near.any() == bool(scene.motion)
 
 
-def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach():
+def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach() -> None:
     """The reference wants plates clear of the cube at first; the switch wants them farther than `within`."""
     loaded = load_scene(SCENES / "tofu_grasp.yaml")
     scene = scene_from_bundle(loaded.bundle)
@@ -58,7 +58,7 @@ def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach():
         assert tools.position[t, 2] - tools.shape[t, 2] <= 0.0  # covers the lowest points, or they spread under it
 
 
-def test_cantilever_is_half_near():
+def test_cantilever_is_half_near() -> None:
     scene = scene_from_bundle(load_scene(SCENES / "cantilever.yaml").bundle)
     body = build_body(scene, {})
     middles = body.x_rest[body.cell_nodes[:, 13]]
@@ -69,7 +69,7 @@ def test_cantilever_is_half_near():
 
 
 @pytest.mark.parametrize("name", ["sausage.obj", "dumpling.obj"])
-def test_meshes_are_what_the_script_makes(name):
+def test_meshes_are_what_the_script_makes(name) -> None:
     """To the last digit written, 0.1 um, whose rounding may differ between mathematical libraries."""
     committed = (SCENES / name).read_text(encoding="ascii").splitlines()
     made = maker().obj_text(name).splitlines()

@@ -28,7 +28,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
     )
 
 
-def test_quaternions_turn_as_their_matrix():
+def test_quaternions_turn_as_their_matrix() -> None:
     q, v = quaternion(1), np.array([0.3, -0.7, 1.1])
     np.testing.assert_allclose(rotate(q, *v), matrix(q) @ v, atol=1e-15)
     np.testing.assert_allclose(rotate_back(q, *v), matrix(q).T @ v, atol=1e-15)
@@ -47,7 +47,7 @@ def box_surface(n: int) -> np.ndarray:
     return np.concatenate(faces)
 
 
-def test_box_distance_is_the_nearest_point_of_its_surface():
+def test_box_distance_is_the_nearest_point_of_its_surface() -> None:
     """Brute force over a grid of spacing h overestimates by at most h/sqrt(2)."""
     n = 61
     spacing = 2 * HALF.max() / (n - 1)
@@ -68,7 +68,7 @@ def test_box_distance_is_the_nearest_point_of_its_surface():
 
 
 @pytest.mark.parametrize(("kind", "shape"), [(PLANE, [0.0, 0.6, 0.8]), (BOX, HALF), (SPHERE, [0.4, 0.0, 0.0])])
-def test_normal_is_the_gradient_of_the_gap(kind, shape):
+def test_normal_is_the_gradient_of_the_gap(kind, shape) -> None:
     position, q, h = np.array([0.2, 0.1, -0.3]), quaternion(7), 1e-6
     for point in np.random.default_rng(8).uniform(-1.0, 1.0, size=(30, 3)):
         _, *normal = tool_gap(kind, np.array(shape), position, q, point)
@@ -83,7 +83,7 @@ def test_normal_is_the_gradient_of_the_gap(kind, shape):
         np.testing.assert_allclose(normal, gradient, atol=1e-5)
 
 
-def test_plane_and_sphere_closed_forms():
+def test_plane_and_sphere_closed_forms() -> None:
     identity = np.array([1.0, 0.0, 0.0, 0.0])
     half_turn_x = np.array([0.0, 1.0, 0.0, 0.0])
     up = np.array([0.0, 0.0, 1.0])
@@ -96,7 +96,7 @@ def test_plane_and_sphere_closed_forms():
     assert np.linalg.norm(normal) == 1.0
 
 
-def test_cell_distance_is_the_least_over_nodes_and_near_tools():
+def test_cell_distance_is_the_least_over_nodes_and_near_tools() -> None:
     rng = np.random.default_rng(4)
     x = rng.uniform(-1, 1, size=(60, 3))
     cells = rng.permutation(54).reshape(2, 27).astype(np.int32)
@@ -113,7 +113,7 @@ def test_cell_distance_is_the_least_over_nodes_and_near_tools():
     assert np.isinf(distance).all()
 
 
-def test_motion_translates_and_refuses_wrong_shapes():
+def test_motion_translates_and_refuses_wrong_shapes() -> None:
     tools = ToolSet(
         names=("a",),
         kind=np.array([SPHERE], dtype=np.int32),

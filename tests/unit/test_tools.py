@@ -31,7 +31,7 @@ def ball(position: list[float], radius: float = 0.01) -> dict[str, object]:
     return {"kind": "sphere", "radius": radius, "position": position}
 
 
-def test_arrays_follow_the_scene():
+def test_arrays_follow_the_scene() -> None:
     tools = build_tools(scene({"ground": GROUND, "b": box([0.1, 0, 0]), "s": ball([0, 0.2, 0])}))
     assert tools.names == ("ground", "b", "s")
     np.testing.assert_array_equal(tools.kind, [PLANE, BOX, SPHERE])
@@ -41,7 +41,7 @@ def test_arrays_follow_the_scene():
     np.testing.assert_array_equal(tools.orientation, [[1, 0, 0, 0]] * 3)
 
 
-def test_near_tools_are_those_that_move_unless_named():
+def test_near_tools_are_those_that_move_unless_named() -> None:
     tools = {"ground": GROUND, "a": box([0.1, 0, 0]), "b": box([-0.1, 0, 0])}
     motion = [{"hold": 0.1}, {"tools": ["a", "b"], "close": 0.02, "until": {"time": 1.0}}]
     np.testing.assert_array_equal(build_tools(scene(tools, motion=motion)).near, [False, True, True])
@@ -60,7 +60,7 @@ def test_near_tools_are_those_that_move_unless_named():
         box([0, 0, -0.05], 0.1),  # a table
     ],
 )
-def test_touching_is_allowed(tool):
+def test_touching_is_allowed(tool) -> None:
     spec = scene({"tool": tool})
     build_tools(spec, build_body(spec, {}))
 
@@ -76,14 +76,14 @@ def test_touching_is_allowed(tool):
         box([0, 0, 0], 1.0),  # holds the body
     ],
 )
-def test_tools_inside_the_body_are_refused_by_name(tool):
+def test_tools_inside_the_body_are_refused_by_name(tool) -> None:
     spec = scene({"fine": box([0.2, 0, 0]), "left": tool})
     with pytest.raises(ToolError, match=r"the tool 'left' starts .*inside the body: move it clear") as caught:
         build_tools(spec, build_body(spec, {}))
     assert "fine" not in str(caught.value)
 
 
-def test_embedded_bodies_are_checked_on_their_true_surface():
+def test_embedded_bodies_are_checked_on_their_true_surface() -> None:
     """A ball in the corner of the bounding box of a sphere does not touch it."""
     spec = scene({"ball": ball([0.017, 0.017, 0.037], 0.005)})
     mesh = Scene.model_validate(

@@ -48,7 +48,7 @@ def slope(sizes: np.ndarray, errors: list[float]) -> float:
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
 
 
-def test_moments_of_a_cut_corner_are_exact():
+def test_moments_of_a_cut_corner_are_exact() -> None:
     """x + y + z < 3 cuts octants to 1, 5/6, 1/6 or 0 of their volume; Dirichlet's integral gives their moments."""
     vertices = np.array([[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 3]], dtype=np.float64)
     triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32)
@@ -68,7 +68,7 @@ def test_moments_of_a_cut_corner_are_exact():
     np.testing.assert_allclose(corner, dirichlet, atol=1e-15)
 
 
-def test_full_cells_get_simpson_weights():
+def test_full_cells_get_simpson_weights() -> None:
     fill, mass = lump(np.tile(FULL_MOMENTS, (1, 8, 1)), np.array([0.1, 0.2, 0.3]), 500.0)
     np.testing.assert_array_equal(fill, 1.0)
     np.testing.assert_allclose(mass[0], 500.0 * 0.006 * SIMPSON, rtol=1e-13)
@@ -76,7 +76,7 @@ def test_full_cells_get_simpson_weights():
 
 @pytest.mark.parametrize("cell", [0.03, 0.012, 0.007])
 @pytest.mark.parametrize("solid", ["sphere", "cylinder", "hollow"])
-def test_embedding_is_exact_for_the_polyhedron(solid, cell):
+def test_embedding_is_exact_for_the_polyhedron(solid, cell) -> None:
     """Filled volume and mass to rounding; every mass positive; points on the true surface, in kept cells."""
     vertices, triangles = {
         "sphere": lambda: sphere(RADIUS, 3),
@@ -104,7 +104,7 @@ def test_embedding_is_exact_for_the_polyhedron(solid, cell):
     assert longest <= body.edges.min() / 2 * (1 + 1e-12)
 
 
-def test_no_node_is_lighter_than_a_fifth_of_its_octants_share():
+def test_no_node_is_lighter_than_a_fifth_of_its_octants_share() -> None:
     body = embedded(*sphere(RADIUS, 3), 0.011)
     share = np.zeros((body.n_cells, 27))
     for o in range(8):
@@ -114,7 +114,7 @@ def test_no_node_is_lighter_than_a_fifth_of_its_octants_share():
     assert (body.cell_mass >= 0.2 * 0.92 * share).all()
 
 
-def test_sphere_converges_to_the_closed_forms():
+def test_sphere_converges_to_the_closed_forms() -> None:
     """Volume, area and inertia of an inscribed polyhedron: errors fall with the square of its edges."""
     refinements = np.arange(2, 6)
     volume_error, second_error, area_error = [], [], []
@@ -134,7 +134,7 @@ def test_sphere_converges_to_the_closed_forms():
     assert second_error[-1] < 2.5e-2  # what lumping of partly filled cells leaves, see the next test
 
 
-def test_lumping_error_falls_with_the_cells():
+def test_lumping_error_falls_with_the_cells() -> None:
     """Only the blend of partly filled cells is inexact: inertia of a tilted cylinder, second order in the cell."""
     vertices, triangles = cylinder(RADIUS, HEIGHT, 96, AXIS)
     area = 0.5 * 96 * RADIUS**2 * np.sin(2 * np.pi / 96)
@@ -158,7 +158,7 @@ def test_lumping_error_falls_with_the_cells():
 
 
 @pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind):
+def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind) -> None:
     body = embedded(*sphere(RADIUS, 3), 0.012)
     cells = np.arange(0, body.n_cells, 2, dtype=np.int32)
     region = build_region(body, cells, np.zeros(0, dtype=np.int32))
@@ -179,7 +179,7 @@ def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind):
         assert np.diff(indptr).max() == 8
 
 
-def test_a_tip_in_an_almost_empty_cell_keeps_the_cell():
+def test_a_tip_in_an_almost_empty_cell_keeps_the_cell() -> None:
     """A ridge that rises a ten-thousandth of a cell above a plane of the grid: its points still lie in a cell."""
     profile = np.array([[0, 0], [4, 0], [4, 3], [2, 0.5], [1.5, 1.0001], [0.5, 0.5]])
     n = len(profile)
@@ -195,13 +195,13 @@ def test_a_tip_in_an_almost_empty_cell_keeps_the_cell():
     assert body.cell_mass.sum() == pytest.approx(DENSITY * enclosed_volume(points, body.surface.triangles), rel=1e-12)
 
 
-def test_local_nodes_of_embedded_cells_are_on_the_lattice():
+def test_local_nodes_of_embedded_cells_are_on_the_lattice() -> None:
     body = embedded(*sphere(RADIUS, 2), 0.012)
     offset = body.x_rest[body.cell_nodes] - body.x_rest[body.cell_nodes[:, :1]]
     np.testing.assert_allclose(offset, np.broadcast_to(LOCAL * body.edges / 2, offset.shape), atol=1e-15)
 
 
-def test_same_input_same_bits():
+def test_same_input_same_bits() -> None:
     vertices, triangles = cylinder(RADIUS, HEIGHT, 24, AXIS)
     one, two = (embedded(vertices, triangles, 0.01) for _ in range(2))
     for name in ("x_rest", "cell_nodes", "fill", "cell_mass"):

@@ -21,7 +21,7 @@ def _tip_path(run, length, time, dt):
 
 
 @pytest.mark.slow
-def test_scene_a_peaks_where_independent_codes_do():
+def test_scene_a_peaks_where_independent_codes_do() -> None:
     """Lowest tip -150.4 mm at 0.24 s on 4 x 1 x 1 cells; implicit Euler damps with the step, so 2 and 1 ms are
     extrapolated (first order) to within 2 %; the settled level is tested in the statics."""
     lowest = []
@@ -33,7 +33,7 @@ def test_scene_a_peaks_where_independent_codes_do():
     assert abs((2.0 * lowest[1] - lowest[0]) / -0.1504 - 1.0) < 0.02
 
 
-def test_implicit_euler_is_first_order():
+def test_implicit_euler_is_first_order() -> None:
     """Halving the step halves the error of a swinging beam: slope 1 +- 0.15."""
     ends = [
         _tip_path(FemRun(_beam((0.1, 0.05, 0.05), 0.05, 0.3)), 0.1, 0.04, dt)[-1] for dt in (4e-3, 2e-3, 1e-3, 5e-4)
@@ -43,7 +43,7 @@ def test_implicit_euler_is_first_order():
     np.testing.assert_allclose(slopes, 1.0, atol=0.15)
 
 
-def test_free_fall_is_exact():
+def test_free_fall_is_exact() -> None:
     """x = sum of dt^2 g k: the integrator's own series, on every node, and no strain."""
     run = FemRun(block(step=0.01))
     for n in range(1, 11):
@@ -52,7 +52,7 @@ def test_free_fall_is_exact():
     assert reply.strain < 1e-12
 
 
-def test_a_spinning_body_keeps_its_momentum():
+def test_a_spinning_body_keeps_its_momentum() -> None:
     """Momentum to 1e-12 relative; angular momentum falls as implicit Euler has it: x1 x v1 - x0 x v0 = -dt v0 x v1."""
     run = FemRun(
         block(gravity=(0.0, 0.0, 0.0), step=0.002, body={"spin": (3.0, -2.0, 5.0), "velocity": (0.3, 0.1, -0.2)})
@@ -70,7 +70,7 @@ def test_a_spinning_body_keeps_its_momentum():
         turning = reply.angular_momentum
 
 
-def test_energy_never_grows():
+def test_energy_never_grows() -> None:
     """A body kicked at random loses energy each step: implicit Euler dissipates."""
     scene = block(gravity=(0.0, 0.0, 0.0), step=0.002)
     run = FemRun(scene)
@@ -85,7 +85,7 @@ def test_energy_never_grows():
         assert energy[-1] < energy[-2]
 
 
-def test_the_seam_does_the_work_it_reports():
+def test_the_seam_does_the_work_it_reports() -> None:
     """A constant force on seam nodes: its work plus gravity's is what energy gains and the integrator loses."""
     run = FemRun(block(step=0.001, gravity=(0.0, 0.0, 0.0)), seam=lambda body, cells: np.arange(9, dtype=np.int32))
     force = np.tile([0.0, 0.0, 0.01], (9, 1))

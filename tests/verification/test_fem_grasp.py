@@ -20,7 +20,7 @@ def _squeezed(scene):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("cell", "limit"), [(0.025, 0.03), ((0.05 / 3, 0.025, 0.025), 0.025)])
-def test_hold_force_of_scene_b(cell, limit):
+def test_hold_force_of_scene_b(cell, limit) -> None:
     """13.1 +- 0.1 N a plate with gravity and friction 0.6 (three independent codes); here also 5 % and 10 %."""
     _, closing, holding = _squeezed(tofu(cell=cell))
     times = 0.005 * np.arange(1, len(closing) + 1)
@@ -34,7 +34,7 @@ def test_hold_force_of_scene_b(cell, limit):
 
 
 @pytest.mark.slow
-def test_a_rough_grip_lifts_and_holds():
+def test_a_rough_grip_lifts_and_holds() -> None:
     """Lifted by 50 mm: the cube follows, weighs what it weighs, and does not creep in the hold."""
     run, _, _ = _squeezed(tofu())
     before = run.x[:, 2].mean()
@@ -50,7 +50,7 @@ def test_a_rough_grip_lifts_and_holds():
 
 
 @pytest.mark.slow
-def test_a_slippery_grip_drops():
+def test_a_slippery_grip_drops() -> None:
     run, _, _ = _squeezed(tofu(friction=0.02))
     replies = run.run(0.6, UP)
     assert run.x[:, 2].min() < 0.002
@@ -58,7 +58,7 @@ def test_a_slippery_grip_drops():
 
 
 @pytest.mark.parametrize(("friction", "slides"), [(0.45, False), (0.30, True)])
-def test_block_on_an_incline(friction, slides):
+def test_block_on_an_incline(friction, slides) -> None:
     """tan = 0.4: sticks above, below it slides with g (sin - mu cos), to the integrator's first order.
 
     Gravity is tilted instead of the plane. The block is stiff and flat, so that it neither sways nor tips.
@@ -81,7 +81,7 @@ def test_block_on_an_incline(friction, slides):
         np.testing.assert_allclose(replies[-1].wrench[0, 0], 1000 * 6.4e-5 * gravity[0], rtol=1e-2)
 
 
-def test_drop_on_the_ground_pays_its_energy():
+def test_drop_on_the_ground_pays_its_energy() -> None:
     """Tools do no work on a body that falls on a smooth plane at rest, and energy never grows."""
     plane = {"ground": {"kind": "plane", "friction": 0.0}}
     run = FemRun(block(cell=0.025, tools=plane, body={"position": (0.0, 0.0, 0.01)}, step=0.002))
@@ -92,7 +92,7 @@ def test_drop_on_the_ground_pays_its_energy():
     assert reply.wrench[0, 2] == pytest.approx(-1050 * 0.05**3 * 9.81, rel=0.02)
 
 
-def test_a_ball_that_presses_is_felt_where_it_is():
+def test_a_ball_that_presses_is_felt_where_it_is() -> None:
     """A sphere into the top of a clamped block: the wrench's force is along its way, its torque about itself nil."""
     ball = {"ball": {"kind": "sphere", "radius": 0.02, "position": (0.0, 0.0, 0.071), "friction": 0.0}}
     clamp = {"min": (-1.0, -1.0, -1e-6), "max": (1.0, 1.0, 1e-6)}

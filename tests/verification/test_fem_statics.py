@@ -30,7 +30,7 @@ def _settled_tip(run, length):
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.495])
-def test_cantilever_converges_to_the_reference(poisson):
+def test_cantilever_converges_to_the_reference(poisson) -> None:
     """Large deflection, also nearly incompressible: within 3 % on 5 x 1 x 1 cells, 1 % on 10 x 2 x 2, no locking."""
     coarse = _settled_tip(FemRun(_beam((0.1, 0.02, 0.02), 0.02, poisson)), 0.1)
     fine = _settled_tip(FemRun(_beam((0.1, 0.02, 0.02), 0.01, poisson)), 0.1)
@@ -41,14 +41,14 @@ def test_cantilever_converges_to_the_reference(poisson):
 
 
 @pytest.mark.parametrize(("cells", "limit"), [(4, 0.025), (8, 0.012)])
-def test_scene_a_settles_where_independent_codes_do(cells, limit):
+def test_scene_a_settles_where_independent_codes_do(cells, limit) -> None:
     """0.20 x 0.05 x 0.05 m, E 100 kPa, nu 0.40, rho 1000: tip -85.75 mm (CalculiX and felupe)."""
     cell = 0.2 / cells
     tip = _settled_tip(FemRun(_beam((0.2, 0.05, 0.05), (cell, min(cell, 0.05), min(cell, 0.05)), 0.4)), 0.2)
     assert abs(tip / -0.08575 - 1.0) < limit
 
 
-def test_linear_cantilever_agrees_with_beam_theory():
+def test_linear_cantilever_agrees_with_beam_theory() -> None:
     """Small load, slender beam: w = rho g A L^4/(8 E I) + rho g L^2/(2 k G), k = 5/6; clamp: below 2 %."""
     length, width, young, g = 0.2, 0.02, 1e5, 0.01
     run = FemRun(_beam((length, width, width), (0.02, 0.02, 0.02), 0.3, kind="linear", gravity=(0.0, 0.0, -g)))
@@ -58,7 +58,7 @@ def test_linear_cantilever_agrees_with_beam_theory():
     assert abs(_settled_tip(run, length) / expected - 1.0) < 0.02
 
 
-def test_frictionless_squeeze_is_exact():
+def test_frictionless_squeeze_is_exact() -> None:
     """Plates without friction press uniformly: 2.625, 5.536, 8.798 N at 5, 10, 15 % (closed form), on any mesh."""
     scene = tofu(cell=0.05, friction=0.0, gravity=0.0)
     run = FemRun(scene)
@@ -74,7 +74,7 @@ def test_frictionless_squeeze_is_exact():
     assert np.abs(stress[..., 1:]).max() < 15.0
 
 
-def test_bonded_plates_on_a_free_ground():
+def test_bonded_plates_on_a_free_ground() -> None:
     """Plates that stick and a smooth ground: 3.35, 7.04, 11.13 N (converged); 2 x 2 x 2 cells within 3 %."""
     run = FemRun(tofu(friction=0.0, gravity=-0.01))
     rough = FemRun(tofu(friction=50.0, ground=0.0, gravity=-0.01))

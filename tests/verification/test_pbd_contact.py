@@ -13,7 +13,7 @@ from softseam_protocol.scene import Scene
 GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.6}
 
 
-def test_a_block_comes_to_rest_on_the_ground():
+def test_a_block_comes_to_rest_on_the_ground() -> None:
     """Sag of a free base under its own weight: 0.634 mm within the mesh error (independent static solution)."""
     run = PbdRun(block_scene(gravity=(0.0, 0.0, -9.81), tools={"ground": {**GROUND, "friction": 0.0}}))
     replies = run.run(3.0)
@@ -28,7 +28,7 @@ def test_a_block_comes_to_rest_on_the_ground():
     assert last.n_contacts == 25
 
 
-def test_contact_impulse_is_the_momentum_change():
+def test_contact_impulse_is_the_momentum_change() -> None:
     """v' = v + h(g + A): the mean contact force of a step times dt is its impulse, through impact and rebound."""
     run = PbdRun(block_scene(gravity=(0.0, 0.0, -9.81), position=(0.0, 0.0, 0.002), tools={"ground": GROUND}))
     mass = run.region.mass.sum()
@@ -45,7 +45,7 @@ def test_contact_impulse_is_the_momentum_change():
 
 
 @pytest.mark.parametrize(("slope", "sticks"), [(0.45, True), (0.55, True), (0.65, False), (1.0, False)])
-def test_incline(slope, sticks):
+def test_incline(slope, sticks) -> None:
     """tan(angle) below mu sticks without creep, above it slips with g (sin - mu cos); gravity is tilted."""
     angle = np.arctan(slope)
     gravity = (9.81 * np.sin(angle), 0.0, -9.81 * np.cos(angle))
@@ -65,7 +65,7 @@ def test_incline(slope, sticks):
         np.testing.assert_allclose(moved[0], expected, rtol=0.03)
 
 
-def test_a_drop_does_not_penetrate():
+def test_a_drop_does_not_penetrate() -> None:
     """A 5 cm cube from 10 cm (1.4 m/s): points end every substep outside the ground, and the impact costs energy.
 
     In the very step of the impact the carried stress lags by a substep, so the energy overshoots before it falls.
@@ -83,7 +83,7 @@ def test_a_drop_does_not_penetrate():
     assert max(energy[hit + 2 :]) < total[0]
 
 
-def test_a_moving_tool_does_the_work_that_the_body_gains():
+def test_a_moving_tool_does_the_work_that_the_body_gains() -> None:
     """Two frictionless plates squeeze slowly: their work is the strain energy, and F follows the closed form.
 
     Uniaxial neo-Hookean bar, E 20 kPa, nu 0.45, 15 %: 8.79 N on 25 cm^2 (case 12, closed form, static).
@@ -109,7 +109,7 @@ def test_a_moving_tool_does_the_work_that_the_body_gains():
     np.testing.assert_allclose(cauchy[..., 1:], 0.0, atol=2e-3 * np.abs(cauchy[..., 0]).max())
 
 
-def test_friction_carries_a_body_with_the_tool():
+def test_friction_carries_a_body_with_the_tool() -> None:
     """Gripped between sticking plates that move sideways, the body goes with them and the slip stays zero."""
     plate = {"kind": "box", "size": (0.02, 0.08, 0.08), "friction": 0.8}
     scene = block_scene(
@@ -135,7 +135,7 @@ def test_friction_carries_a_body_with_the_tool():
     assert {0, 1} <= set(tool.tolist())
 
 
-def test_a_body_handed_over_inside_a_tool_comes_out_gently():
+def test_a_body_handed_over_inside_a_tool_comes_out_gently() -> None:
     """0.1 mm inside at the start: decaying, gone within 50 ms, with a quarter of the kick of a sudden release."""
     scene = block_scene(position=(0.0, 0.0, -1e-4), tools={"ground": GROUND})
     run = PbdRun(scene)
@@ -149,7 +149,7 @@ def test_a_body_handed_over_inside_a_tool_comes_out_gently():
     assert {reply.status for reply in replies} == {"converged"}
 
 
-def test_an_embedded_ball_rests_on_the_ground():
+def test_an_embedded_ball_rests_on_the_ground() -> None:
     """A ball in partly filled cells touches at points that follow several nodes, more points than nodes: it settles."""
     vertices, triangles = sphere(0.02, 3)
     scene = Scene.model_validate(
@@ -212,7 +212,7 @@ def _squeeze(cell: float) -> tuple[dict[str, float], list[Advanced]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("cell", "limit"), [(0.025, 0.06), (0.05 / 3, 0.05)])
-def test_tofu_squeeze_and_lift(cell, limit):
+def test_tofu_squeeze_and_lift(cell, limit) -> None:
     """4.51/8.65/13.1 N at 5/10/15 %, 13.1 N in the hold, 10.15 N lifted (three independent codes, +-0.1 N).
 
     4 x 4 x 4 blocks gave 4.38/8.63/13.36/13.50/10.43, 6 x 6 x 6 4.34/8.47/13.00/13.10/10.18 when this was written.

@@ -26,7 +26,7 @@ def _tip(run: PbdRun, length: float, n_steps: int) -> Floats:
 
 
 @pytest.mark.parametrize(("cells", "limit"), [(5, 0.045), (10, 0.015)])
-def test_cantilever_follows_the_reference(cells, limit):
+def test_cantilever_follows_the_reference(cells, limit) -> None:
     """RMS over 0.6 s relative to the peak: 3.4 % on 10 x 2 x 2 blocks, 0.9 % on 20 x 4 x 4 when this was written."""
     run = PbdRun(cantilever((0.1, 0.02, 0.02), 0.1 / cells, 1e5, 0.3))
     reference = np.array(TIP_04) * 1e-3
@@ -37,7 +37,7 @@ def test_cantilever_follows_the_reference(cells, limit):
 @pytest.mark.parametrize(
     ("cell", "limit"), [((0.05, 0.05, 0.05), 0.055), ((0.2 / 6, 0.05, 0.05), 0.035), ((0.025, 0.025, 0.025), 0.025)]
 )
-def test_scene_a_peaks_where_independent_codes_do(cell, limit):
+def test_scene_a_peaks_where_independent_codes_do(cell, limit) -> None:
     """0.20 x 0.05 x 0.05 m, E 100 kPa, nu 0.40: lowest tip -150.4 mm at 0.24 s (CalculiX and felupe)."""
     run = PbdRun(cantilever((0.2, 0.05, 0.05), cell, 1e5, 0.4))
     z = _tip(run, 0.2, 32)
@@ -46,7 +46,7 @@ def test_scene_a_peaks_where_independent_codes_do(cell, limit):
 
 
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
-def test_free_flight_keeps_momentum(kind):
+def test_free_flight_keeps_momentum(kind) -> None:
     """Internal forces cancel block by block, so momentum is exact; angular momentum is second order in the substep."""
     rng = np.random.default_rng(5)
     scene = block_scene(kind=kind, pbd={"sweeps": 2})
@@ -60,7 +60,7 @@ def test_free_flight_keeps_momentum(kind):
         np.testing.assert_allclose(last.angular_momentum, first.angular_momentum, atol=0.02 * scale * 0.05)
 
 
-def test_a_falling_body_falls_and_the_ledger_says_so():
+def test_a_falling_body_falls_and_the_ledger_says_so() -> None:
     run = PbdRun(block_scene(gravity=(0.0, 0.0, -9.81), body={"velocity": (0.1, 0.0, 0.0)}))
     last = run.run(0.1)[-1]
     mass = run.region.mass.sum()
@@ -115,19 +115,19 @@ def _kicked(body: tuple[Vector, float | Vector, float, bool], kind: str, sweeps:
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
 @pytest.mark.parametrize("sweeps", [1, 2])
 @pytest.mark.parametrize("body", BODIES)
-def test_planned_substeps_are_stable(body, kind, sweeps):
+def test_planned_substeps_are_stable(body, kind, sweeps) -> None:
     """3000 undamped substeps from random kicks: no step gains energy, none is retried."""
     assert set(_kicked(body, kind, sweeps, 1.0)) == {"plain"}
 
 
-def test_substeps_far_beyond_the_plan_are_caught():
+def test_substeps_far_beyond_the_plan_are_caught() -> None:
     """The failing control: 2.5 times longer substeps blow up, the monitor sees it and the retry saves the run."""
     assert "retried" in _kicked(BODIES[1], "neo_hookean", 1, 0.4)
 
 
 @pytest.mark.parametrize("how", ["crushed", "stretched", "flattened", "mirrored", "scrambled", "a point"])
 @pytest.mark.parametrize("sweeps", [1, 2])
-def test_torn_shapes_recover(how, sweeps):
+def test_torn_shapes_recover(how, sweeps) -> None:
     scene = block_scene(step=0.01, pbd={"sweeps": sweeps})
     rest = PbdRun(scene).body.x_rest
     rng = np.random.default_rng(0)
@@ -147,7 +147,7 @@ def test_torn_shapes_recover(how, sweeps):
     assert last.strain < 1.25e-4
 
 
-def test_the_clamped_end_stays():
+def test_the_clamped_end_stays() -> None:
     run = PbdRun(cantilever((0.2, 0.05, 0.05), 0.05, 1e5, 0.4))
     run.run(0.1)
     clamped = run.region.fixed
