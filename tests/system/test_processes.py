@@ -134,6 +134,20 @@ def test_both_participants_are_killed_at_once(
     assert first_difference(reference[0], reports) == ""
 
 
+def test_a_participant_is_killed_again_while_it_catches_up(
+    services: Services, bus: Bus, bar: Bundle, reference: tuple[list[StepReport], Frame]
+) -> None:
+    first = services.children.pid("fem")
+
+    def kill_twice() -> None:
+        os.kill(first, signal.SIGKILL)
+        services.lines.wait_for("fem", "is ready (pid", after=len(services.lines.lines))
+        os.kill(services.children.pid("fem"), signal.SIGKILL)
+
+    reports, _, _ = run(services, bus, bar, 40, kill_twice)
+    assert first_difference(reference[0], reports) == ""
+
+
 def test_the_router_is_restarted(
     services: Services, bus: Bus, bar: Bundle, reference: tuple[list[StepReport], Frame]
 ) -> None:

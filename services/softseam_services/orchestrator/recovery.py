@@ -102,22 +102,37 @@ class RecoveringTransport:
             self._logs[name].since.append(request)
 
     def _recover(self, error: ParticipantLost | ParticipantFailed) -> None:
+        """Wait for the participant and catch it up; it may be lost again meanwhile."""
         name = error.participant
-        log = self._logs.get(name)
         self.on_event("participant_lost", f"{error}; waiting for it to come back")
-        if not self._inner.wait_alive(name, self._patience):
-            raise ParticipantLost(
-                name, f"it did not come back within {self._patience:g} s: is its service running and supervised?"
-            ) from error
+        for attempt in range(self._attempts + 1):
+            if not self._inner.wait_alive(name, self._patience):
+                raise ParticipantLost(
+                    name, f"it did not come back within {self._patience:g} s: is its service running and supervised?"
+                ) from error
+            try:
+                repeated = self._catch_up(name)
+            except (ParticipantLost, ParticipantFailed) as again:
+                if not _recoverable(again) or attempt == self._attempts:
+                    raise
+            else:
+                self.on_event(
+                    "participant_restored", f"participant {name!r} is back; {repeated} requests were repeated"
+                )
+                return
+
+    def _catch_up(self, name: str) -> int:
+        """Send everything again since the last checkpoint; the number of requests after it."""
+        log = self._logs.get(name)
         if log is None:
-            return
+            return 0
         self._inner.exchange({name: log.configure})
         if log.checkpoint is not None:
             header = log.checkpoint.header
             self._inner.exchange({name: Restore(header, log.checkpoint.state)})
         for request in log.since:
             self._inner.exchange({name: request})
-        self.on_event("participant_restored", f"participant {name!r} is back; {len(log.since)} requests were repeated")
+        return len(log.since)
 
 
 def _recoverable(error: ParticipantLost | ParticipantFailed) -> bool:
