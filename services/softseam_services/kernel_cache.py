@@ -2,16 +2,18 @@
 
 Numba keys a compiled kernel by the source of its own file alone, but the machine code holds the kernels that it calls
 from other files, too: after an edit or an upgrade of one file, callers in unchanged files would go on with the old
-code. So the cache of all packages is dropped whenever any source in them changed.
+code. So the cache of all packages is dropped whenever any source in them changed. And services that start together
+would each compile the kernels that they share: one compiles, the others wait for it.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import importlib.util
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 _STAMP = "kernels.sha256"
@@ -50,3 +52,16 @@ def drop_stale_kernels(packages: Iterable[Path]) -> int:
         fresh.write_text(digest.hexdigest())
         fresh.replace(stamp)
     return dropped
+
+
+@contextlib.contextmanager
+def compiling(model: str) -> Iterator[None]:
+    """One process of a machine at a time compiles the kernels of `model`; those that waited load them from the cache.
+
+    The lock goes with its process, however that ends. Without a place for the lock there is none.
+    """
+    lock = kernel_packages()[0] / "__pycache__" / f"{model}.lock"
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(OSError):
+            fcntl.flock(held.enter_context(lock.open("w")), fcntl.LOCK_EX)
+        yield

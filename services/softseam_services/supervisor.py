@@ -25,8 +25,9 @@ from softseam_services.lifeline import BEAT_VARIABLE
 WRONG_SET_UP = 2
 """exit code of a service that no restart would help"""
 _TICK = 0.1
-_FIRST_BEAT = 30.0
-"""a child may need this long to its first beat: an interpreter that starts on a busy machine [s]"""
+_STARTING = 30.0
+"""silence that a child is allowed until it is ready: an interpreter that starts, or a compiler that lets no other thread
+run, on a busy machine [s]"""
 _GOOD_RUN = 20.0
 """a child that lived this long starts its count of failures anew [s]"""
 
@@ -204,7 +205,7 @@ class Supervisor:
         os.set_blocking(child.log, False)
         self._selector.register(beats, selectors.EVENT_READ, child)
         self._selector.register(child.log, selectors.EVENT_READ, child)
-        child.born, child.heard = now, now + _FIRST_BEAT
+        child.born = child.heard = now
         child.busy, child.start_at, child.why = 0.0, None, ""
         child.partial.clear()
         child.tail.clear()
@@ -265,7 +266,8 @@ class Supervisor:
         if code is not None:
             self._ended(child, code, now)
         elif not child.why:
-            if now - child.heard > self._limits.patience:
+            patience = _STARTING if child.state in ("starting", "compiling") else self._limits.patience
+            if now - child.heard > patience:
                 child.why = f"gave no sign of life for {now - child.heard:.1f} s"
             elif child.busy > self._limits.stall:
                 child.why = f"was busy with one request for {child.busy:.0f} s"

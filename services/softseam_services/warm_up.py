@@ -25,6 +25,7 @@ from softseam_protocol.messages import (
     SnapshotTaken,
 )
 from softseam_protocol.scene import Scene
+from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup
 from softseam_services.tools.motion import tool_motion
 
@@ -64,6 +65,11 @@ def warm_scene(model: str) -> Scene:
 
 def warm_participant(model: str) -> None:
     """Let a participant of `model` answer every kind of request. Raises WarmUpFailed."""
+    with compiling(model):
+        _ask_everything(model)
+
+
+def _ask_everything(model: str) -> None:
     bundle = Bundle(warm_scene(model).model_dump_json(), {})
     setup = build_setup(bundle)
     server = ParticipantServer()
@@ -110,8 +116,9 @@ def warm_orchestrator() -> None:
     from softseam_services.orchestrator.simulation import Simulation
 
     bundle = Bundle(warm_scene("pbd").model_dump_json(), {})
-    simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
-    for _ in range(3):
-        simulation.step(None, fields=True)
-    simulation.load(simulation.save())
-    simulation.close()
+    with compiling("pbd"):
+        simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
+        for _ in range(3):
+            simulation.step(None, fields=True)
+        simulation.load(simulation.save())
+        simulation.close()

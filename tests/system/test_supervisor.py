@@ -17,6 +17,15 @@ from softseam_services.supervisor import Limits, Service, Supervisor
 QUICK = Limits(patience=1.5, stall=1.0, pause=0.05, longest_pause=0.2, attempts=3)
 WAIT = 30.0
 
+STARTS_DEAF = """
+import ctypes
+from softseam_services.lifeline import Lifeline
+with Lifeline() as life:
+    life.state = "compiling"
+    ctypes.PyDLL(None).usleep(1_900_000)  # holds the interpreter's lock, as parts of a compilation do
+    life.state = "ready"
+    life.stop.wait()
+"""
 WELL = """
 from softseam_services.lifeline import Lifeline
 with Lifeline() as life:
@@ -115,9 +124,10 @@ def test_a_request_without_end_is_ended() -> None:
         lines.wait_for("one", "busy with one request", "restarting")
 
 
-def test_a_long_compilation_is_not_taken_for_a_freeze() -> None:
+@pytest.mark.parametrize("code", [COMPILES_LONG, STARTS_DEAF])
+def test_a_long_compilation_is_not_taken_for_a_freeze(code: str) -> None:
     lines = Lines()
-    with Supervisor([python("one", COMPILES_LONG)], lines, QUICK) as supervisor:
+    with Supervisor([python("one", code)], lines, QUICK) as supervisor:
         assert supervisor.wait_ready(WAIT), lines.lines
     assert not any("restarting" in line for line in lines.lines), lines.lines
 
