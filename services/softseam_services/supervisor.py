@@ -26,7 +26,7 @@ WRONG_SET_UP = 2
 """exit code of a service that no restart would help"""
 _TICK = 0.1
 _STARTING = 30.0
-"""silence that a child is allowed until it is ready: an interpreter that starts, or a compiler that lets no other thread
+"""silence that a child is allowed until it is ready: an interpreter that starts, or a compiler that lets no thread
 run, on a busy machine [s]"""
 _GOOD_RUN = 20.0
 """a child that lived this long starts its count of failures anew [s]"""
