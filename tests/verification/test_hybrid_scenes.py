@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.messages import StepReport
 from softseam_protocol.scene import Scene
