@@ -166,6 +166,8 @@ class Advance:
     seam_stiffness: Matrix = field(default_factory=_NO_MATRIX)
     """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x);
     empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
+    fields: bool = False
+    """also return the fields, which spares an `Observe` where this exchange is the step's last"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +207,7 @@ class Advanced:
     """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
     seam_force: Vectors = field(default_factory=_NO_VECTORS)
     """force that acted on the seam nodes (s, 3) [N]; empty: the one that was asked for"""
+    fields: Fields | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ nothing. See `participant` for the states.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
@@ -166,6 +166,8 @@ class ParticipantServer:
             if header.step != seat.committed or header.exchange <= seat.exchange:
                 return _stale(request, seat)
             reply = seat.solver.advance(request)
+            if request.fields:
+                reply = replace(reply, fields=seat.solver.fields(header))
             seat.exchange = header.exchange
             return reply
         if isinstance(request, Observe):

@@ -141,6 +141,7 @@ class Simulation:
         self._step = 0
         self._tick = 0  # steps that participants have taken; more than `_step` where steps were cut
         self._n_asked = -1
+        self._ask_fields = False
         self._progress = Progress()
         self._position = self.tools.position.copy()
         self._orientation = self.tools.orientation.copy()
@@ -168,6 +169,7 @@ class Simulation:
         command = self._command(velocities)
         motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
         self._accounts.begin(began)
+        self._ask_fields = fields or (self._wants_fields and (self._step + 1) % _FIELDS_EVERY == 0)
         solution = self._solve(motion)
         replies = solution.replies
         wrench = sum((reply.wrench for reply in replies.values()), np.zeros((len(self.tools.names), 6)))
@@ -180,8 +182,8 @@ class Simulation:
         self._follow_lift(command, replies)
         frame = None
         self._frame = None
-        if fields or (self._wants_fields and (self.done or self._step % _FIELDS_EVERY == 0)):
-            frame = self.frame()
+        if self._ask_fields or (self._wants_fields and self.done):
+            frame = self._frame = self._gather(self._fields_of(replies), self._sides)
         quantities = self._quantities.measure(replies, wrench, self._position, frame, self._lift_base)
         header, sides = self._last_header(), self._sides
         kinetic_change = self._follow_tools(replies)
@@ -292,7 +294,8 @@ class Simulation:
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
                 header = self._header(name, self._tick, self._n_asked)
-                request = Advance(header, dt, side.force, motion, side.compliance)
+                last = self._ask_fields and (self._n_asked > 0 or self._loop is None)  # it may well be
+                request = Advance(header, dt, side.force, motion, side.compliance, fields=last)
                 if side.anchor is not None:
                     stiffness = _KEPT if side.stiffness is None else side.stiffness
                     request = replace(request, seam_anchor=side.anchor, seam_stiffness=stiffness)
@@ -453,6 +456,11 @@ class Simulation:
         replies = self._transport.exchange(requests)
         self._accounts.exchanged(perf_counter() - began, replies)
         return replies
+
+    def _fields_of(self, replies: Mapping[str, Advanced]) -> dict[str, Fields]:
+        """Fields that came with the last replies, or that are asked for now."""
+        found = {name: reply.fields for name, reply in replies.items() if reply.fields is not None}
+        return found if len(found) == len(replies) else self._observe()
 
     def _observe(self) -> dict[str, Fields]:
         replies = self._exchange({name: Observe(self._header(name)) for name in self._sides.names})
