@@ -59,7 +59,7 @@ def run(scene: str, model: str, progress: Progress) -> Run:
         progress.advance(task)
     wall = perf_counter() - began
     names = reports[-1].quantities
-    series = {name: np.array([report.quantities[name] for report in reports]) for name in names}
+    series = {n: np.array([r.quantities[n] for r in reports if n in r.quantities]) for n in names}
     edges = float(simulation.body.edges.min())
     rtf = simulation.time / wall
     simulation.close()

@@ -59,7 +59,7 @@ def test_public_names_exist() -> None:
 @pytest.mark.parametrize(
     "arguments", [["run", "tofu_grasp"], ["check", "tofu_grasp"], ["up"], ["serve", "fem"], ["demo"]]
 )
-def test_missing_solver_is_named(arguments, tmp_path, monkeypatch) -> None:
+def test_missing_solver_is_named(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without numba whatever needs a solver ends with the command that installs it, not with a traceback."""
     monkeypatch.chdir(tmp_path)
     code = f"""

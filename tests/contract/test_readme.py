@@ -30,7 +30,7 @@ def test_scene_is_valid() -> None:
 
 
 @pytest.mark.slow
-def test_program_runs(capsys) -> None:
+def test_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
     """The program as printed: a tool driven by hand still ends when the scene's motion would."""
     exec(compile(block("python"), "README.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
@@ -44,7 +44,7 @@ def test_commands_exist() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_links_lead_somewhere(page) -> None:
+def test_links_lead_somewhere(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
         if "://" not in target:

@@ -14,7 +14,7 @@ EXAMPLES = sorted(p.stem for p in Path(softseam.examples.__path__[0]).glob("[a-z
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_example_runs(name, capsys) -> None:
+def test_example_runs(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_module(f"softseam.examples.{name}", run_name="__main__")
     assert len(capsys.readouterr().out.splitlines()) >= 2
 

@@ -36,7 +36,7 @@ def node_mass(body: Body) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("cell", "counts"), [(None, (4, 3, 4)), (0.02, (2, 2, 3)), ([0.1, 0.02, 0.011], (1, 2, 5))])
-def test_cells_fill_the_block_exactly(cell, counts) -> None:
+def test_cells_fill_the_block_exactly(cell: float | list[float] | None, counts: tuple[int, int, int]) -> None:
     body = block(cell=cell)
     np.testing.assert_allclose(body.edges * counts, SIZE, rtol=1e-15)
     assert body.n_cells == np.prod(counts)
@@ -136,7 +136,7 @@ def test_regions_refuse_foreign_cells_and_seam_nodes() -> None:
 
 
 @pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_points_of_a_block_are_single_nodes(kind) -> None:
+def test_points_of_a_block_are_single_nodes(kind: str) -> None:
     body = block(cell=0.02)
     region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
     indptr, node, weight = point_weights(body, region, kind)
@@ -150,7 +150,7 @@ local = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 
 @settings(deadline=None, max_examples=60)
 @given(local)
-def test_shape_functions_reproduce_polynomials(at) -> None:
+def test_shape_functions_reproduce_polynomials(at: tuple[float, float, float]) -> None:
     """Both reproduce linear fields; hex27 all products of quadratics as well."""
     t = np.array(at)
     nodes = LOCAL - 1.0

@@ -43,5 +43,5 @@ def test_a_sound_block() -> None:
         (0.025, {"young": 0.02}, "Young's modulus 0.02"),
     ],
 )
-def test_what_is_odd_is_said(cell, material, words) -> None:
+def test_what_is_odd_is_said(cell: float | list[float], material: dict[str, float], words: str) -> None:
     assert any(words in warning for warning in check(cell, **material).warnings)

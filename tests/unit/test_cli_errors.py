@@ -75,7 +75,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def assert_refused(arguments: list[str], words: list[str], monkeypatch, capfd) -> None:
+def assert_refused(
+    arguments: list[str], words: list[str], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     assert call(arguments, monkeypatch) == 2
     told = capfd.readouterr()
     assert told.out == ""
@@ -87,21 +89,25 @@ def assert_refused(arguments: list[str], words: list[str], monkeypatch, capfd) -
 
 @pytest.mark.parametrize("name", BAD_SCENES)
 @pytest.mark.parametrize("command", ["run", "check"])
-def test_bad_scene(name, command, folder, monkeypatch, capfd) -> None:
+def test_bad_scene(
+    name: str, command: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     text, words = BAD_SCENES[name]
     (folder / "bad.yaml").write_text(text)
     assert_refused([command, "bad.yaml"], words, monkeypatch, capfd)
 
 
 @pytest.mark.parametrize("name", BAD_CALLS)
-def test_bad_call(name, folder, monkeypatch, capfd) -> None:
+def test_bad_call(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     arguments, words = BAD_CALLS[name]
     arguments = ["GOOD.yaml" if argument == "GOOD" else argument for argument in arguments]
     assert_refused(arguments, words, monkeypatch, capfd)
     assert sorted(path.name for path in folder.iterdir()) == ["GOOD.yaml", "bad.yaml"]  # nothing half-written
 
 
-def test_internal_error_is_one_line(folder, monkeypatch, capfd) -> None:
+def test_internal_error_is_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     """What nobody foresaw ends with exit code 1, one line, and the way to its traceback."""
 
     def broken(*_: object) -> None:
@@ -116,13 +122,13 @@ def test_internal_error_is_one_line(folder, monkeypatch, capfd) -> None:
         call(["run", "GOOD.yaml"], monkeypatch)
 
 
-def test_help_teaches(folder, monkeypatch, capfd) -> None:
+def test_help_teaches(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     """Every command's help has an example or needs none."""
     for command in ("run", "demo", "replay", "check"):
         assert call([command, "--help"], monkeypatch) == 0
         assert f"softseam {command}" in capfd.readouterr().out
 
 
-def test_schema(folder, monkeypatch, capfd) -> None:
+def test_schema(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     assert call(["schema"], monkeypatch) == 0
     assert '"Scene"' in capfd.readouterr().out

@@ -45,7 +45,7 @@ def sim(path: Path) -> Iterator[softseam.Session]:
         yield session
 
 
-def test_observation_of_a_squeeze(sim) -> None:
+def test_observation_of_a_squeeze(sim: softseam.Session) -> None:
     """Plates that close by 2 x 1 mm push back on a cube with equal and opposite forces; everything is typed and SI."""
     obs = sim.reset(seed=3)
     assert (obs.step, obs.time, obs.grip_force, obs.done) == (0, 0.0, 0.0, False)
@@ -75,7 +75,7 @@ def test_observation_of_a_squeeze(sim) -> None:
         obs.time = 1.0
 
 
-def test_run_follows_the_motion(sim) -> None:
+def test_run_follows_the_motion(sim: softseam.Session) -> None:
     """`run` resets, follows the scene to its end, and tells every step."""
     seen = []
     last = sim.run(seen.append)
@@ -84,7 +84,7 @@ def test_run_follows_the_motion(sim) -> None:
     assert last.time == pytest.approx(0.1)
 
 
-def test_same_inputs_same_bits(path) -> None:
+def test_same_inputs_same_bits(path: Path) -> None:
     """Two sessions, and a reset one, give the same bits."""
     trajectories = []
     with softseam.open(path) as first, softseam.open(path) as second:
@@ -94,7 +94,7 @@ def test_same_inputs_same_bits(path) -> None:
     assert trajectories[0] == trajectories[1] == trajectories[2]
 
 
-def test_snapshot_continues_bit_for_bit(sim, path) -> None:
+def test_snapshot_continues_bit_for_bit(sim: softseam.Session, path: Path) -> None:
     """What follows a restore is what followed the snapshot, in this session and in another one."""
     sim.reset()
     sim.step(CLOSE, count=3)
@@ -121,7 +121,7 @@ BAD_VELOCITIES = {
 
 
 @pytest.mark.parametrize("name", BAD_VELOCITIES)
-def test_bad_velocity_changes_nothing(name, path) -> None:
+def test_bad_velocity_changes_nothing(name: str, path: Path) -> None:
     """Bad input is refused by name, and the simulation goes on as if it had not been given."""
     bad, error, words = BAD_VELOCITIES[name]
     with softseam.open(path, model="pbd") as tried, softseam.open(path, model="pbd") as untouched:
@@ -134,7 +134,7 @@ def test_bad_velocity_changes_nothing(name, path) -> None:
         assert tried.step(CLOSE).positions.tobytes() == untouched.step(CLOSE).positions.tobytes()
 
 
-def test_bad_snapshot_changes_nothing(sim, path) -> None:
+def test_bad_snapshot_changes_nothing(sim: softseam.Session, path: Path) -> None:
     """A damaged snapshot, foreign bytes and another scene's snapshot are refused; the session goes on."""
     sim.reset()
     sim.step(CLOSE)
@@ -150,7 +150,7 @@ def test_bad_snapshot_changes_nothing(sim, path) -> None:
     assert sim.step(CLOSE).step == 2
 
 
-def test_bad_calls_are_named(path) -> None:
+def test_bad_calls_are_named(path: Path) -> None:
     with pytest.raises(softseam.SceneRefused, match=r"none\.yaml"):
         softseam.open("folder/none.yaml")
     with pytest.raises(softseam.SceneRefused, match="young"):
@@ -179,7 +179,7 @@ def test_bad_calls_are_named(path) -> None:
             use()
 
 
-def test_models(path) -> None:
+def test_models(path: Path) -> None:
     """A scene is simulated with one model alone, or as it says; a scene without regions cannot be a hybrid."""
     scene = softseam.load_scene(path)
     for model in ("fem", "pbd"):
@@ -193,7 +193,7 @@ def test_models(path) -> None:
         softseam.with_model(softseam.with_model(scene, "pbd"), "hybrid")
 
 
-def test_settings(path) -> None:
+def test_settings(path: Path) -> None:
     """Settings walk through mappings and lists, begin absent parts, and are validated together."""
     scene = softseam.load_scene(path)
     varied = softseam.with_settings(scene, ["tools.left.friction=0.05", "motion.1.hold=0.2", "seed=4"])

@@ -7,21 +7,25 @@ import dataclasses
 import numpy as np
 import pytest
 from fem_run import block
+from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
 from softseam_services.body.build import build_body
 from softseam_services.body.materials import linear, neo_hookean
 from softseam_services.body.region import build_region
+from softseam_services.fem.dissection import Tree
 from softseam_services.fem.hex27 import cell_tables
 from softseam_services.fem.kernels.cells import add_cell_tangents, cauchy_stress, strain_energy, subtract_forces
 from softseam_services.fem.kernels.fronts import factor
-from softseam_services.fem.model import FILL_FLOOR, build_model, build_work
+from softseam_services.fem.model import FILL_FLOOR, FemModel, Work, build_model, build_work
 
 FILLS = ["full", "partial"]
 KINDS = ["neo_hookean", "linear"]
 
 
-def _model(fill="full", kind="neo_hookean", counts=(2, 1, 1)):
+def _model(
+    fill: str = "full", kind: str = "neo_hookean", counts: tuple[int, int, int] = (2, 1, 1)
+) -> tuple[FemModel, Tree, Work]:
     body = build_body(block(tuple(0.01 * c for c in counts), 0.01, kind=kind), {})
     if fill == "partial":
         shares = np.random.default_rng(1).uniform(0.0, 1.0, body.fill.shape)
@@ -32,14 +36,14 @@ def _model(fill="full", kind="neo_hookean", counts=(2, 1, 1)):
     return model, tree, build_work(model, tree, 0)
 
 
-def _forces(x, model, work):
+def _forces(x: NDArray[np.float64], model: FemModel, work: Work) -> NDArray[np.float64]:
     """f(x) per node (n, 3)."""
     r = np.zeros_like(work.r)
     subtract_forces(x, model, work, r)
     return -r.reshape(-1, 3)[model.order]
 
 
-def _deformed(model, size=0.1, seed=0):
+def _deformed(model: FemModel, size: float = 0.1, seed: int = 0) -> NDArray[np.float64]:
     rng = np.random.default_rng(seed)
     bent = model.x_rest @ (np.eye(3) + size * rng.standard_normal((3, 3)))
     return bent + 2e-4 * rng.standard_normal(bent.shape)
@@ -47,14 +51,14 @@ def _deformed(model, size=0.1, seed=0):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fill", FILLS)
-def test_rest_is_free_of_stress(fill, kind) -> None:
+def test_rest_is_free_of_stress(fill: str, kind: str) -> None:
     model, _, work = _model(fill, kind)
     assert np.abs(_forces(model.x_rest, model, work)).max() < 1e-14 * model.mu * 0.01**2 * 1e3
     assert abs(strain_energy(model.x_rest, model, work)) < 1e-14 * model.mu * model.weight.sum()
 
 
 @pytest.mark.parametrize("fill", FILLS)
-def test_forces_sum_to_zero(fill) -> None:
+def test_forces_sum_to_zero(fill: str) -> None:
     """No net force, and no net torque about the origin."""
     model, _, work = _model(fill)
     x = _deformed(model)
@@ -66,7 +70,7 @@ def test_forces_sum_to_zero(fill) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fill", FILLS)
-def test_forces_are_the_gradient_of_the_energy(fill, kind) -> None:
+def test_forces_are_the_gradient_of_the_energy(fill: str, kind: str) -> None:
     model, _, work = _model(fill, kind)
     x, way = _deformed(model), np.random.default_rng(2).standard_normal(model.x_rest.shape)
     e = 1e-7
@@ -76,7 +80,7 @@ def test_forces_are_the_gradient_of_the_energy(fill, kind) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fill", FILLS)
-def test_tangent_is_the_gradient_of_the_forces(fill, kind) -> None:
+def test_tangent_is_the_gradient_of_the_forces(fill: str, kind: str) -> None:
     """Central differences of f along random directions, away from rest."""
     model, tree, work = _model(fill, kind)
     x = _deformed(model)
@@ -94,7 +98,7 @@ def test_tangent_is_the_gradient_of_the_forces(fill, kind) -> None:
 
 
 @pytest.mark.parametrize("fill", FILLS)
-def test_patch(fill) -> None:
+def test_patch(fill: str) -> None:
     """A uniform deformation gives the material's own stress and energy, whatever the fill."""
     model, _, work = _model(fill)
     F = np.eye(3) + 0.2 * np.random.default_rng(3).standard_normal((3, 3))
@@ -130,7 +134,7 @@ def test_small_strains_follow_the_linear_law() -> None:
 
 
 @pytest.mark.parametrize("fill", FILLS)
-def test_six_rigid_modes_and_no_others(fill) -> None:
+def test_six_rigid_modes_and_no_others(fill: str) -> None:
     """At rest K has exactly six modes without energy: no hourglass modes, also where octants are empty."""
     model, tree, work = _model(fill)
     add_cell_tangents(model.x_rest, model, tree, work, False)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from fem_run import FemRun, block
+from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
+from softseam_services.fem.dissection import Tree
 from softseam_services.fem.kernels.contact import (
     OPEN,
     SLIP,
@@ -16,10 +18,15 @@ from softseam_services.fem.kernels.contact import (
     evaluate_contacts,
     find_candidates,
 )
-from softseam_services.fem.model import Tools
+from softseam_services.fem.model import FemModel, Tools, Work
 
 
-def _problem(friction, multiplier=(0.0, 0.0, 0.0), start=(0.0, 0.0, 0.0), embedded=False):
+def _problem(
+    friction: float,
+    multiplier: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    embedded: bool = False,
+) -> tuple[FemModel, Tree, Work, Tools, NDArray[np.float64], int]:
     """A cube whose lower face is 10 um below the ground; every point there carries the multiplier."""
     run = FemRun(block(tools={"ground": {"kind": "plane", "friction": friction}}))
     solver = run.solver
@@ -35,7 +42,7 @@ def _problem(friction, multiplier=(0.0, 0.0, 0.0), start=(0.0, 0.0, 0.0), embedd
     return model, tree, work, tools, x, count
 
 
-def _force(x, model, tools, count, work):
+def _force(x: NDArray[np.float64], model: FemModel, tools: Tools, count: int, work: Work) -> NDArray[np.float64]:
     evaluate_contacts(x, model, tools, count, work)
     r = np.zeros_like(work.r)
     add_contact_forces(model, count, work, r)
@@ -53,7 +60,7 @@ def test_pressure_follows_the_penalty() -> None:
 
 
 @pytest.mark.parametrize(("way", "state"), [((1e-6, 2e-6, 0.0), STICK), ((1e-4, -2e-4, 0.0), SLIP)])
-def test_friction_sticks_inside_the_cone_and_slips_on_it(way, state) -> None:
+def test_friction_sticks_inside_the_cone_and_slips_on_it(way: tuple[float, float, float], state: int) -> None:
     model, _, work, tools, x, count = _problem(0.5, start=way)
     evaluate_contacts(x, model, tools, count, work)
     assert (work.state[:count] == state).all()
@@ -73,7 +80,7 @@ def test_a_pulling_multiplier_is_dropped() -> None:
 
 
 @pytest.mark.parametrize("case", ["frictionless", "stick", "slip"])
-def test_tangent_is_the_gradient_of_the_force(case) -> None:
+def test_tangent_is_the_gradient_of_the_force(case: str) -> None:
     """Central differences; in slip along directions that leave the pressure alone, whose effect is dropped."""
     friction = {"frictionless": 0.0, "stick": 5.0, "slip": 0.01}[case]
     model, tree, work, tools, x, count = _problem(friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0))

@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from fem_run import block
+from numpy.typing import NDArray
 
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region, shared_nodes
+from softseam_services.fem.dissection import Tree
 from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal, factor, seam_inverse, solve
-from softseam_services.fem.model import build_model, build_work
+from softseam_services.fem.model import FemModel, Work, build_model, build_work
 
 CASES = ["one_cell", "clamped", "two_columns", "ring"]
 
 
-def _problem(case):
+def _problem(case: str) -> tuple[FemModel, Tree, Work, NDArray[np.float64]]:
     """Model, tree, work with the matrix assembled, and the same matrix dense in elimination order."""
     counts = {"one_cell": (1, 1, 1), "clamped": (3, 2, 2), "two_columns": (3, 1, 2), "ring": (3, 3, 1)}[case]
     size = tuple(0.01 * c for c in counts)
@@ -37,7 +39,7 @@ def _problem(case):
     return model, tree, work, _dense(model, tree, work)
 
 
-def _dense(model, tree, work):
+def _dense(model: FemModel, tree: Tree, work: Work) -> NDArray[np.float64]:
     n_free = np.count_nonzero(tree.position >= 0)
     dense = np.zeros((3 * n_free, 3 * n_free))
     for first, n_own, n_all, _, offset, row in tree.meta:
@@ -49,7 +51,7 @@ def _dense(model, tree, work):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_solve_equals_dense(case) -> None:
+def test_solve_equals_dense(case: str) -> None:
     """Residual of the factored solve at rounding, relative to the matrix."""
     _, tree, work, dense = _problem(case)
     assert factor(tree, work.values, work.ints) == 0
@@ -60,7 +62,7 @@ def test_solve_equals_dense(case) -> None:
 
 
 @pytest.mark.parametrize("case", ["two_columns", "ring"])
-def test_last_fronts_hold_the_seam(case) -> None:
+def test_last_fronts_hold_the_seam(case: str) -> None:
     """The trailing block of the root is the seam's Schur complement, also of two components."""
     model, tree, work, dense = _problem(case)
     n = 3 * len(model.seam)

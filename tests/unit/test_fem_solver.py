@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
 from fem_run import CLOSE, FemRun, block, tofu
+from numpy.typing import NDArray
 
-from softseam_protocol.messages import BodyState
+from softseam_protocol.messages import Advance, BodyState
+from softseam_services.body.body import Body
 from softseam_services.body.region import shared_nodes
 
 
-def _ends(body):
+def _ends(body: Body) -> NDArray[np.int32]:
     return np.flatnonzero(body.cell_grid[:, 0] != 1).astype(np.int32)
 
 
-def _seam(body, cells):
+def _seam(body: Body, cells: NDArray[np.int32]) -> NDArray[np.int32]:
     return shared_nodes(body, cells, np.setdiff1d(np.arange(body.n_cells), cells).astype(np.int32))
 
 
-def _grip(**keys):
+def _grip(**keys: Any) -> FemRun:
     """Two columns of a cube between plates, held by the seam to where they were: 0.1 s of a squeeze."""
     run = FemRun(tofu(cell=(0.05 / 3, 0.025, 0.025)), cells=_ends, seam=_seam, **keys)
     for _ in range(20):
@@ -29,19 +32,19 @@ def _grip(**keys):
 
 
 @pytest.fixture(scope="module")
-def gripped():
+def gripped() -> tuple[FemRun, bytes]:
     run = _grip()
     return run, run.solver.snapshot()
 
 
 @pytest.fixture
-def grip(gripped):
+def grip(gripped: tuple[FemRun, bytes]) -> FemRun:
     run, state = gripped
     run.solver.restore(state)
     return run
 
 
-def test_requests_give_the_same_bits(grip) -> None:
+def test_requests_give_the_same_bits(grip: FemRun) -> None:
     """Twice the same steps from the same snapshot: equal to the last bit, contact and friction included."""
     state = grip.solver.snapshot()
     force = np.random.default_rng(0).standard_normal((len(grip.region.seam), 3)) * 1e-3
@@ -53,12 +56,12 @@ def test_requests_give_the_same_bits(grip) -> None:
     assert replies[0] == replies[1]
 
 
-def _numbered(run, force, n, exchange=0):
+def _numbered(run: FemRun, force: NDArray[np.float64], n: int, exchange: int = 0) -> Advance:
     request = run.request(force=force, exchange=exchange)
     return dataclasses.replace(request, header=dataclasses.replace(request.header, step=100 + n, exchange=exchange))
 
 
-def test_a_run_goes_on_alike_after_snapshot_and_restore(grip) -> None:
+def test_a_run_goes_on_alike_after_snapshot_and_restore(grip: FemRun) -> None:
     """One run takes a snapshot and goes on; another solver restores it: bit for bit the same from there."""
     for _ in range(3):
         grip.step(CLOSE)
@@ -73,7 +76,7 @@ def test_a_run_goes_on_alike_after_snapshot_and_restore(grip) -> None:
     assert grip.solver.snapshot() == other.solver.snapshot()
 
 
-def test_a_higher_exchange_starts_from_the_committed_state(grip) -> None:
+def test_a_higher_exchange_starts_from_the_committed_state(grip: FemRun) -> None:
     """The third exchange with the first one's force ends where the first did, to the solver's tolerance."""
     zero = np.zeros((len(grip.region.seam), 3))
     force = np.random.default_rng(0).standard_normal(zero.shape) * 1e-2
@@ -87,7 +90,7 @@ def test_a_higher_exchange_starts_from_the_committed_state(grip) -> None:
 
 
 @pytest.mark.parametrize(("friction", "tolerance"), [(5.0, 1e-3), (0.0, 1e-3), (0.6, 0.2)])
-def test_compliance_is_the_derivative_of_the_seam(friction, tolerance) -> None:
+def test_compliance_is_the_derivative_of_the_seam(friction: float, tolerance: float) -> None:
     """Central differences through whole steps, in contact: exact where points stick or slide freely.
 
     With points that slip against friction, the change of the friction's bound with the pressure is left out.
@@ -106,7 +109,7 @@ def test_compliance_is_the_derivative_of_the_seam(friction, tolerance) -> None:
     np.testing.assert_allclose((ahead - behind) / (2.0 * e), expected, atol=tolerance * np.abs(expected).max())
 
 
-def test_columns_do_not_feel_each_other(grip) -> None:
+def test_columns_do_not_feel_each_other(grip: FemRun) -> None:
     """The compliance of two disjoint columns has no cross terms."""
     zero = np.zeros((len(grip.region.seam), 3))
     compliance = grip.solver.advance(dataclasses.replace(_numbered(grip, zero, 0), compliance=True)).compliance
@@ -142,11 +145,11 @@ def test_the_same_force_on_a_linear_body_takes_one_iteration() -> None:
     assert run.solver.factorisations == factors
 
 
-def _request(run, **changes):
+def _request(run: FemRun, **changes: Any) -> Advance:
     return dataclasses.replace(run.request(), **changes)
 
 
-def _failures(run):
+def _failures(run: FemRun) -> dict[str, Advance]:
     seam = len(run.region.seam)
     bad = run.request().tools
     return {
@@ -159,7 +162,7 @@ def _failures(run):
 
 
 @pytest.mark.parametrize("case", ["force", "shape", "step", "backwards", "pose"])
-def test_nonsense_is_refused_and_changes_nothing(grip, case) -> None:
+def test_nonsense_is_refused_and_changes_nothing(grip: FemRun, case: str) -> None:
     before = grip.solver.snapshot()
     with np.errstate(invalid="ignore"):
         reply = grip.solver.advance(_failures(grip)[case])
@@ -183,7 +186,7 @@ def test_a_hopeless_step_fails_with_a_remedy_and_without_nan() -> None:
 
 
 @pytest.mark.parametrize("shape", ["crushed", "scrambled", "mirrored"])
-def test_crushed_starts_recover(shape) -> None:
+def test_crushed_starts_recover(shape: str) -> None:
     """Cells pressed flat or turned inside out come back to rest; a whole body mirrored only stays finite."""
     run = FemRun(block(gravity=(0.0, 0.0, 0.0), step=0.01))
     rest = run.body.x_rest
@@ -205,7 +208,7 @@ def test_crushed_starts_recover(shape) -> None:
         assert reply.strain < 1e-6 * 20e3 * 0.05**3
 
 
-def test_a_damaged_snapshot_is_refused(grip) -> None:
+def test_a_damaged_snapshot_is_refused(grip: FemRun) -> None:
     state = grip.solver.snapshot()
     for damaged in (state[:-8], b"x" + state[1:], state[:-8] + b"\xff" * 8):
         with pytest.raises(ValueError, match="snapshot"):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from softseam_services.kernel_cache import drop_stale_kernels, kernel_packages
 
 
-def _package(home, name):
+def _package(home: Path, name: str) -> Path:
     folder = home / name / "kernels"
     (folder / "__pycache__").mkdir(parents=True)
     (folder / "caller.py").write_text("from numba import njit\n")
@@ -13,13 +15,13 @@ def _package(home, name):
     return home / name
 
 
-def _compile(package):
+def _compile(package: Path) -> Path:
     index = package / "kernels" / "__pycache__" / "caller.f-1.py311.nbi"
     index.write_bytes(b"compiled")
     return index
 
 
-def test_a_change_anywhere_forgets_everything(tmp_path) -> None:
+def test_a_change_anywhere_forgets_everything(tmp_path: Path) -> None:
     packages = [_package(tmp_path, "one"), _package(tmp_path, "two")]
     drop_stale_kernels(packages)
     indexes = [_compile(package) for package in packages]
@@ -31,7 +33,7 @@ def test_a_change_anywhere_forgets_everything(tmp_path) -> None:
     assert drop_stale_kernels(packages) == 0
 
 
-def test_sources_without_kernels_do_not_count(tmp_path) -> None:
+def test_sources_without_kernels_do_not_count(tmp_path: Path) -> None:
     package = _package(tmp_path, "one")
     drop_stale_kernels([package])
     index = _compile(package)

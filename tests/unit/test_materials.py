@@ -38,7 +38,7 @@ def test_lame_constants_give_back_the_engineering_ones() -> None:
 
 @pytest.mark.parametrize("kind", sorted(MATERIALS))
 @pytest.mark.parametrize("number", range(len(PRINCIPAL)))
-def test_stress_and_tangent_are_derivatives(kind, number) -> None:
+def test_stress_and_tangent_are_derivatives(kind: str, number: int) -> None:
     """Central differences, step 1e-6: error about h^2 f''' + 1e-16/h, so 1e-8 of the largest entry is safe."""
     law, F, h = MATERIALS[kind], deformations()[number], 1e-6
     P, A = law.stress(F, MU, LAM), law.tangent(F, MU, LAM)
@@ -55,7 +55,7 @@ def test_stress_and_tangent_are_derivatives(kind, number) -> None:
 
 
 @pytest.mark.parametrize("number", range(len(PRINCIPAL)))
-def test_neo_hookean_is_objective_and_isotropic(number) -> None:
+def test_neo_hookean_is_objective_and_isotropic(number: int) -> None:
     F, Q = deformations()[number], rotation(99)
     psi = neo_hookean.energy(F, MU, LAM)
     assert neo_hookean.energy(Q @ F, MU, LAM) == pytest.approx(psi, rel=1e-11, abs=1e-9)

@@ -103,7 +103,7 @@ def test_pieces_and_cavities() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_orientation_is_repaired(seed) -> None:
+def test_orientation_is_repaired(seed: int) -> None:
     turned = CUBE_TRIANGLES.copy()
     flip = np.random.default_rng(seed).random(12) < 0.4
     turned[flip] = turned[flip][:, [0, 2, 1]]
@@ -132,7 +132,7 @@ def test_no_volume() -> None:
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_up_turns_without_mirroring(up) -> None:
+def test_up_turns_without_mirroring(up: str) -> None:
     vertices, triangles, _ = read_solid("a.obj", obj(CUBE, CUBE_TRIANGLES), 1.0, up)
     assert enclosed_volume(vertices, triangles) > 0
     assert vertices[:, 2].max() == pytest.approx([0.04, 0.03, 0.02]["xyz".index(up)], rel=1e-14)
@@ -141,7 +141,7 @@ def test_up_turns_without_mirroring(up) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".msh"])
-def test_tetrahedra_with_other_cells_and_stray_points(suffix) -> None:
+def test_tetrahedra_with_other_cells_and_stray_points(suffix: str) -> None:
     """As real exports: volume, faces, lines and vertices in one file, and points that nothing uses."""
     points = np.concatenate([[[9.0, 9.0, 9.0]], CUBE])
     blocks = [
@@ -157,7 +157,7 @@ def test_tetrahedra_with_other_cells_and_stray_points(suffix) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj"])
-def test_surface_files(suffix) -> None:
+def test_surface_files(suffix: str) -> None:
     vertices, triangles, _ = read_solid("m" + suffix, tets(CUBE, [("triangle", CUBE_TRIANGLES)], suffix), 1.0, "z")
     assert enclosed_volume(vertices, triangles) == pytest.approx(0.04 * 0.03 * 0.02, rel=1e-6)  # STL is single
     assert len(vertices) == 8
@@ -194,7 +194,7 @@ def test_degenerate_and_duplicate_tetrahedra() -> None:
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
     ],
 )
-def test_files_that_are_no_meshes(path, data, words, capfd) -> None:
+def test_files_that_are_no_meshes(path: str, data: bytes, words: str, capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(MeshError) as caught:
         read_solid(path, data, 1.0, "z")
     assert words in str(caught.value)

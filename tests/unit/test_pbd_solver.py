@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_restored_runs_go_on_with_the_same_bits() -> None:
         (lambda data: data[:15] + (7).to_bytes(8, "little") + data[23:], "configure the region"),
     ],
 )
-def test_damaged_snapshots_are_refused_and_change_nothing(damage, text) -> None:
+def test_damaged_snapshots_are_refused_and_change_nothing(damage: Callable[[bytes], bytes], text: str) -> None:
     run = _gripped()
     data = run.solver.snapshot()
     with pytest.raises(ValueError, match=text):
@@ -148,7 +149,7 @@ def test_hand_over_in_motion_goes_on() -> None:
 
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
 @pytest.mark.parametrize("dt", [0.005, 0.01])
-def test_compliance_is_the_derivative_of_the_step(kind, dt) -> None:
+def test_compliance_is_the_derivative_of_the_step(kind: str, dt: float) -> None:
     """Against central differences of the real step in mid-swing, seam loaded; 5 % is what the coupling tolerates."""
     run = _split(kind, dt)
     force = np.zeros((len(run.region.seam), 3))
@@ -223,7 +224,7 @@ def test_cell_distance_and_bounds() -> None:
 
 
 @pytest.mark.parametrize("what", ["seam force", "dt", "tool"])
-def test_requests_that_are_not_finite_are_answered_and_change_nothing(what) -> None:
+def test_requests_that_are_not_finite_are_answered_and_change_nothing(what: str) -> None:
     run = _split() if what != "tool" else _gripped()
     before = run.solver.snapshot()
     request = run.request()

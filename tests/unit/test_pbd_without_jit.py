@@ -15,7 +15,7 @@ GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), 
 
 
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
-def test_one_cell_three_steps(kind) -> None:
+def test_one_cell_three_steps(kind: str) -> None:
     """One cell falls on the ground: forces are gradients, momentum balances, nothing leaves the arrays."""
     scene = block_scene(
         cell=0.05,

@@ -32,7 +32,7 @@ def test_every_scene_is_listed() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_scene_builds(name) -> None:
+def test_scene_builds(name: str) -> None:
     loaded = load_scene(SCENES / f"{name}.yaml")
     scene = scene_from_bundle(loaded.bundle)
     assert scene.name == name
@@ -69,7 +69,7 @@ def test_cantilever_is_half_near() -> None:
 
 
 @pytest.mark.parametrize("name", ["sausage.obj", "dumpling.obj"])
-def test_meshes_are_what_the_script_makes(name) -> None:
+def test_meshes_are_what_the_script_makes(name: str) -> None:
     """To the last digit written, 0.1 um, whose rounding may differ between mathematical libraries."""
     committed = (SCENES / name).read_text(encoding="ascii").splitlines()
     made = maker().obj_text(name).splitlines()

@@ -68,7 +68,7 @@ def test_box_distance_is_the_nearest_point_of_its_surface() -> None:
 
 
 @pytest.mark.parametrize(("kind", "shape"), [(PLANE, [0.0, 0.6, 0.8]), (BOX, HALF), (SPHERE, [0.4, 0.0, 0.0])])
-def test_normal_is_the_gradient_of_the_gap(kind, shape) -> None:
+def test_normal_is_the_gradient_of_the_gap(kind: int, shape: list[float]) -> None:
     position, q, h = np.array([0.2, 0.1, -0.3]), quaternion(7), 1e-6
     for point in np.random.default_rng(8).uniform(-1.0, 1.0, size=(30, 3)):
         _, *normal = tool_gap(kind, np.array(shape), position, q, point)

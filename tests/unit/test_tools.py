@@ -60,7 +60,7 @@ def test_near_tools_are_those_that_move_unless_named() -> None:
         box([0, 0, -0.05], 0.1),  # a table
     ],
 )
-def test_touching_is_allowed(tool) -> None:
+def test_touching_is_allowed(tool: dict[str, object]) -> None:
     spec = scene({"tool": tool})
     build_tools(spec, build_body(spec, {}))
 
@@ -76,7 +76,7 @@ def test_touching_is_allowed(tool) -> None:
         box([0, 0, 0], 1.0),  # holds the body
     ],
 )
-def test_tools_inside_the_body_are_refused_by_name(tool) -> None:
+def test_tools_inside_the_body_are_refused_by_name(tool: dict[str, object]) -> None:
     spec = scene({"fine": box([0.2, 0, 0]), "left": tool})
     with pytest.raises(ToolError, match=r"the tool 'left' starts .*inside the body: move it clear") as caught:
         build_tools(spec, build_body(spec, {}))

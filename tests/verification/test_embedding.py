@@ -76,7 +76,7 @@ def test_full_cells_get_simpson_weights() -> None:
 
 @pytest.mark.parametrize("cell", [0.03, 0.012, 0.007])
 @pytest.mark.parametrize("solid", ["sphere", "cylinder", "hollow"])
-def test_embedding_is_exact_for_the_polyhedron(solid, cell) -> None:
+def test_embedding_is_exact_for_the_polyhedron(solid: str, cell: float) -> None:
     """Filled volume and mass to rounding; every mass positive; points on the true surface, in kept cells."""
     vertices, triangles = {
         "sphere": lambda: sphere(RADIUS, 3),
@@ -158,7 +158,7 @@ def test_lumping_error_falls_with_the_cells() -> None:
 
 
 @pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind) -> None:
+def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind: str) -> None:
     body = embedded(*sphere(RADIUS, 3), 0.012)
     cells = np.arange(0, body.n_cells, 2, dtype=np.int32)
     region = build_region(body, cells, np.zeros(0, dtype=np.int32))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from fem_run import FemRun, block
+from numpy.typing import NDArray
 from test_fem_statics import _beam
 
 from softseam_protocol.messages import BodyState
 
 
-def _tip_path(run, length, time, dt):
+def _tip_path(run: FemRun, length: float, time: float, dt: float) -> NDArray[np.float64]:
     """uz of the tip after each step [m]."""
     tip = np.argmin(np.linalg.norm(run.body.x_rest - np.array([length, 0.0, 0.0]), axis=1))
     path = []

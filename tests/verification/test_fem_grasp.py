@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 
+from softseam_protocol.messages import Advanced
+from softseam_protocol.scene import Scene
+
 UP = {"left": (0.0, 0.0, 0.05), "right": (0.0, 0.0, 0.05)}
 
 
-def _squeezed(scene):
+def _squeezed(scene: Scene) -> tuple[FemRun, list[Advanced], list[Advanced]]:
     """Settled on the ground with the plates clear, then closed to 15 %; the replies while closing and holding."""
     run = FemRun(scene)
     run.run(0.3)
@@ -20,7 +23,7 @@ def _squeezed(scene):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("cell", "limit"), [(0.025, 0.03), ((0.05 / 3, 0.025, 0.025), 0.025)])
-def test_hold_force_of_scene_b(cell, limit) -> None:
+def test_hold_force_of_scene_b(cell: float | tuple[float, float, float], limit: float) -> None:
     """13.1 +- 0.1 N a plate with gravity and friction 0.6 (three independent codes); here also 5 % and 10 %."""
     _, closing, holding = _squeezed(tofu(cell=cell))
     times = 0.005 * np.arange(1, len(closing) + 1)
@@ -58,7 +61,7 @@ def test_a_slippery_grip_drops() -> None:
 
 
 @pytest.mark.parametrize(("friction", "slides"), [(0.45, False), (0.30, True)])
-def test_block_on_an_incline(friction, slides) -> None:
+def test_block_on_an_incline(friction: float, slides: bool) -> None:
     """tan = 0.4: sticks above, below it slides with g (sin - mu cos), to the integrator's first order.
 
     Gravity is tilted instead of the plane. The block is stiff and flat, so that it neither sways nor tips.

@@ -5,22 +5,26 @@ Statics are reached by implicit Euler with long steps, which dissipates all moti
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from fem_run import CLOSE, FemRun, block, tofu
+
+from softseam_protocol.scene import Scene
 
 # Tip uz [m] of the clamped beam 0.1 x 0.02 x 0.02 m, E 100 kPa, rho 1000, under gravity: reference case
 # 02_cantilever_static (felupe, CalculiX, dolfinx mixed), uncertainties 0.03 % and 0.08 %.
 TIP_02 = {0.3: -0.0345404, 0.495: -0.0337740}
 
 
-def _beam(size, cell, poisson, **keys):
+def _beam(size: tuple[float, float, float], cell: float, poisson: float, **keys: Any) -> Scene:
     clamp = {"min": (-1e-6, -1.0, -1.0), "max": (1e-6, 1.0, 1.0)}
     body = {"position": (size[0] / 2, 0.0, -size[2] / 2), "fixed": [clamp]}
     return block(size, cell, 1e5, poisson, 1000.0, body=body, **keys)
 
 
-def _settled_tip(run, length):
+def _settled_tip(run: FemRun, length: float) -> float:
     """uz of the middle of the end face after the motion has died out [m]."""
     tip = np.argmin(np.linalg.norm(run.body.x_rest - np.array([length, 0.0, 0.0]), axis=1))
     for _ in range(40):
@@ -30,7 +34,7 @@ def _settled_tip(run, length):
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.495])
-def test_cantilever_converges_to_the_reference(poisson) -> None:
+def test_cantilever_converges_to_the_reference(poisson: float) -> None:
     """Large deflection, also nearly incompressible: within 3 % on 5 x 1 x 1 cells, 1 % on 10 x 2 x 2, no locking."""
     coarse = _settled_tip(FemRun(_beam((0.1, 0.02, 0.02), 0.02, poisson)), 0.1)
     fine = _settled_tip(FemRun(_beam((0.1, 0.02, 0.02), 0.01, poisson)), 0.1)
@@ -41,7 +45,7 @@ def test_cantilever_converges_to_the_reference(poisson) -> None:
 
 
 @pytest.mark.parametrize(("cells", "limit"), [(4, 0.025), (8, 0.012)])
-def test_scene_a_settles_where_independent_codes_do(cells, limit) -> None:
+def test_scene_a_settles_where_independent_codes_do(cells: int, limit: float) -> None:
     """0.20 x 0.05 x 0.05 m, E 100 kPa, nu 0.40, rho 1000: tip -85.75 mm (CalculiX and felupe)."""
     cell = 0.2 / cells
     tip = _settled_tip(FemRun(_beam((0.2, 0.05, 0.05), (cell, min(cell, 0.05), min(cell, 0.05)), 0.4)), 0.2)

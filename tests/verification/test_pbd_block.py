@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from pbd_run import CLAMP_LEFT, Energy, PbdRun, block_scene, static_solution
 
 from softseam_services.body.materials import MATERIALS
@@ -28,7 +29,7 @@ def _rotation(axis: np.ndarray, angle: float) -> np.ndarray:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("hourglass", ["physical", "fitted"])
 @pytest.mark.parametrize("scale", [1e-5, 1e-3, 4e-3])
-def test_force_is_minus_the_gradient_of_the_energy(kind, hourglass, scale) -> None:
+def test_force_is_minus_the_gradient_of_the_energy(kind: str, hourglass: str, scale: float) -> None:
     run = _run(kind, hourglass)
     energy = Energy(run)
     rng = np.random.default_rng(1)
@@ -42,7 +43,7 @@ def test_force_is_minus_the_gradient_of_the_energy(kind, hourglass, scale) -> No
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_hourglass_energies_are_those_of_bending_and_twist(kind) -> None:
+def test_hourglass_energies_are_those_of_bending_and_twist(kind: str) -> None:
     """One block of 10 x 8 x 6 mm in pure modes of amplitude q, energy over V q^2/2, E 20 kPa, nu 0.4, a = 2/l.
 
     Bending u_x = q xi zeta alone: E/(1 - nu^2) a_x^2/3, the plate's; with the anticlastic u_y = r q eta zeta that a
@@ -60,7 +61,7 @@ def test_hourglass_energies_are_those_of_bending_and_twist(kind) -> None:
     xi, eta, zeta = s.T
     zero = np.zeros_like(xi)
 
-    def value(u_x, u_y, u_z):
+    def value(u_x: NDArray[np.float64], u_y: NDArray[np.float64], u_z: NDArray[np.float64]) -> float:
         x = run.body.x_rest[only] + q * np.stack([u_x, u_y, u_z], axis=1)[only]
         return _single_block(run, only, x) / (0.5 * edges.prod() * q * q)
 
@@ -101,7 +102,7 @@ def _single_block(run: PbdRun, only: np.ndarray, x: np.ndarray) -> float:
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**31), st.floats(0.1, 3.0))
-def test_rigid_motion_changes_neither_energy_nor_stress(seed, angle) -> None:
+def test_rigid_motion_changes_neither_energy_nor_stress(seed: int, angle: float) -> None:
     run = _run()
     energy = Energy(run)
     rng = np.random.default_rng(seed)
@@ -118,7 +119,7 @@ def test_rigid_motion_changes_neither_energy_nor_stress(seed, angle) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_patch_any_affine_state_is_uniform_and_balanced_inside(kind) -> None:
+def test_patch_any_affine_state_is_uniform_and_balanced_inside(kind: str) -> None:
     """x = G X: every block has F = G, the stress is the material's, and interior nodes feel no force."""
     run = PbdRun(block_scene((0.06, 0.05, 0.04), (0.03, 0.025, 0.02), kind=kind))
     gradient = np.eye(3) + 0.1 * np.random.default_rng(3).standard_normal((3, 3))
@@ -136,14 +137,14 @@ def test_patch_any_affine_state_is_uniform_and_balanced_inside(kind) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_rest_state_is_the_fixed_point_without_loads(kind) -> None:
+def test_the_rest_state_is_the_fixed_point_without_loads(kind: str) -> None:
     run = PbdRun(block_scene(kind=kind))
     run.run(0.05)
     np.testing.assert_allclose(run.x, run.body.x_rest, atol=1e-13)
 
 
 @pytest.mark.parametrize(("kind", "sweeps"), [("neo_hookean", 1), ("neo_hookean", 2), ("linear", 1)])
-def test_statics_are_exact(kind, sweeps) -> None:
+def test_statics_are_exact(kind: str, sweeps: int) -> None:
     """A clamped beam that sags by a tenth of its length ends where a dense Newton on the same energy puts it.
 
     The sweep is approximate, but its fixed point is f(x) + load = 0. Implicit Euler in substeps damps the first mode to

@@ -45,7 +45,7 @@ def test_contact_impulse_is_the_momentum_change() -> None:
 
 
 @pytest.mark.parametrize(("slope", "sticks"), [(0.45, True), (0.55, True), (0.65, False), (1.0, False)])
-def test_incline(slope, sticks) -> None:
+def test_incline(slope: float, sticks: bool) -> None:
     """tan(angle) below mu sticks without creep, above it slips with g (sin - mu cos); gravity is tilted."""
     angle = np.arctan(slope)
     gravity = (9.81 * np.sin(angle), 0.0, -9.81 * np.cos(angle))
@@ -212,7 +212,7 @@ def _squeeze(cell: float) -> tuple[dict[str, float], list[Advanced]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("cell", "limit"), [(0.025, 0.06), (0.05 / 3, 0.05)])
-def test_tofu_squeeze_and_lift(cell, limit) -> None:
+def test_tofu_squeeze_and_lift(cell: float, limit: float) -> None:
     """4.51/8.65/13.1 N at 5/10/15 %, 13.1 N in the hold, 10.15 N lifted (three independent codes, +-0.1 N).
 
     4 x 4 x 4 blocks gave 4.38/8.63/13.36/13.50/10.43, 6 x 6 x 6 4.34/8.47/13.00/13.10/10.18 when this was written.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pbd_run import CLAMP_LEFT, Floats, PbdRun, Vector, block_scene, cantilever
@@ -26,7 +28,7 @@ def _tip(run: PbdRun, length: float, n_steps: int) -> Floats:
 
 
 @pytest.mark.parametrize(("cells", "limit"), [(5, 0.045), (10, 0.015)])
-def test_cantilever_follows_the_reference(cells, limit) -> None:
+def test_cantilever_follows_the_reference(cells: int, limit: float) -> None:
     """RMS over 0.6 s relative to the peak: 3.4 % on 10 x 2 x 2 blocks, 0.9 % on 20 x 4 x 4 when this was written."""
     run = PbdRun(cantilever((0.1, 0.02, 0.02), 0.1 / cells, 1e5, 0.3))
     reference = np.array(TIP_04) * 1e-3
@@ -37,7 +39,7 @@ def test_cantilever_follows_the_reference(cells, limit) -> None:
 @pytest.mark.parametrize(
     ("cell", "limit"), [((0.05, 0.05, 0.05), 0.055), ((0.2 / 6, 0.05, 0.05), 0.035), ((0.025, 0.025, 0.025), 0.025)]
 )
-def test_scene_a_peaks_where_independent_codes_do(cell, limit) -> None:
+def test_scene_a_peaks_where_independent_codes_do(cell: tuple[float, float, float], limit: float) -> None:
     """0.20 x 0.05 x 0.05 m, E 100 kPa, nu 0.40: lowest tip -150.4 mm at 0.24 s (CalculiX and felupe)."""
     run = PbdRun(cantilever((0.2, 0.05, 0.05), cell, 1e5, 0.4))
     z = _tip(run, 0.2, 32)
@@ -46,7 +48,7 @@ def test_scene_a_peaks_where_independent_codes_do(cell, limit) -> None:
 
 
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
-def test_free_flight_keeps_momentum(kind) -> None:
+def test_free_flight_keeps_momentum(kind: str) -> None:
     """Internal forces cancel block by block, so momentum is exact; angular momentum is second order in the substep."""
     rng = np.random.default_rng(5)
     scene = block_scene(kind=kind, pbd={"sweeps": 2})
@@ -115,7 +117,7 @@ def _kicked(body: tuple[Vector, float | Vector, float, bool], kind: str, sweeps:
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
 @pytest.mark.parametrize("sweeps", [1, 2])
 @pytest.mark.parametrize("body", BODIES)
-def test_planned_substeps_are_stable(body, kind, sweeps) -> None:
+def test_planned_substeps_are_stable(body: dict[str, Any], kind: str, sweeps: int) -> None:
     """3000 undamped substeps from random kicks: no step gains energy, none is retried."""
     assert set(_kicked(body, kind, sweeps, 1.0)) == {"plain"}
 
@@ -127,7 +129,7 @@ def test_substeps_far_beyond_the_plan_are_caught() -> None:
 
 @pytest.mark.parametrize("how", ["crushed", "stretched", "flattened", "mirrored", "scrambled", "a point"])
 @pytest.mark.parametrize("sweeps", [1, 2])
-def test_torn_shapes_recover(how, sweeps) -> None:
+def test_torn_shapes_recover(how: str, sweeps: int) -> None:
     scene = block_scene(step=0.01, pbd={"sweeps": sweeps})
     rest = PbdRun(scene).body.x_rest
     rng = np.random.default_rng(0)
