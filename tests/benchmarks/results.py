@@ -49,7 +49,7 @@ def run(scene: str, model: str, progress: Progress) -> Run:
     bundle = bundle_scene(with_model(loaded.scene, model), loaded.bundle.files)
     simulation = Simulation(bundle, EmbeddedTransport())
     task = progress.add_task(f"{scene} {model}", total=simulation.expected_steps)
-    for _ in range(3):
+    while not simulation.done:
         simulation.step()
     simulation.reset()
     reports = []
