@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import Progress
 
-from softseam.variants import with_model
+from softseam.variants import Model, with_model
 from softseam_protocol.messages import StepReport
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -25,7 +25,7 @@ from softseam_services.recorder.begin import machine
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ("tofu_grasp", "tofu_pads", "tofu_slab", "cantilever")
-MODELS = ("fem", "pbd", "hybrid")
+MODELS: tuple[Model, ...] = ("fem", "pbd", "hybrid")
 COMPARED = {"cantilever": ("tip_deflection",)}
 """quantities compared with FEM only; grip force and lift elsewhere"""
 
@@ -43,7 +43,7 @@ class Run:
         return float(np.abs(self.series[name]).max())
 
 
-def run(scene: str, model: str, progress: Progress) -> Run:
+def run(scene: str, model: Model, progress: Progress) -> Run:
     """Run one scene twice, the first time to compile, and keep the second."""
     loaded = load_scene(ROOT / "scenes" / f"{scene}.yaml")
     bundle = bundle_scene(with_model(loaded.scene, model), loaded.bundle.files)
@@ -52,7 +52,7 @@ def run(scene: str, model: str, progress: Progress) -> Run:
     while not simulation.done:
         simulation.step()
     simulation.reset()
-    reports = []
+    reports: list[StepReport] = []
     began = perf_counter()
     while not simulation.done:
         reports.append(simulation.step())

@@ -186,7 +186,8 @@ def test_an_absent_scalar_means_its_default() -> None:
 
 def test_an_absent_array_means_its_default() -> None:
     """An array appended later has a default, which stands for it in the messages of older senders."""
-    for message in (advanced(), Advance(HEADER, 0.01, np.ones((3, 3)), _TOOLS)):
+    messages: tuple[Any, ...] = (advanced(), Advance(HEADER, 0.01, np.ones((3, 3)), _TOOLS))
+    for message in messages:
         cls = type(message)
         appended = [field for field in FIELDS[cls] if field.is_array and field.make_default is not None]
         assert appended

@@ -34,12 +34,13 @@ def test_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
     """The program as printed: a tool driven by hand still ends when the scene's motion would."""
     exec(compile(block("python"), "README.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == math.ceil(expected_duration(softseam.load_scene("tofu_grasp")) / 0.01 - 1e-6)
+    duration = expected_duration(softseam.load_scene("tofu_grasp"))
+    assert duration is not None and len(lines) == math.ceil(duration / 0.01 - 1e-6)
     assert float(lines[-1].split()[1]) > 3.0  # it grips [N]
 
 
 def test_commands_exist() -> None:
-    known = {command.name or command.callback.__name__ for command in app.registered_commands}
+    known = {command.name or getattr(command.callback, "__name__", "") for command in app.registered_commands}
     assert set(re.findall(r"^    softseam ([a-z]+)", README, re.MULTILINE)) <= known
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -136,7 +138,7 @@ def test_regions_refuse_foreign_cells_and_seam_nodes() -> None:
 
 
 @pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_points_of_a_block_are_single_nodes(kind: str) -> None:
+def test_points_of_a_block_are_single_nodes(kind: Literal["fem", "pbd"]) -> None:
     body = block(cell=0.02)
     region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
     indptr, node, weight = point_weights(body, region, kind)

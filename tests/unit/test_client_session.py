@@ -10,6 +10,7 @@ import pytest
 
 import softseam
 from softseam.observation import principal_stress, von_mises
+from softseam_protocol.scene import HoldPhase
 
 SCENE = """\
 softseam: 1
@@ -72,12 +73,12 @@ def test_observation_of_a_squeeze(sim: softseam.Session) -> None:
     with pytest.raises(ValueError, match="read-only"):
         obs.positions[0, 0] = 1.0
     with pytest.raises(AttributeError):
-        obs.time = 1.0
+        obs.time = 1.0  # type: ignore[misc]
 
 
 def test_run_follows_the_motion(sim: softseam.Session) -> None:
     """`run` resets, follows the scene to its end, and tells every step."""
-    seen = []
+    seen: list[softseam.Observation] = []
     last = sim.run(seen.append)
     assert sim.done and last.done
     assert [obs.step for obs in seen] == list(range(1, 11))
@@ -129,7 +130,7 @@ def test_bad_velocity_changes_nothing(name: str, path: Path) -> None:
             session.reset(seed=0)
             session.step(CLOSE)
         with pytest.raises(error, match=words):
-            tried.step(bad)
+            tried.step(bad)  # type: ignore[arg-type]
         assert tried.last.step == 1
         assert tried.step(CLOSE).positions.tobytes() == untouched.step(CLOSE).positions.tobytes()
 
@@ -146,7 +147,7 @@ def test_bad_snapshot_changes_nothing(sim: softseam.Session, path: Path) -> None
         with pytest.raises(softseam.BadSnapshot):
             sim.restore(bad)
     with pytest.raises(softseam.BadInput):
-        sim.restore("a path")
+        sim.restore("a path")  # type: ignore[arg-type]
     assert sim.step(CLOSE).step == 2
 
 
@@ -164,11 +165,11 @@ def test_bad_calls_are_named(path: Path) -> None:
         session.step(CLOSE)
     for seed in (-1, 1.5, "0", True):
         with pytest.raises(softseam.BadInput, match="seed"):
-            session.reset(seed)
+            session.reset(seed)  # type: ignore[arg-type]
     session.reset()
     for count in (0, -1, 2.5, True):
         with pytest.raises(softseam.BadInput, match="count"):
-            session.step(CLOSE, count=count)
+            session.step(CLOSE, count=count)  # type: ignore[arg-type]
     bare = session.step(CLOSE, fields=False)
     with pytest.raises(softseam.FieldsNotObserved, match="fields=True"):
         _ = bare.cauchy
@@ -198,10 +199,11 @@ def test_settings(path: Path) -> None:
     scene = softseam.load_scene(path)
     varied = softseam.with_settings(scene, ["tools.left.friction=0.05", "motion.1.hold=0.2", "seed=4"])
     assert varied.tools["left"].friction == 0.05
-    assert varied.motion[1].hold == 0.2
+    assert isinstance(varied.motion[1], HoldPhase) and varied.motion[1].hold == 0.2
     assert varied.seed == 4
     bare = softseam.with_model(scene, "pbd")
-    assert softseam.with_settings(bare, ["regions.near.within=0.01"]).regions.near.within == 0.01
+    near = softseam.with_settings(bare, ["regions.near.within=0.01"]).regions.near
+    assert near is not None and near.within == 0.01
     for bad in ("motion.7.hold=1", "motion.x.hold=1", "step.deep=1", "=1", "step"):
         with pytest.raises(softseam.SoftseamError, match="--set"):
             softseam.with_settings(scene, [bad])

@@ -51,7 +51,8 @@ def alarms(scheme: Scheme, integrator: str) -> set[Alarm]:
     )  # fmt: skip
     start = split.init(np.ones(1), np.zeros(1), np.ones(1), np.zeros(1), np.array([-0.3 * k]))
     ledger = EnergyLedger()
-    state, rung, last = ledger.open(Energies(0.0, split.energy(start), 0.0)), set(), 0.0
+    state, last = ledger.open(Energies(0.0, split.energy(start), 0.0)), 0.0
+    rung: set[Alarm] = set()
     for each in run(scheme, split, start, 200)[1:]:
         entry = ledger.step(state, Energies(0.0, split.energy(each), 0.0), 0.0, float(each.work) - last, 0.0)
         last = float(each.work)

@@ -26,12 +26,12 @@ KINDS = ["neo_hookean", "linear"]
 def _model(
     fill: str = "full", kind: str = "neo_hookean", counts: tuple[int, int, int] = (2, 1, 1)
 ) -> tuple[FemModel, Tree, Work]:
-    body = build_body(block(tuple(0.01 * c for c in counts), 0.01, kind=kind), {})
+    body = build_body(block((0.01 * counts[0], 0.01 * counts[1], 0.01 * counts[2]), 0.01, kind=kind), {})
     if fill == "partial":
         shares = np.random.default_rng(1).uniform(0.0, 1.0, body.fill.shape)
         shares[0, :2] = 0.0
         body = dataclasses.replace(body, fill=shares)
-    region = build_region(body, np.arange(body.n_cells), np.zeros(0, dtype=np.int32))
+    region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
     model, tree = build_model(body, region)
     return model, tree, build_work(model, tree, 0)
 

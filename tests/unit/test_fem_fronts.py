@@ -20,15 +20,15 @@ CASES = ["one_cell", "clamped", "two_columns", "ring"]
 def _problem(case: str) -> tuple[FemModel, Tree, Work, NDArray[np.float64]]:
     """Model, tree, work with the matrix assembled, and the same matrix dense in elimination order."""
     counts = {"one_cell": (1, 1, 1), "clamped": (3, 2, 2), "two_columns": (3, 1, 2), "ring": (3, 3, 1)}[case]
-    size = tuple(0.01 * c for c in counts)
+    size = (0.01 * counts[0], 0.01 * counts[1], 0.01 * counts[2])
     fixed = [{"min": (-1.0, -1.0, -1.0), "max": (-size[0] / 2, 1.0, 1.0)}] if case == "clamped" else []
     body = build_body(block(size, 0.01, body={"fixed": fixed}), {})
-    cells = np.arange(body.n_cells)
+    cells = np.arange(body.n_cells, dtype=np.int32)
     if case == "two_columns":
         cells = cells[body.cell_grid[:, 0] != 1]
     if case == "ring":
         cells = cells[(body.cell_grid[:, :2] != 1).any(axis=1)]
-    others = np.setdiff1d(np.arange(body.n_cells), cells)
+    others = np.setdiff1d(np.arange(body.n_cells, dtype=np.int32), cells)
     region = build_region(body, cells, shared_nodes(body, cells, others))
     model, tree = build_model(body, region)
     work = build_work(model, tree, 0)
@@ -84,7 +84,7 @@ def test_every_free_node_is_eliminated_once() -> None:
 
 def test_components_without_a_seam_have_trees_of_their_own() -> None:
     body = build_body(block((0.03, 0.01, 0.02), 0.01), {})
-    cells = np.flatnonzero(body.cell_grid[:, 0] != 1)
+    cells = np.flatnonzero(body.cell_grid[:, 0] != 1).astype(np.int32)
     _, tree = build_model(body, build_region(body, cells, np.zeros(0, dtype=np.int32)))
     assert np.count_nonzero(tree.meta[:, 3] < 0) == 2
 

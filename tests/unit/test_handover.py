@@ -99,7 +99,7 @@ def test_the_repair_is_what_keeps_angular_momentum() -> None:
             rows[3:, 3 * i + c] = mass[i] * np.cross(x[i], unit)
     free = np.linalg.svd(rows)[2][6:]
     weighted = (mass[:, None] * change).ravel()
-    assert_allclose(free @ weighted, 0.0, atol=1e-10 * np.linalg.norm(weighted))
+    assert_allclose(free @ weighted, 0.0, atol=1e-10 * float(np.linalg.norm(weighted)))
 
 
 @pytest.mark.parametrize("n_shared", [1, 2])

@@ -63,7 +63,10 @@ def test_non_manifold_edges() -> None:
 def test_one_sided_surface() -> None:
     """Klein's bottle on a 6 x 5 grid of quads: closed, manifold, without an inside."""
     n, m = 6, 5
-    at = lambda i, j: (i % n) * m + (j if i < n else -j) % m  # noqa: E731
+
+    def at(i: int, j: int) -> int:
+        return (i % n) * m + (j if i < n else -j) % m
+
     quads = [(at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)) for i in range(n) for j in range(m)]
     triangles = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
     refused(np.random.default_rng(0).uniform(size=(n * m, 3)), triangles, "one-sided")

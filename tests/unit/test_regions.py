@@ -36,7 +36,7 @@ def test_neighbours_and_blocks_of_a_small_block() -> None:
 
 def test_static_boxes_are_always_near() -> None:
     cells = np.array([[i, 0, 0] for i in range(6)], dtype=np.int32)
-    grid = CellGrid.build(cells, cells + 0.5, np.array([[[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]]]))
+    grid = CellGrid.build(cells, cells.astype(np.float64) + 0.5, np.array([[[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]]]))
     rule = RegionRule(within=0.0, patience=2)
     far_away = np.full(6, 1e3)
     state = rule.init(grid, far_away)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from solids import obj, sphere
@@ -15,7 +17,7 @@ from softseam_services.tools.tool_set import BOX, PLANE, SPHERE
 GROUND = {"kind": "plane", "normal": [0, 0, 2.0], "friction": 0.5}
 
 
-def scene(tools: dict[str, object], **other: object) -> Scene:
+def scene(tools: Mapping[str, object], **other: object) -> Scene:
     body = {
         "shape": {"kind": "block", "size": [0.05, 0.05, 0.05]},
         "material": {"young": 2e4, "poisson": 0.3, "density": 1000},
@@ -35,9 +37,9 @@ def test_arrays_follow_the_scene() -> None:
     tools = build_tools(scene({"ground": GROUND, "b": box([0.1, 0, 0]), "s": ball([0, 0.2, 0])}))
     assert tools.names == ("ground", "b", "s")
     np.testing.assert_array_equal(tools.kind, [PLANE, BOX, SPHERE])
-    np.testing.assert_allclose(tools.shape, [[0, 0, 1], [0.01, 0.01, 0.01], [0.01, 0, 0]])
+    np.testing.assert_allclose(tools.shape, [[0.0, 0.0, 1.0], [0.01, 0.01, 0.01], [0.01, 0.0, 0.0]])
     np.testing.assert_allclose(tools.friction, [0.5, 0.6, 0.0])
-    np.testing.assert_allclose(tools.position, [[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0]])
+    np.testing.assert_allclose(tools.position, [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0]])
     np.testing.assert_array_equal(tools.orientation, [[1, 0, 0, 0]] * 3)
 
 

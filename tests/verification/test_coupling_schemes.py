@@ -277,7 +277,7 @@ SCAN: dict[tuple[str, str], tuple[float | None, float | None, float | None, floa
 @pytest.mark.parametrize("pair", SCAN)
 def test_spectral_radius_scan(pair: tuple[str, str]) -> None:
     """Which schemes are stable with which integrators, over mass, stiffness, step and substep ratios."""
-    worst = dict.fromkeys((POSITION, VELOCITY, PH, GC), -1.0)
+    worst: dict[Scheme, float] = dict.fromkeys((POSITION, VELOCITY, PH, GC), -1.0)
     for mass in (0.01, 0.1, 0.5, 1.0, 2.0, 10.0, 99.0):
         for stiffness in (0.01, 0.1, 1.0, 10.0, 99.0):
             period = 2.0 * np.pi * np.sqrt((1.0 + mass) / (1.0 + stiffness))

@@ -64,10 +64,10 @@ def test_a_spinning_body_keeps_its_momentum() -> None:
     for _ in range(200):
         before = run.solver.state.v.copy()
         reply = run.step()
-        np.testing.assert_allclose(reply.momentum, momentum, atol=1e-12 * np.linalg.norm(momentum))
+        np.testing.assert_allclose(reply.momentum, momentum, atol=1e-12 * float(np.linalg.norm(momentum)))
         lost = 0.002 * (mass * np.cross(before, run.solver.state.v)).sum(axis=0)
         expected = turning - lost
-        np.testing.assert_allclose(reply.angular_momentum, expected, atol=1e-5 * np.linalg.norm(turning))
+        np.testing.assert_allclose(reply.angular_momentum, expected, atol=1e-5 * float(np.linalg.norm(turning)))
         turning = reply.angular_momentum
 
 

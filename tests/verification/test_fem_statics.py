@@ -18,7 +18,9 @@ from softseam_protocol.scene import Scene
 TIP_02 = {0.3: -0.0345404, 0.495: -0.0337740}
 
 
-def _beam(size: tuple[float, float, float], cell: float, poisson: float, **keys: Any) -> Scene:
+def _beam(
+    size: tuple[float, float, float], cell: float | tuple[float, float, float], poisson: float, **keys: Any
+) -> Scene:
     clamp = {"min": (-1e-6, -1.0, -1.0), "max": (1e-6, 1.0, 1.0)}
     body = {"position": (size[0] / 2, 0.0, -size[2] / 2), "fixed": [clamp]}
     return block(size, cell, 1e5, poisson, 1000.0, body=body, **keys)
@@ -30,7 +32,7 @@ def _settled_tip(run: FemRun, length: float) -> float:
     for _ in range(40):
         run.step(dt=0.2)
     assert np.abs(run.solver.state.v).max() < 1e-8
-    return run.x[tip, 2] - run.body.x_rest[tip, 2]
+    return float(run.x[tip, 2] - run.body.x_rest[tip, 2])
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.495])

@@ -168,8 +168,8 @@ def solve(column: Column, tie: Literal["nodal", "mortar"]) -> tuple[float, Float
         for octant in range(8):
             local = np.array([octant & 1, octant >> 1 & 1, octant >> 2]) - 0.5
             s = elasticity() @ strain_matrix(2, 1.0, local) @ u[dofs(column.hex27(cell))]
-            at = 2 * cell[2] + (octant >> 2)
-            stress[at] = max(stress[at], np.abs(s - exact).max() / LOAD)
+            layer = 2 * cell[2] + (octant >> 2)
+            stress[layer] = max(stress[layer], np.abs(s - exact).max() / LOAD)
     for block in column.blocks():
         s = elasticity() @ strain_matrix(1, 0.5, np.zeros(3)) @ u[dofs(column.hex8(block))]
         stress[block[2]] = max(stress[block[2]], np.abs(s - exact).max() / LOAD)

@@ -59,7 +59,7 @@ def grid_bar(n_cells: int, cut: int, mass_ratio: float, substeps: int, step: flo
                 across = [4 * layer + 4 + c, 4 * layer + 4 + (c + 1) % 4]
                 stiffness[np.ix_(across, across)] += 150.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
         eye = np.eye(3)
-        return np.kron(mass, eye), np.kron(stiffness, np.diag([1.0, 0.4, 0.3]))
+        return np.asarray(np.kron(mass, eye)), np.asarray(np.kron(stiffness, np.diag([1.0, 0.4, 0.3])))
 
     near_mass, near_stiffness = part(cut, mass_ratio)
     far_mass, far_stiffness = part(n_cells - cut, 1.0)

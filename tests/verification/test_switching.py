@@ -56,7 +56,9 @@ def test_momentum_survives_switches() -> None:
         if before is not None:
             own.append(np.linalg.norm(report.angular_momentum - before.angular_momentum))
         before = report
-        np.testing.assert_allclose(report.momentum, first.momentum, rtol=0, atol=1e-12 * np.linalg.norm(first.momentum))
+        np.testing.assert_allclose(
+            report.momentum, first.momentum, rtol=0, atol=1e-12 * float(np.linalg.norm(first.momentum))
+        )
         if step % 20 == 0:
             held = momentum(simulation)
             near = columns[(step // 20) % len(columns)]
@@ -64,7 +66,7 @@ def test_momentum_survives_switches() -> None:
             after = momentum(simulation)
             scale = np.linalg.norm(held[1])
             losses.append(np.linalg.norm(after[1] - held[1]) / scale)
-            np.testing.assert_allclose(after[0], held[0], rtol=0, atol=1e-12 * np.linalg.norm(held[0]))
+            np.testing.assert_allclose(after[0], held[0], rtol=0, atol=1e-12 * float(np.linalg.norm(held[0])))
     assert len(losses) >= 9
     assert max(losses) < 1e-10
     print(f"switches lose at most {max(losses):.1e} of L, a step of the integrators {max(own) / scale:.1e}")
