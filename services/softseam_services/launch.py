@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 
 from softseam_protocol.errors import BusError, ProtocolError
 from softseam_services.bus_options import BusOptions
@@ -101,7 +99,7 @@ def child(role: str, options: ServeOptions) -> Service:
 
 
 def _guard(role: str, options: ServeOptions) -> int:
-    with Supervisor([child(role, options)], say) as supervisor, _Signals(supervisor):
+    with Supervisor([child(role, options)], say) as supervisor, supervisor.stopped_by_signals():
         supervisor.wait_stopped()
     return _verdict(supervisor)
 
@@ -110,26 +108,6 @@ def _verdict(supervisor: Supervisor) -> int:
     if supervisor.failure:
         say(supervisor.failure)
     return supervisor.exit_code
-
-
-class _Signals:
-    """SIGTERM and Ctrl-C stop the supervisor, in order; a context manager."""
-
-    def __init__(self, supervisor: Supervisor) -> None:
-        self._supervisor = supervisor
-        self.caught = False
-
-    def __enter__(self) -> _Signals:
-        self._before = {number: signal.signal(number, self._stop) for number in (signal.SIGTERM, signal.SIGINT)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _stop(self, number: int, frame: FrameType | None) -> None:
-        self.caught = True
-        self._supervisor.request_stop()
 
 
 # ---- all services ----------------------------------------------------------------------------------------
@@ -163,9 +141,9 @@ def up(options: UpOptions, report: Callable[[str], None] = say) -> int:
 
     Returns the command's exit code, 0 without one; 2 where a service cannot run as set up (a busy port).
     """
-    with supervisor(options, report) as services, _Signals(services) as signals:
+    with supervisor(options, report) as services, services.stopped_by_signals():
         if not services.wait_ready(options.ready):
-            if not services.failure and not signals.caught:
+            if not services.failure and not services.stopping:
                 report(f"not all services were ready within {options.ready:g} s")
                 services.request_stop()
                 services.wait_stopped()

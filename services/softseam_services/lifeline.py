@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import threading
 from collections.abc import Callable
@@ -18,6 +19,13 @@ BEAT_VARIABLE = "SOFTSEAM_LIFELINE"
 """environment variable: file descriptor on which a supervised process tells its state"""
 PERIOD = 0.25
 """time between beats [s]"""
+
+
+_STOP = frozenset((signal.SIGTERM, signal.SIGINT))
+
+
+def _nothing(number: int, frame: FrameType | None) -> None:
+    """Handle a signal whose number is read elsewhere."""
 
 
 class Lifeline:
@@ -34,7 +42,9 @@ class Lifeline:
         self._state = state
         self._signals = signals
         self._end = threading.Event()
-        self._wake = threading.Event()
+        self._woken, self._waker = os.pipe()
+        os.set_blocking(self._woken, False)
+        os.set_blocking(self._waker, False)
         text = os.environ.pop(BEAT_VARIABLE, "")
         self._fd = int(text) if text else -1
         self._thread = threading.Thread(target=self._beat, name="softseam lifeline", daemon=True)
@@ -43,8 +53,11 @@ class Lifeline:
         if self._fd >= 0:
             os.set_blocking(self._fd, False)
         if self._signals:
-            signal.signal(signal.SIGTERM, self._signalled)
-            signal.signal(signal.SIGINT, self._signalled)
+            # a handler in Python only runs once the main thread comes round, which may be waiting for a request;
+            # the number of the signal is written here at once
+            signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
+            for number in _STOP:
+                signal.signal(number, _nothing)
         self._thread.start()
         return self
 
@@ -52,8 +65,12 @@ class Lifeline:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._end.set()
-        self._wake.set()
+        self._wake()
         self._thread.join()
+        if self._signals:
+            signal.set_wakeup_fd(-1)
+        os.close(self._woken)
+        os.close(self._waker)
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1
@@ -69,7 +86,7 @@ class Lifeline:
     @state.setter
     def state(self, state: str) -> None:
         self._state = state
-        self._wake.set()
+        self._wake()
 
     def when_stopping(self, action: Callable[[], None]) -> None:
         """Call `action` (which must not block) when the service is asked to stop, from a thread of its own."""
@@ -79,10 +96,14 @@ class Lifeline:
 
     def request_stop(self) -> None:
         self.stop.set()
-        self._wake.set()
+        self._wake()
 
-    def _signalled(self, number: int, frame: FrameType | None) -> None:
-        self.request_stop()
+    def _wake(self, byte: int = 0) -> None:
+        """Let the thread beat now."""
+        try:
+            os.write(self._waker, bytes([byte]))
+        except BlockingIOError:
+            return  # it will
 
     def _beat(self) -> None:
         told = False
@@ -99,8 +120,8 @@ class Lifeline:
                 call()
             if self._end.is_set():
                 return
-            self._wake.wait(PERIOD)
-            self._wake.clear()
+            if select.select([self._woken], [], [], PERIOD)[0] and not _STOP.isdisjoint(os.read(self._woken, 4096)):
+                self.stop.set()
 
     def _tell(self) -> bool:
         line = json.dumps({"state": self._state, "busy": round(self.busy_of(), 3)}) + "\n"

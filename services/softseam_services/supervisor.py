@@ -16,9 +16,10 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from types import TracebackType
+from types import FrameType, TracebackType
 
 from softseam_services.lifeline import BEAT_VARIABLE
 
@@ -30,6 +31,13 @@ _STARTING = 30.0
 run, on a busy machine [s]"""
 _GOOD_RUN = 20.0
 """a child that lived this long starts its count of failures anew [s]"""
+
+
+_STOP = frozenset((signal.SIGTERM, signal.SIGINT))
+
+
+def _nothing(number: int, frame: FrameType | None) -> None:
+    """Handle a signal whose number is read elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +127,27 @@ class Supervisor:
         """Begin to stop; returns at once, may be called from a signal handler."""
         self._stopping = True
         try:
-            os.write(self._wake_write, b"x")
+            os.write(self._wake_write, bytes([signal.SIGTERM]))
         except OSError:
             return  # the loop has ended, or is awake anyway
+
+    @contextmanager
+    def stopped_by_signals(self) -> Iterator[None]:
+        """SIGTERM and SIGINT (Ctrl-C) begin to stop the children; call from the main thread."""
+        # the number of a signal is written to the loop's pipe at once, whatever the main thread waits for
+        before = {number: signal.signal(number, _nothing) for number in _STOP}
+        waker = signal.set_wakeup_fd(self._wake_write, warn_on_full_buffer=False)
+        try:
+            yield
+        finally:
+            signal.set_wakeup_fd(waker)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it stops, or has stopped."""
+        return self._stopping
 
     @property
     def stopped(self) -> bool:
@@ -213,7 +239,8 @@ class Supervisor:
 
     def _read(self, key: selectors.SelectorKey) -> None:
         if key.data is None:
-            os.read(self._wake_read, 4096)
+            if not _STOP.isdisjoint(os.read(self._wake_read, 4096)):
+                self._stopping = True
             return
         self._drain(key.data, key.fd)
 

@@ -159,6 +159,15 @@ def test_a_deaf_child_is_killed_at_the_end_of_its_grace() -> None:
     lines.wait_for("one", "did not stop within 0.3 s")
 
 
+def test_a_child_that_has_just_become_ready_hears_that_it_shall_stop() -> None:
+    """The signal may come while its main thread goes to sleep: it must not be missed."""
+    lines = Lines()
+    for _ in range(15):
+        with Supervisor([python("one", WELL)], lines, QUICK) as supervisor:
+            assert supervisor.wait_ready(WAIT), lines.lines
+    assert not any("did not stop" in line for line in lines.lines), lines.lines
+
+
 def test_children_do_not_outlive_their_supervisor() -> None:
     """A supervisor that is killed takes its children along: they see the pipe close."""
     code = f"""
