@@ -41,7 +41,7 @@ def test_momentum_survives_switches() -> None:
     """
     scene = spinning_cube()
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
-    near = simulation._regions.near.copy()
+    near = simulation._near.mask.copy()
     grid = simulation.body.cell_grid
     columns = [grid[:, 0] < k for k in (1, 2)] + [grid[:, 1] < 2, np.ones(len(grid), bool), np.zeros(len(grid), bool)]
     first = None

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import BodyState, Fields
+from softseam_coupling.handover import Side, merge_sides
+from softseam_protocol.messages import BodyState, Fields, Frame, Header
 from softseam_services.body.body import Body
 from softseam_services.body.region import shared_nodes
 
@@ -75,4 +76,51 @@ def resting_state(body: Body) -> BodyState:
     n_points = len(body.surface.cell)
     return BodyState(
         body.x_rest.copy(), body.v_initial.copy(), np.zeros((n_points, 3)), np.full(n_points, -1, dtype=np.int32)
+    )
+
+
+def merged_state(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> tuple[BodyState, float]:
+    """One state of the whole body out of its sides', and by how much merging changed the kinetic energy [J]."""
+    empty = Side(np.zeros(0, np.int32), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    parts = {
+        name: Side(side.nodes, side_mass(body, sides.cells[name])[side.nodes], side.x, side.v)
+        for name, side in fields.items()
+    }
+    merged = merge_sides(parts.get(NEAR, empty), parts.get(FAR, empty), body.n_nodes, body.fixed)
+    force, tool = contact_state(body, fields)
+    return BodyState(merged.x, merged.v, force, tool), merged.kinetic_change
+
+
+def whole_frame(
+    header: Header,
+    body: Body,
+    sides: Sides,
+    fields: Mapping[str, Fields],
+    near: Mask,
+    multiplier: Floats,
+    position: Floats,
+    orientation: Floats,
+) -> Frame:
+    """The sides' fields put together; seam nodes are the near side's. Tool poses (t, 3), (t, 4)."""
+    x = np.empty((body.n_nodes, 3))
+    cauchy = np.empty((body.n_cells, 8, 6))
+    point_x = np.empty((len(body.surface.cell), 3))
+    for name in reversed(sides.names):
+        side = fields[name]
+        x[side.nodes] = side.x
+        cauchy[sides.cells[name]] = side.cauchy
+        point_x[side.points] = side.point_x
+    force, tool = contact_state(body, fields)
+    return Frame(
+        header,
+        x,
+        cauchy,
+        near.astype(np.int8),
+        point_x,
+        force,
+        tool,
+        sides.seam,
+        multiplier,
+        position.copy(),
+        orientation.copy(),
     )

@@ -9,8 +9,6 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.handover import Side, merge_sides
-from softseam_coupling.regions import CellGrid, RegionRule, RegionState
 from softseam_coupling.seam import SeamSolver, carry_multiplier
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
@@ -37,16 +35,16 @@ from softseam_protocol.messages import (
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.parts import parts_of, sum_replies
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SeamUnsettled, SideRequest
-from softseam_services.orchestrator.sides import FAR, NEAR, Sides, contact_state, cut, resting_state, side_mass
+from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, resting_state, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.server import build_setup
-from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.motion import tool_motion
 
 Floats = NDArray[np.float64]
@@ -89,19 +87,7 @@ class Simulation:
         self._quantities = Quantities(self.body, self._program)
         self._wants_fields = not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
-        near = self.scene.regions.near
-        boxes = [] if near is None else [(box.min, box.max) for box in near.boxes]
-        self._grid = CellGrid.build(
-            self.body.cell_grid,
-            self.body.x_rest[self.body.cell_nodes[:, 13]],
-            np.asarray(boxes, dtype=np.float64).reshape(-1, 2, 3),
-        )
-        if near is None or near.within is None:
-            self._rule = RegionRule(0.0, min_patch=1)  # boxes are taken at their word
-        else:
-            self._rule = RegionRule(near.within, near.release, near.patience)
-        self._near_model = "fem" if near is None else near.model
-        self._fixed_regions = near is None or near.within is None
+        self._near = NearCells(self.scene, self.body, self.tools)
         self._seam = SeamSolver(tolerance=self.scene.seam.tolerance * float(self.body.edges.min()))
         self._accounts = Accounts()
         self._epoch = -1
@@ -151,9 +137,7 @@ class Simulation:
         self._frame: Frame | None = None
         self.events.clear()
         self._accounts.reset()
-        self._regions: RegionState = self._rule.init(self._grid, self._rest_distance())
-        if self.scene.regions.near is None:
-            self._regions.near[:] = False
+        self._near.reset()
         self._configure(resting_state(self.body), None)
 
     # ---- stepping
@@ -231,7 +215,7 @@ class Simulation:
             "orientation": self._orientation,
             "ledger": self._accounts.to_array(),
         }
-        entries.update({f"regions.{k}": v for k, v in self._regions.to_arrays().items()})
+        entries.update({f"regions.{k}": v for k, v in self._near.to_arrays().items()})
         if self._loop is not None:
             entries.update({f"seam.{k}": v for k, v in self._loop.to_arrays().items()})
         entries.update({f"participant.{name}": snapshot.state for name, snapshot in snapshots.items()})
@@ -245,7 +229,6 @@ class Simulation:
                 raise ArchiveError("this state was saved from another scene: open that scene to restore it")
             numbers = entries["numbers"]
             masks = {k[8:]: v.astype(np.int32) for k, v in entries.items() if k.startswith("regions.")}
-            regions = RegionState.from_arrays(masks)
             seam = {k[5:]: v.astype(np.float64) for k, v in entries.items() if k.startswith("seam.")}
             position, orientation = entries["position"], entries["orientation"]
             ledger = entries["ledger"]
@@ -258,7 +241,7 @@ class Simulation:
         self._progress = Progress(phase, float(numbers[2]))
         self._lift_base, self._lifting, self._seed = float(numbers[3]), bool(numbers[4]), int(numbers[5])
         self._position, self._orientation = np.array(position), np.array(orientation)
-        self._regions = regions
+        self._near.take(masks)
         self._report, self._frame = None, None
         self._accounts.from_array(ledger)
         self._configure(None, None)
@@ -357,44 +340,30 @@ class Simulation:
 
     def _follow_tools(self, replies: Mapping[str, Advanced]) -> float:
         """Let the regions follow the tools; by how much a switch changed the kinetic energy [J]."""
-        if self._fixed_regions:
+        reason = self._near.follow(self._sides, replies)
+        if not reason:
             return 0.0
-        distance = np.empty(self.body.n_cells)
-        for name, cells in self._sides.cells.items():
-            distance[cells] = replies[name].cell_distance
-        choice = self._rule.choose(self._regions, self._grid, distance)
-        if not choice.switches:
-            return 0.0
-        self._rule.accept(self._regions, choice)
         change = self._switch()
-        self._event("regions", f"{choice.reason}; {int(choice.near.sum())} of {self.body.n_cells} cells are near")
+        self._event("regions", reason)
         return change
 
     def set_near(self, near: NDArray[np.bool_]) -> float:
         """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
-        self._regions.near = np.array(near, dtype=np.bool_)
+        self._near.mask = near
         return self._switch()
 
     def _switch(self) -> float:
-        fields = self._observe()
-        empty = Side(np.zeros(0, np.int32), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
-        parts = {
-            name: Side(side.nodes, side_mass(self.body, self._sides.cells[name])[side.nodes], side.x, side.v)
-            for name, side in fields.items()
-        }
-        merged = merge_sides(parts.get(NEAR, empty), parts.get(FAR, empty), self.body.n_nodes, self.body.fixed)
-        force, tool = contact_state(self.body, fields)
+        state, kinetic_change = merged_state(self.body, self._sides, self._observe())
         old = self._sides
-        carried = None if self._loop is None else (old.seam, self._loop.multiplier())
-        self._configure(BodyState(merged.x, merged.v, force, tool), carried)
+        self._configure(state, None if self._loop is None else (old.seam, self._loop.multiplier()))
         self._release(set(old.names) - set(self._sides.names))
         self._frame = None
-        return merged.kinetic_change
+        return kinetic_change
 
     def _configure(self, state: BodyState | None, carried: tuple[NDArray[np.int32], Floats] | None) -> None:
         """Build both sides for the present cut in a new epoch."""
         self._epoch += 1
-        self._sides: Sides = cut(self.body, self._regions.near, self._near_model, self.scene.regions.default)
+        self._sides: Sides = cut(self.body, self._near.mask, self._near.model, self.scene.regions.default)
         sides = self._sides
         self._exchange(
             {
@@ -412,7 +381,7 @@ class Simulation:
         )
         self._loop = None
         if len(sides.seam):
-            tie = tie_sides(self.body, sides, self._grid.neighbours)
+            tie = tie_sides(self.body, sides, self._near.neighbours)
             first = None if carried is None else carry_multiplier(*carried, sides.seam)
             condensable = sides.models[NEAR] == "fem"
             self._loop = SeamLoop(
@@ -422,21 +391,6 @@ class Simulation:
     def _release(self, names: Sequence[str] | set[str]) -> None:
         if names:
             self._exchange({name: Release(self._header(name)) for name in sorted(names)})
-
-    def _rest_distance(self) -> Floats:
-        distance = np.empty(self.body.n_cells)
-        cell_distances(
-            self.body.x_rest,
-            self.body.cell_nodes,
-            self.tools.kind,
-            self.tools.shape,
-            self.tools.position,
-            self.tools.orientation,
-            self.tools.near,
-            np.empty(self.body.n_nodes),
-            distance,
-        )
-        return distance
 
     # ---- messages
 
@@ -477,29 +431,16 @@ class Simulation:
         self._exchange({name: Commit(self._header(name)) for name in self._sides.names})
 
     def _gather(self, fields: Mapping[str, Fields], sides: Sides) -> Frame:
-        body = self.body
-        x = np.empty((body.n_nodes, 3))
-        cauchy = np.empty((body.n_cells, 8, 6))
-        point_x = np.empty((len(body.surface.cell), 3))
-        for name in reversed(sides.names):
-            side = fields[name]
-            x[side.nodes] = side.x
-            cauchy[sides.cells[name]] = side.cauchy
-            point_x[side.points] = side.point_x
-        force, tool = contact_state(body, fields)
         multiplier = np.zeros((len(sides.seam), 3)) if self._loop is None else self._loop.multiplier()
-        return Frame(
+        return whole_frame(
             self._last_header(),
-            x,
-            cauchy,
-            self._regions.near.astype(np.int8),
-            point_x,
-            force,
-            tool,
-            sides.seam,
+            self.body,
+            sides,
+            fields,
+            self._near.mask,
             multiplier,
-            self._position.copy(),
-            self._orientation.copy(),
+            self._position,
+            self._orientation,
         )
 
     def _event(self, kind: str, message: str) -> None:

@@ -1,0 +1,93 @@
+"""Which cells are near: the scene's rule, applied to the distances that the participants report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.regions import CellGrid, RegionRule, RegionState
+from softseam_protocol.messages import Advanced
+from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
+from softseam_services.orchestrator.sides import Sides
+from softseam_services.tools.kernels import cell_distances
+from softseam_services.tools.tool_set import ToolSet
+
+Mask = NDArray[np.bool_]
+
+
+class NearCells:
+    """The near cells of a body while tools come and go."""
+
+    def __init__(self, scene: Scene, body: Body, tools: ToolSet) -> None:
+        self._body, self._tools = body, tools
+        near = scene.regions.near
+        boxes = [] if near is None else [(box.min, box.max) for box in near.boxes]
+        self._none = near is None
+        self._fixed = near is None or near.within is None
+        self._grid = CellGrid.build(
+            body.cell_grid, body.x_rest[body.cell_nodes[:, 13]], np.asarray(boxes, dtype=np.float64).reshape(-1, 2, 3)
+        )
+        if near is None or near.within is None:
+            self._rule = RegionRule(0.0, min_patch=1)  # boxes are taken at their word
+        else:
+            self._rule = RegionRule(near.within, near.release, near.patience)
+        self.model = "fem" if near is None else near.model
+        """model of the near cells"""
+        self.reset()
+
+    @property
+    def neighbours(self) -> NDArray[np.int32]:
+        """Face neighbours -x +x -y +y -z +z of each cell, -1 for none (C, 6)."""
+        return self._grid.neighbours
+
+    @property
+    def mask(self) -> Mask:
+        """(C,)"""
+        return self._state.near
+
+    @mask.setter
+    def mask(self, near: Mask) -> None:
+        self._state.near = np.array(near, dtype=np.bool_)
+
+    def reset(self) -> None:
+        """The cells that are near at the start."""
+        body, tools = self._body, self._tools
+        distance, node_gap = np.empty(body.n_cells), np.empty(body.n_nodes)
+        cell_distances(
+            body.x_rest,
+            body.cell_nodes,
+            tools.kind,
+            tools.shape,
+            tools.position,
+            tools.orientation,
+            tools.near,
+            node_gap,
+            distance,
+        )
+        self._state: RegionState = self._rule.init(self._grid, distance)
+        if self._none:
+            self._state.near[:] = False
+
+    def follow(self, sides: Sides, replies: Mapping[str, Advanced]) -> str:
+        """Take over what the rule asks for after a step; why cells switched, or '' where none did."""
+        if self._fixed:
+            return ""
+        distance = np.empty(self._body.n_cells)
+        for name, cells in sides.cells.items():
+            distance[cells] = replies[name].cell_distance
+        choice = self._rule.choose(self._state, self._grid, distance)
+        if not choice.switches:
+            return ""
+        self._rule.accept(self._state, choice)
+        return f"{choice.reason}; {int(choice.near.sum())} of {self._body.n_cells} cells are near"
+
+    def to_arrays(self) -> dict[str, NDArray[np.int32]]:
+        """What evolves, for a snapshot."""
+        return self._state.to_arrays()
+
+    def take(self, arrays: Mapping[str, NDArray[np.int32]]) -> None:
+        """Continue from `to_arrays`."""
+        self._state = RegionState.from_arrays(arrays)
