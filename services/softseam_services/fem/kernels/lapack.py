@@ -20,6 +20,8 @@ from softseam_services.blas import use_one_thread
 _ROUTINES = {
     "dpotrf": ("scipy.linalg.cython_lapack", 5),
     "dtrtri": ("scipy.linalg.cython_lapack", 6),
+    "dpotri": ("scipy.linalg.cython_lapack", 5),
+    "dtrsv": ("scipy.linalg.cython_blas", 8),
     "dtrsm": ("scipy.linalg.cython_blas", 11),
     "dtrmm": ("scipy.linalg.cython_blas", 11),
     "dsyrk": ("scipy.linalg.cython_blas", 10),
@@ -36,11 +38,15 @@ def _register(name: str) -> Any:
 
 use_one_thread()  # sums must not depend on the number of cores
 _dpotrf, _dtrtri = _register("dpotrf"), _register("dtrtri")
+_dpotri, _dtrsv = _register("dpotri"), _register("dtrsv")
 _dtrsm, _dtrmm = _register("dtrsm"), _register("dtrmm")
 _dsyrk, _dgemm, _dgemv = _register("dsyrk"), _register("dgemm"), _register("dgemv")
 
 _CHARACTERS = np.frombuffer(b"LNTR", dtype=np.uint8).copy()
 _NUMBERS = np.array([1.0, -1.0, 0.0])
+
+_LARGE = 64
+"""columns of a panel beyond which inverting its triangle costs more than the solves gain: it then stays L11, L21"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -60,6 +66,8 @@ def _factor_panel(a, offset, m, k, ints):
     if m > k:
         _dtrsm(right, lower, transposed, plain, pr, pk, one, front, pm, below, pm)
         _dsyrk(lower, plain, pr, pk, one + 8, below, pm, one, rest, pm)
+    if k > _LARGE:
+        return 0
     for j in range(1, k):
         c = offset + j * m
         for i in range(j):
@@ -77,6 +85,15 @@ def _apply_panel(a, offset, m, k, b, start, t, ints):
     pk, pm, unit = ints.ctypes.data, ints.ctypes.data + 4, ints.ctypes.data + 8
     ints[0], ints[1], ints[2] = k, m, 1
     front, own = a.ctypes.data + 8 * offset, b.ctypes.data + 8 * start
+    if k > _LARGE:
+        for i in range(k):
+            t[i] = b[start + i]
+        _dtrsv(plain - 1, plain, plain, pk, front, pm, t.ctypes.data, unit)
+        if m > k:
+            ints[3] = m - k
+            _dgemv(plain, unit + 4, pk, numbers + 8, front + 8 * k, pm, t.ctypes.data, unit, numbers + 16,
+                   t.ctypes.data + 8 * k, unit)  # fmt: skip
+        return
     _dgemv(plain, pm, pk, numbers, front, pm, own, unit, numbers + 16, t.ctypes.data, unit)
 
 
@@ -86,6 +103,15 @@ def _apply_panel_transposed(a, offset, m, k, t, b, start, ints):
     pk, pm, unit = ints.ctypes.data, ints.ctypes.data + 4, ints.ctypes.data + 8
     ints[0], ints[1], ints[2] = k, m, 1
     front, own = a.ctypes.data + 8 * offset, b.ctypes.data + 8 * start
+    if k > _LARGE:
+        for i in range(k):
+            b[start + i] = t[i]
+        if m > k:
+            ints[3] = m - k
+            _dgemv(transposed, unit + 4, pk, numbers + 8, front + 8 * k, pm, t.ctypes.data + 8 * k, unit, numbers, own,
+                   unit)  # fmt: skip
+        _dtrsv(transposed - 2, transposed, transposed - 1, pk, front, pm, own, unit)
+        return
     _dgemv(transposed, pm, pk, numbers, front, pm, t.ctypes.data, unit, numbers + 16, own, unit)
 
 
@@ -94,8 +120,15 @@ def _inverse_from_panel(a, offset, m, first, n, out, ints):
     numbers, lower = _NUMBERS.ctypes.data, _CHARACTERS.ctypes.data
     pn, pm = ints.ctypes.data, ints.ctypes.data + 4
     ints[0], ints[1] = n, m
-    corner = a.ctypes.data + 8 * (offset + first * m + first)
-    _dsyrk(lower, lower + 2, pn, pn, numbers, corner, pm, numbers + 16, out.ctypes.data, pn)
+    start = offset + first * m + first
+    corner = a.ctypes.data + 8 * start
+    if first + n > _LARGE:
+        for j in range(n):
+            for i in range(j, n):
+                out[j * n + i] = a[start + j * m + i]
+        _dpotri(lower, pn, out.ctypes.data, pn, pm)
+    else:
+        _dsyrk(lower, lower + 2, pn, pn, numbers, corner, pm, numbers + 16, out.ctypes.data, pn)
     for j in range(n):
         for i in range(j + 1, n):
             out[i * n + j] = out[j * n + i]
@@ -151,7 +184,8 @@ _OFF = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
 
 factor_panel = _factor_panel_plain if _OFF else _factor_panel
 """(a, offset, m, k, ints) -> info. Factor the first k columns of the m x m front at `offset`, lower triangle:
-F11 = L11 L11^T, L21 = F21 L11^-T, F22 <- F22 - L21 L21^T; the columns then are W = [L11^-1; -L21 L11^-1].
+F11 = L11 L11^T, L21 = F21 L11^-T, F22 <- F22 - L21 L21^T; the columns then are W = [L11^-1; -L21 L11^-1], or, where k
+is large, [L11; L21], which the routines below take for W. The front must be a root where `inverse_from_panel` looks.
 info > 0: not positive definite. ints (4,) int32 scratch, here and below."""
 apply_panel = _apply_panel_plain if _OFF else _apply_panel
 """(a, offset, m, k, b, start, t, ints). t[:m] <- W b[start:start+k]."""
