@@ -40,6 +40,8 @@ from softseam_services.tools.build import build_tools
 from softseam_services.tools.tool_set import ToolSet
 
 _BODIES_KEPT = 4
+_SEATS_KEPT = 64
+"""of sessions whose orchestrators may have died without a Release"""
 
 use_one_thread()  # every process that simulates loads this module: results do not depend on the number of cores
 
@@ -153,6 +155,9 @@ class ParticipantServer:
                 self._setups.pop(next(iter(self._setups)))
             self._setups[digest] = setup
         solver, reply = build_solver(setup, request)
+        self._seats.pop(key, None)
+        while len(self._seats) >= _SEATS_KEPT:
+            self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again
         self._seats[key] = _Seat(solver, request.header.epoch, request.header.step, -1, {Configure: (request, reply)})
         return reply
 
