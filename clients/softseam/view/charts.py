@@ -41,7 +41,9 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     for i, name in enumerate(quantities):
         unit, factor = _SHOWN.get(UNITS.get(name, ""), (UNITS.get(name, ""), 1.0))
         plain(every[i], f"{colors.label(name)} [{unit}]")
-        every[i].plot(time, columns[f"quantity.{name}"] * factor, color=_tone(0), linewidth=1.8)
+        values = columns[f"quantity.{name}"]
+        seen = np.isfinite(values)  # some are measured in some steps only
+        every[i].plot(time[seen], values[seen] * factor, color=_tone(0), linewidth=1.8)
         if name == "lift_height":
             _tool_rise(every[i], recording, columns)
     at = len(quantities)

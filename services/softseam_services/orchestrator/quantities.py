@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,9 @@ def von_mises(cauchy: Floats) -> Floats:
 class Quantities:
     """Measures a body in its tools' hands."""
 
-    def __init__(self, body: Body, program: Program) -> None:
+    def __init__(self, body: Body, program: Program, wanted: Collection[str]) -> None:
         self._program = program
+        self._wants_tip = "tip_deflection" in wanted
         low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
         self._top = float(high[2])
         self._bottom = float(low[2])
@@ -74,5 +75,6 @@ class Quantities:
         }
         if frame is not None:
             found["peak_von_mises"] = float(von_mises(frame.cauchy).max())
-            found["tip_deflection"] = float(frame.x[self._tip, 2] - self._tip_rest)
+            if self._wants_tip:
+                found["tip_deflection"] = float(frame.x[self._tip, 2] - self._tip_rest)
         return found

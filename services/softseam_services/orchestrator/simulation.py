@@ -84,7 +84,7 @@ class Simulation:
             transport.adopt(bundle, setup)
         self._transport = RecoveringTransport(transport, on_event=self._event)
         self._program = Program(self.scene, self.tools, self.body.x_rest)
-        self._quantities = Quantities(self.body, self._program)
+        self._quantities = Quantities(self.body, self._program, self.scene.quantities)
         self._wants_fields = not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
         self._near = NearCells(self.scene, self.body, self.tools)
