@@ -39,7 +39,7 @@ from softseam_coupling.kernels.quasi_newton import exchange_round
 
 Floats = NDArray[np.float64]
 
-__all__ = ["Outcome", "SeamRound", "SeamSolver", "SeamState", "carry_multiplier"]
+__all__ = ["Outcome", "SeamRound", "SeamSolver", "SeamState"]
 
 
 class Outcome(Enum):
@@ -171,7 +171,7 @@ class SeamSolver:
     def init(self, n_nodes: int, lambda_: Floats | None = None) -> SeamState:
         """A state without compliance; call `reset` before the first `update`.
 
-        lambda_  (s, 3) [N]  first prediction (zero if absent), for instance from `carry_multiplier`
+        lambda_  (s, 3) [N]  first prediction (zero if absent)
         """
         n = 3 * n_nodes
         state = SeamState(
@@ -288,14 +288,3 @@ def _invert(h: Floats, truncation: float, out: Floats) -> int:
     kept = values > truncation * values[-1]
     out[:] = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
     return int(np.count_nonzero(kept))
-
-
-def carry_multiplier(nodes_old: NDArray[np.int32], lambda_: Floats, nodes_new: NDArray[np.int32]) -> Floats:
-    """First guess for the multipliers of a new seam: the old ones at nodes that stay on it, zero elsewhere.
-
-    nodes_old, nodes_new  (s,), (t,) global node ids, ascending
-    """
-    out = np.zeros((len(nodes_new), 3))
-    _, old, new = np.intersect1d(nodes_old, nodes_new, assume_unique=True, return_indices=True)
-    out[new] = lambda_[old]
-    return out

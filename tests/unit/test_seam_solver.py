@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from softseam_coupling.kernels.extrapolate import NAMES, WEIGHTS
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState, carry_multiplier
+from softseam_coupling.seam import Outcome, SeamSolver, SeamState
 
 Floats = NDArray[np.float64]
 
@@ -319,12 +319,6 @@ def test_what_is_learned_from_an_accepted_gap() -> None:
     solver.commit(state, 2.0 * lambda_)
     assert_array_equal(state.history[0], [8.0, 8.0, 8.0])
     assert_array_equal(state.multiplier, 2.0 * lambda_)
-
-
-def test_carry_multiplier() -> None:
-    old, new = np.array([2, 5, 9], dtype=np.int32), np.array([1, 5, 9, 11], dtype=np.int32)
-    lambda_ = np.arange(9.0).reshape(3, 3)
-    assert_array_equal(carry_multiplier(old, lambda_, new), [[0, 0, 0], [3, 4, 5], [6, 7, 8], [0, 0, 0]])
 
 
 def test_empty_seam() -> None:

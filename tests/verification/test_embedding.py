@@ -15,7 +15,7 @@ from softseam_services.body.interpolate import point_weights, rest_points
 from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES, SIMPSON
 from softseam_services.body.mass import FILL_FLOOR, FULL_MOMENTS, lump
-from softseam_services.body.region import build_region
+from softseam_services.body.region import BESIDE, build_region, shared_nodes
 from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 
 DENSITY = 1000.0
@@ -184,6 +184,34 @@ def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind: Literal["fem
         assert np.abs(square).max() > 1e-6
         assert weight.min() > 0
         assert np.diff(indptr).max() == 8
+
+
+@pytest.mark.parametrize("kind", ["fem", "pbd"])
+def test_points_beside_a_seam_are_carried_by_the_side_that_owns_them(kind: Literal["fem", "pbd"]) -> None:
+    """Every point once, the near side's reach BESIDE beyond its faces, and linear fields still to the last digit."""
+    body = embedded(*sphere(RADIUS, 3), 0.012)
+    middle = body.x_rest[body.cell_nodes[:, 13]]
+    near = (middle[:, 0] > 0.0) & (middle[:, 1] > -0.005)  # an edge inside
+    cells = np.flatnonzero(near).astype(np.int32), np.flatnonzero(~near).astype(np.int32)
+    seam = shared_nodes(body, *cells)
+    regions = [build_region(body, cells[0], seam, True), build_region(body, cells[1], seam, False)]
+    np.testing.assert_array_equal(
+        np.sort(np.concatenate([region.points for region in regions])), np.arange(len(body.surface.cell))
+    )
+    for region in regions:
+        indptr, node, weight = point_weights(body, region, kind)
+        row = np.repeat(np.arange(len(region.points)), np.diff(indptr))
+        x = body.x_rest[region.nodes[node]]
+        at = np.stack([np.bincount(row, weights=weight * x[:, c]) for c in range(3)], axis=1)
+        np.testing.assert_allclose(at, rest_points(body)[region.points], atol=1e-15)
+        np.testing.assert_allclose(np.bincount(row, weights=weight), 1.0, atol=1e-13)
+        assert np.bincount(row, weights=np.abs(weight)).max() < (1.0 + 2.0 * BESIDE) * 1.25**3
+    across = near[body.surface.cell[regions[1].points]]
+    assert not across.any()  # the far side carries none of the near side's
+    taken = ~near[body.surface.cell[regions[0].points]]
+    beyond = np.abs(regions[0].point_local[taken]).max(axis=1)
+    assert taken.any() and beyond.min() >= 1.0 and beyond.max() < 1.0 + BESIDE
+    assert np.abs(regions[1].point_local).max() <= 1.0
 
 
 def test_a_tip_in_an_almost_empty_cell_keeps_the_cell() -> None:

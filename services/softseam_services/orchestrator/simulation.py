@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.seam import SeamSolver, carry_multiplier
+from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Advance,
@@ -35,6 +35,7 @@ from softseam_protocol.messages import (
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.parts import parts_of, sum_replies
 from softseam_services.orchestrator.program import Program, Progress
@@ -353,15 +354,18 @@ class Simulation:
         return self._switch()
 
     def _switch(self) -> float:
-        state, kinetic_change = merged_state(self.body, self._sides, self._observe())
-        old = self._sides
-        self._configure(state, None if self._loop is None else (old.seam, self._loop.multiplier()))
+        old, fields = self._sides, self._observe()
+        state, kinetic_change = merged_state(self.body, old, fields)
+        cauchy = np.empty((self.body.n_cells, 8, 6))
+        for name, side in fields.items():
+            cauchy[old.cells[name]] = side.cauchy
+        self._configure(state, cauchy)
         self._release(set(old.names) - set(self._sides.names))
         self._frame = None
         return kinetic_change
 
-    def _configure(self, state: BodyState | None, carried: tuple[NDArray[np.int32], Floats] | None) -> None:
-        """Build both sides for the present cut in a new epoch."""
+    def _configure(self, state: BodyState | None, cauchy: Floats | None) -> None:
+        """Build both sides for the present cut in a new epoch; cauchy (C, 8, 6) as the body stands, None for none."""
         self._epoch += 1
         self._sides: Sides = cut(self.body, self._near.mask, self._near.model, self.scene.regions.default)
         sides = self._sides
@@ -382,7 +386,9 @@ class Simulation:
         self._loop = None
         if len(sides.seam):
             tie = tie_sides(self.body, sides, self._near.neighbours)
-            first = None if carried is None else carry_multiplier(*carried, sides.seam)
+            first = None
+            if state is not None and cauchy is not None:
+                first = first_multiplier(self.body, sides, state, cauchy, tie)
             condensable = sides.models[NEAR] == "fem"
             self._loop = SeamLoop(
                 self._seam, tie, len(sides.seam), first, condensable, max(self.scene.seam.exchanges, 1)
