@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softseam.variants import Model, with_model
 from softseam_protocol.messages import StepReport
 from softseam_protocol.scene_file import bundle_scene, load_scene
