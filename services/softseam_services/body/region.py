@@ -9,10 +9,9 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 
 Mask = NDArray[np.bool_]
 
-BESIDE = 0.5
+BESIDE = 1.0
 """Points of the other side that are closer to the seam than this are solved by the side that owns the seam's points
-[half cell edges]. Exchanges of the worst step, sausage and dumpling: 46 and 48 with 0, 11 and 10 with 0.5, 11 and 11
-with 1."""
+[half cell edges]: those in the octants beside it."""
 
 
 def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bool = True) -> Region:

@@ -35,6 +35,9 @@ _SLOW = 0.3
 """share of the gap that an exchange may leave without the near side being condensed [1]"""
 _MOST_PATIENCE = 16
 """most condensed steps before both sides are tried at once again; doubled from 1 with every failure"""
+_TOIL, _TOIL_PATIENCE = 60, 100
+"""iterations of the near side alone after which it is condensed at once, and for how many steps: held by friction only
+it may need hundreds, where a handful is enough with the far side's stiffness"""
 _WORSE = 1.5
 """growth of the gap after which the model is stiffened and the best round so far taken up again [1]"""
 _WORTH = 0.25
@@ -167,9 +170,11 @@ class SeamLoop:
             # without contact the answers are smooth, and the solver's corrections learn them faster
             rough = replies[NEAR].n_contacts + replies[FAR].n_contacts > 0
             slow = rough and exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
-            if slow and self._condensable and self._stiffness is not None:
+            toil = rough and replies[NEAR].iterations > _TOIL
+            if (slow or toil) and self._condensable and self._stiffness is not None:
                 self._condensed = True
-                self._wait = self._patience = min(2 * self._patience, _MOST_PATIENCE)
+                self._patience = min(2 * self._patience, _MOST_PATIENCE)
+                self._wait = _TOIL_PATIENCE if toil else self._patience
                 return self._condense(ask, lambda_, replies[FAR], exchange)
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance

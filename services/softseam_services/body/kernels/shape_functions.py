@@ -38,7 +38,8 @@ def hex27(local, value, gradient):
 def hex27_around(local, value):
     """N_a inside the cell; outside it is continued linearly through the two last nodes; value (27,) in place.
 
-    Points just beyond a cell follow it like an overhanging bar; the quadratic itself would magnify by 6 at local = 2.
+    Points just beyond a cell follow it like an overhanging bar; the quadratic itself would have weights 1, -3, 3 at
+    local = 2.
     """
     f = np.empty((3, 3))
     slope = np.empty(3)
