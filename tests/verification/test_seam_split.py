@@ -91,3 +91,14 @@ def test_mixed_split_is_close_to_fem(near: str, far: str) -> None:
     split, exchanges, _ = run(beam(near=near, far=far, tolerance=1e-4))
     assert difference(split, whole) < 0.15  # one cell thick: the discretisations differ by several per cent
     assert np.mean(exchanges) <= 4.0
+
+
+def test_a_gap_that_is_kept_is_told() -> None:
+    """Two exchanges cannot reach rounding: the step goes on, and an event says which gap was kept."""
+    scene = beam(near="pbd", far="pbd", tolerance=1e-12)
+    scene = scene.model_copy(update={"seam": scene.seam.model_copy(update={"exchanges": 2})})
+    simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
+    report = simulation.step()
+    assert report.seam.gap > 1e-12 * 0.02
+    assert [event.kind for event in simulation.events] == ["seam"]
+    simulation.close()

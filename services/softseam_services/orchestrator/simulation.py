@@ -16,7 +16,6 @@ from softseam_protocol.messages import (
     Advanced,
     BodyState,
     Bundle,
-    Commit,
     Configure,
     Event,
     Fields,
@@ -264,11 +263,15 @@ class Simulation:
         """Advance all sides until they agree at the seam; where they will not, in parts of the step."""
         try:
             try:
-                return self._advance(motion, self.scene.step, may_cut=True)
+                solution = self._advance(motion, self.scene.step, may_cut=True)
             except SeamUnsettled:
                 return self._cut(motion)
         except SeamDiverged as error:
             raise StepFailed(f"step {self._step}: {error}") from error
+        if solution.note:
+            gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
+            self._event("seam", f"step {self._step}: {gap}: {solution.note}")
+        return solution
 
     def _advance(self, motion: ToolMotion, dt: float, may_cut: bool) -> SeamSolution:
         sides = self._sides
@@ -431,10 +434,6 @@ class Simulation:
             self._loop.forget_told()
         replies = self._exchange({name: Snapshot(self._header(name)) for name in self._sides.names})
         return {name: reply for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
-
-    def commit(self) -> None:
-        """Make participants commit the last step (the next step does so by itself)."""
-        self._exchange({name: Commit(self._header(name)) for name in self._sides.names})
 
     def _gather(self, fields: Mapping[str, Fields], sides: Sides) -> Frame:
         multiplier = np.zeros((len(sides.seam), 3)) if self._loop is None else self._loop.multiplier()
