@@ -1,22 +1,25 @@
 """Keeps numba's disk cache honest.
 
 Numba keys a compiled kernel by the source of its own file alone, but the machine code holds the kernels that it calls
-from other files, too: after an edit or an upgrade of one file, callers in unchanged files would go on with the old
-code. So the cache of all packages is dropped whenever any source in them changed. And services that start together
-would each compile the kernels that they share: one compiles, the others wait for it.
+and the constants that it reads from other files, too: after an edit or an upgrade of one file, callers in unchanged
+files would go on with the old code. So a kernel is dropped whenever its file or any that this one imports, directly or
+not, has changed. And services that start together would each compile the kernels that they share: one compiles, the
+others wait for it.
 """
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import fcntl
 import hashlib
 import importlib.util
+import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-_STAMP = "kernels.sha256"
+_STAMP = "kernels.json"
 
 
 def kernel_packages() -> list[Path]:
@@ -27,31 +30,74 @@ def kernel_packages() -> list[Path]:
 
 
 def drop_stale_kernels(packages: Iterable[Path]) -> int:
-    """Forget compiled kernels where a source of these packages changed since the last call; how many were forgotten.
+    """Forget compiled kernels whose sources changed since the last call; how many were forgotten.
 
     On a file system that cannot be written nothing is done: nothing can change there either.
     """
     folders = list(packages)
-    digest = hashlib.sha256()
-    for folder in folders:
-        for source in sorted(folder.rglob("*.py")):
-            text = source.read_bytes()
-            if b"njit" in text:
-                digest.update(str(source.relative_to(folder)).encode() + b"\0" + text)
+    sources = {_module(folder, path): path for folder in folders for path in sorted(folder.rglob("*.py"))}
+    texts = {module: path.read_bytes() for module, path in sources.items()}
+    everything = _digest(texts, sorted(texts))
     stamp = folders[0] / "__pycache__" / _STAMP
     dropped = 0
     with contextlib.suppress(OSError):
-        if stamp.exists() and stamp.read_text() == digest.hexdigest():
+        known = _read(stamp)
+        if known.get("") == everything:
             return 0
-        for folder in folders:
-            for index in folder.rglob("__pycache__/*.nbi"):
-                index.unlink(missing_ok=True)
-                dropped += 1
+        imports = {module: _imports(text, texts) for module, text in texts.items()}
+        now = {m: _digest(texts, _reached(m, imports)) for m, text in texts.items() if b"njit" in text}
+        for module, path in sources.items():
+            if module not in now or known.get(module) != now[module]:
+                for index in (path.parent / "__pycache__").glob(f"{path.stem}.*.nbi"):
+                    index.unlink(missing_ok=True)
+                    dropped += 1
         stamp.parent.mkdir(exist_ok=True)
         fresh = stamp.with_suffix(f".{os.getpid()}")
-        fresh.write_text(digest.hexdigest())
+        fresh.write_text(json.dumps(now | {"": everything}))
         fresh.replace(stamp)
     return dropped
+
+
+def _module(folder: Path, path: Path) -> str:
+    parts = path.relative_to(folder.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _digest(texts: Mapping[str, bytes], modules: Iterable[str]) -> str:
+    digest = hashlib.sha256()
+    for module in modules:
+        digest.update(module.encode() + b"\0" + texts[module] + b"\0")
+    return digest.hexdigest()
+
+
+def _read(stamp: Path) -> dict[str, str]:
+    try:
+        return dict(json.loads(stamp.read_text()))
+    except (FileNotFoundError, ValueError):
+        return {}
+
+
+def _imports(text: bytes, modules: Mapping[str, bytes]) -> set[str]:
+    """Those of `modules` that a source imports: `import a.b`, or `from a.b import c` where c may be a module itself."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found.update(name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            found.add(node.module)
+            found.update(f"{node.module}.{name.name}" for name in node.names)
+    return found & modules.keys()
+
+
+def _reached(module: str, imports: Mapping[str, set[str]]) -> list[str]:
+    """`module` and all that it imports, directly or not, in a fixed order."""
+    seen = {module}
+    waiting = [module]
+    while waiting:
+        for other in imports[waiting.pop()] - seen:
+            seen.add(other)
+            waiting.append(other)
+    return sorted(seen)
 
 
 @contextlib.contextmanager

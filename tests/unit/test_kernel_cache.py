@@ -1,45 +1,65 @@
-"""Compiled kernels are forgotten when any kernel's source changes."""
+"""Compiled kernels are forgotten when a source that they hold code or constants of changes, and only then."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from softseam_services.kernel_cache import drop_stale_kernels, kernel_packages
 
-
-def _package(home: Path, name: str) -> Path:
-    folder = home / name / "kernels"
-    (folder / "__pycache__").mkdir(parents=True)
-    (folder / "caller.py").write_text("from numba import njit\n")
-    (folder / "callee.py").write_text("from numba import njit  # 1\n")
-    return home / name
-
-
-def _compile(package: Path) -> Path:
-    index = package / "kernels" / "__pycache__" / "caller.f-1.py311.nbi"
-    index.write_bytes(b"compiled")
-    return index
+_SOURCES = {
+    "one/__init__.py": "",
+    "one/caller.py": "from numba import njit\nfrom two.callee import kernel\n",
+    "one/apart.py": "from numba import njit\n",
+    "one/service.py": "import one.caller\n",
+    "two/__init__.py": "",
+    "two/callee.py": "from numba import njit\nfrom two import sizes\n",
+    "two/sizes.py": "LANES = 8\n",
+}
+_COMPILED = ("one/caller", "one/apart", "two/callee")
 
 
-def test_a_change_anywhere_forgets_everything(tmp_path: Path) -> None:
-    packages = [_package(tmp_path, "one"), _package(tmp_path, "two")]
-    drop_stale_kernels(packages)
-    indexes = [_compile(package) for package in packages]
+def _index(home: Path, source: str) -> Path:
+    folder, name = source.split("/")
+    return home / folder / "__pycache__" / f"{name}.kernel-1.py311.nbi"
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    for name, text in _SOURCES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    drop_stale_kernels([tmp_path / "one", tmp_path / "two"])
+    for source in _COMPILED:
+        _index(tmp_path, source).parent.mkdir(exist_ok=True)
+        _index(tmp_path, source).write_bytes(b"compiled")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("changed", "forgotten"),
+    [
+        ("two/callee.py", {"one/caller", "two/callee"}),
+        ("two/sizes.py", {"one/caller", "two/callee"}),
+        ("one/caller.py", {"one/caller"}),
+        ("one/apart.py", {"one/apart"}),
+        ("one/service.py", set()),
+    ],
+)
+def test_what_a_change_reaches_is_forgotten(home: Path, changed: str, forgotten: set[str]) -> None:
+    packages = [home / "one", home / "two"]
     assert drop_stale_kernels(packages) == 0
-    assert all(index.exists() for index in indexes)
-    (packages[1] / "kernels" / "callee.py").write_text("from numba import njit  # 2\n")
-    assert drop_stale_kernels(packages) == 2
-    assert not any(index.exists() for index in indexes)
+    (home / changed).write_text((home / changed).read_text() + "# changed\n")
+    assert drop_stale_kernels(packages) == len(forgotten)
+    assert {source for source in _COMPILED if not _index(home, source).exists()} == forgotten
     assert drop_stale_kernels(packages) == 0
 
 
-def test_sources_without_kernels_do_not_count(tmp_path: Path) -> None:
-    package = _package(tmp_path, "one")
-    drop_stale_kernels([package])
-    index = _compile(package)
-    (package / "service.py").write_text("print()\n")
-    assert drop_stale_kernels([package]) == 0
-    assert index.exists()
+def test_without_a_readable_stamp_everything_is_forgotten(home: Path) -> None:
+    for stamp in (home / "one" / "__pycache__").glob("*.json"):
+        stamp.write_text("{")
+    assert drop_stale_kernels([home / "one", home / "two"]) == len(_COMPILED)
 
 
 def test_both_packages_with_kernels_are_watched() -> None:
