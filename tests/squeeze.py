@@ -45,7 +45,7 @@ SCENE = {
         {"tools": ["left", "right"], "close": 0.02, "until": {"compression": 0.15}},
         {"tools": ["left", "right"], "move": [0, 0, 0.05], "speed": 0.05},
     ],
-    "regions": {"default": "pbd", "near": {"model": "fem", "within": 0.012}},
+    "regions": {"default": "pbd", "near": {"model": "fem", "within": 0.012, "split": "always"}},
     "quantities": ["grip_force", "lift_height", "slip", "peak_von_mises"],
 }
 

@@ -19,6 +19,8 @@ from softseam.running import follow
 from softseam.scenes import bundle_of
 from softseam.session import open as open_session
 from softseam.showing import draw, drawing_errors, save_rrd
+from softseam.variants import Model
+from softseam_protocol.scene import Scene
 
 
 def run_demo(name: str, out: Path | None, console: Console) -> None:
@@ -47,7 +49,7 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
         )
         with services(endpoint, Path(recordings), say):
             set_up = perf_counter()
-            with open_session(name, endpoint, record=True) as session:
+            with open_session(name, endpoint, model=_both(scene), record=True) as session:
                 report = follow(session, console, began=set_up)
         written = sorted(Path(recordings).rglob("*.mcap"))
         if len(written) != 1:
@@ -77,6 +79,12 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
         highlight=False,
         soft_wrap=True,
     )
+
+
+def _both(scene: Scene) -> Model | None:
+    """A demo shows the seam also where one model would do."""
+    near = scene.regions.near
+    return None if near is None or near.model == scene.regions.default else "hybrid"
 
 
 def _free_port() -> int:

@@ -16,7 +16,10 @@ Model = Literal["fem", "pbd", "hybrid"]
 
 
 def with_model(scene: Scene, model: Model) -> Scene:
-    """The scene with FEM alone, PBD alone, or as both (refused where the scene has no near region)."""
+    """The scene with FEM alone, PBD alone, or cut into both also where one would do.
+
+    Hybrid is refused where the scene has no near region.
+    """
     if model not in get_args(Model):
         raise BadInput(f"no model is called {model!r}; there are: {', '.join(get_args(Model))}")
     if model == "hybrid":
@@ -26,7 +29,8 @@ def with_model(scene: Scene, model: Model) -> Scene:
                 f"the scene {scene.name!r} has no near region with a model of its own: add one to it, "
                 "e.g. regions: {default: pbd, near: {model: fem, within: 0.012}}"
             )
-        return scene
+        always = near.model_copy(update={"split": "always"})
+        return scene.model_copy(update={"regions": scene.regions.model_copy(update={"near": always})})
     return scene.model_copy(update={"regions": RegionsSpec(default=model)})
 
 

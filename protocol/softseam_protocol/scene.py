@@ -242,6 +242,11 @@ class NearSpec(Spec):
     boxes: tuple[BoxRegion, ...] = Field(default=(), description="cells with their centre in a box are always near")
     release: float = Field(default=1.5, ge=1.0, description="a near cell is released beyond release * within [1]")
     patience: int = Field(default=20, ge=1, description="steps a cell stays near after its last reason to be [1]")
+    split: Literal["when_cheaper", "always"] = Field(
+        default="when_cheaper",
+        description="when_cheaper: where fem on the whole body costs no more than the cut that `within` asks for, all "
+        "cells are near while any is; always: cut as asked",
+    )
 
     @model_validator(mode="after")
     def _some(self) -> NearSpec:

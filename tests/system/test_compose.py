@@ -164,8 +164,8 @@ def test_a_frozen_solver_is_replaced_inside_its_container(
 def test_the_client_of_the_image_runs_a_scene_and_it_is_recorded(deployment: Deployment) -> None:
     """The `client` profile: the command line inside of the network; the recorder's file is whole and readable."""
     script = (
-        "import softseam; s = softseam.open('tofu_grasp', connect='tcp/router:7447', record=True); s.reset(); "
-        "o = s.step(count=5); s.close(); print('reached', round(o.time, 6))"
+        "import softseam; s = softseam.open('tofu_grasp', model='hybrid', connect='tcp/router:7447', record=True); "
+        "s.reset(); o = s.step(count=5); s.close(); print('reached', round(o.time, 6))"
     )
     said = deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
     assert "reached" in said

@@ -27,7 +27,7 @@ tools:
 motion:
   - {tools: [left, right], close: 0.02, until: {time: 0.05}}
   - {hold: 0.05}
-regions: {default: pbd, near: {model: fem, within: 0.004}}
+regions: {default: pbd, near: {model: fem, within: 0.004, split: always}}
 quantities: [grip_force, peak_von_mises]
 """
 CLOSE = {"left": [0.02, 0.0, 0.0], "right": [-0.02, 0.0, 0.0]}
@@ -189,7 +189,9 @@ def test_models(path: Path) -> None:
         with softseam.open(varied) as session:
             session.reset()
             assert {region.model for region in session.step(CLOSE).regions.values()} == {model}
-    assert softseam.with_model(scene, "hybrid") is scene
+    assert softseam.with_model(scene, "hybrid") == scene
+    spared = softseam.with_settings(scene, ["regions.near.split=when_cheaper"])
+    assert softseam.with_model(spared, "hybrid") == scene
     with pytest.raises(softseam.BadInput, match="near region"):
         softseam.with_model(softseam.with_model(scene, "pbd"), "hybrid")
 

@@ -1,4 +1,8 @@
-"""Which cells are near: the scene's rule, applied to the distances that the participants report."""
+"""Which cells are near: the scene's rule, applied to the distances that the participants report.
+
+Where the near model on the whole body costs no more than the cut that the rule asks for, the body is not cut: all of it
+is near as long as any cell is. That is as accurate as the near model, and has no seam.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,8 @@ from softseam_coupling.regions import CellGrid, RegionRule, RegionState
 from softseam_protocol.messages import Advanced
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
-from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.cost import step_cost
+from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.tool_set import ToolSet
 
@@ -36,6 +41,9 @@ class NearCells:
             self._rule = RegionRule(near.within, near.release, near.patience)
         self.model = "fem" if near is None else near.model
         """model of the near cells"""
+        self._far_model, self._dt = scene.regions.default, scene.step
+        self._spares = near is not None and near.split == "when_cheaper" and not self._fixed
+        self._spares = self._spares and (self.model, self._far_model) == ("fem", "pbd")
         self.reset()
 
     @property
@@ -46,11 +54,12 @@ class NearCells:
     @property
     def mask(self) -> Mask:
         """(C,)"""
-        return self._state.near
+        return self._cut
 
     @mask.setter
     def mask(self, near: Mask) -> None:
         self._state.near = np.array(near, dtype=np.bool_)
+        self._cut = self._state.near
 
     def reset(self) -> None:
         """The cells that are near at the start."""
@@ -70,6 +79,7 @@ class NearCells:
         self._state: RegionState = self._rule.init(self._grid, distance)
         if self._none:
             self._state.near[:] = False
+        self._cut, _ = self._spare(self._state.near)
 
     def follow(self, sides: Sides, replies: Mapping[str, Advanced]) -> str:
         """Take over what the rule asks for after a step; why cells switched, or '' where none did."""
@@ -82,12 +92,30 @@ class NearCells:
         if not choice.switches:
             return ""
         self._rule.accept(self._state, choice)
-        return f"{choice.reason}; {int(choice.near.sum())} of {self._body.n_cells} cells are near"
+        before = self._cut
+        self._cut, why = self._spare(choice.near)
+        if np.array_equal(before, self._cut):
+            return ""
+        return f"{choice.reason}; {why or f'{int(choice.near.sum())} of {self._body.n_cells} cells are near'}"
+
+    def _spare(self, near: Mask) -> tuple[Mask, str]:
+        """The cut to make where the rule asks for `near` (C,), and why it is another."""
+        if not self._spares or near.all() or not near.any():
+            return near, ""
+        sides = cut(self._body, near, self.model, self._far_model)
+        whole = np.ones_like(near)
+        split = step_cost(self._body, sides, self._dt)
+        alone = step_cost(self._body, cut(self._body, whole, self.model, self._far_model), self._dt)
+        if alone > split:
+            return near, ""
+        cells = f"{self.model} on all {len(near)} cells"
+        return whole, f"one model is enough: {cells} costs {alone / split:.2g} of a cut at {int(near.sum())}"
 
     def to_arrays(self) -> dict[str, NDArray[np.int32]]:
         """What evolves, for a snapshot."""
-        return self._state.to_arrays()
+        return self._state.to_arrays() | {"cut": self._cut.astype(np.int32)}
 
     def take(self, arrays: Mapping[str, NDArray[np.int32]]) -> None:
         """Continue from `to_arrays`."""
         self._state = RegionState.from_arrays(arrays)
+        self._cut = arrays["cut"].astype(np.bool_)
