@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.kernels.patches import fill_islands, label_components, mend_contacts
+from softseam_coupling.kernels.reasons import count_reasons
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -79,6 +80,8 @@ class RegionState:
     """steps since each cell's last reason to be near (C,)"""
     since_lowered: int = 0
     """steps since cells were last lowered"""
+    whole: bool = False
+    """whether `near` is known to have clean shapes already"""
 
     def to_arrays(self) -> dict[str, NDArray[np.int32]]:
         return {
@@ -132,31 +135,36 @@ class RegionRule:
         state = RegionState(np.zeros(grid.n_cells, dtype=np.bool_), np.zeros(grid.n_cells, dtype=np.int32))
         near = grid.pinned | (distance < self.within)
         state.near = self._clean(grid, near, near, distance)
+        state.whole = True
         return state
 
     def choose(
         self, state: RegionState, grid: CellGrid, distance: Floats, approach: Floats | None = None
     ) -> RegionChoice:
-        """Say which cells should be near after this step; counts idle steps in `state`, and nothing else.
+        """Say which cells should be near after this step; counts idle steps in `state`, and switches nothing.
 
         distance  (C,)  as in `init` [m]
         approach  (C,)  by how much the distance will shrink within the horizon that the caller has in mind [m]
         """
         ahead = distance if approach is None else distance - np.maximum(approach, 0.0)
-        wanted = grid.pinned | (ahead < self.within)
-        reason = wanted | (state.near & (distance < self.release * self.within))
-        state.idle[reason] = 0
-        state.idle[~reason] += 1
         state.since_lowered += 1
+        may_lower = state.since_lowered >= self.patience
+        wanted, reason = np.empty((2, grid.n_cells), dtype=np.bool_)
+        moves = count_reasons(
+            distance, ahead, grid.pinned, state.near, self.within, self.release * self.within, may_lower, self.patience,
+            state.idle, wanted, reason,
+        )  # fmt: skip
+        if state.whole and not moves:
+            return RegionChoice(state.near, 0, 0, 0, "")
         raised = wanted & ~state.near
         if self.max_cells is not None and np.count_nonzero(raised) > self.max_cells:
             order = np.argsort(np.where(raised, ahead, np.inf), kind="stable")
             raised[order[self.max_cells :]] = False
-        may_lower = state.since_lowered >= self.patience
         kept = state.near & (reason | (state.idle < self.patience)) if may_lower else state.near
         near = self._clean(grid, kept | raised, state.near, distance)
         gained, lost = near & ~state.near, state.near & ~near
         n_raised, n_lowered = int(np.count_nonzero(gained)), int(np.count_nonzero(lost))
+        state.whole = n_raised + n_lowered == 0
         parts = []
         if n_raised:
             n_asked = int(np.count_nonzero(gained & wanted))
@@ -173,6 +181,7 @@ class RegionRule:
     def accept(self, state: RegionState, choice: RegionChoice) -> None:
         """The switch was made: the choice's cells are near from now on."""
         state.near = choice.near.copy()
+        state.whole = True
         if choice.n_lowered:
             state.since_lowered = 0
 

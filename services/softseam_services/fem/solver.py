@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
@@ -27,6 +28,7 @@ from softseam_services.fem.kernels.newton import (
 )
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
+from softseam_services.tools.kernels import all_finite
 from softseam_services.tools.tool_set import ToolSet
 
 _FAILURES = {
@@ -81,7 +83,8 @@ class FemSolver:
         self._tentative = False
         self._knows_stiffness = False
         self._step: tuple[int, int] | None = None
-        n_seam = len(region.seam)
+        self._n_tools, self._n_seam = n_tools, len(region.seam)
+        n_seam = self._n_seam
         self._wrench = np.zeros((n_tools, 6))
         self._out = np.zeros(kernel.N_OUT)
         self._seam_x = np.zeros((n_seam, 3))
@@ -208,26 +211,28 @@ class FemSolver:
 
     def _refuse(self, request: Advance) -> str:
         """What makes the request impossible to serve, or ''."""
-        motion = request.tools
-        n_tools, n_seam = len(self._tools.names), len(self._region.seam)
-        if not (np.isfinite(request.dt) and request.dt > 0.0):
+        motion, force, anchor = request.tools, request.seam_force, request.seam_anchor
+        n_tools, n_seam = self._n_tools, self._n_seam
+        if not (math.isfinite(request.dt) and request.dt > 0.0):
             return f"the time step is {request.dt}: it must be finite and > 0 s"
-        if request.seam_force.shape != (n_seam, 3):
-            return f"the seam force has shape {request.seam_force.shape}, this region's seam needs ({n_seam}, 3)"
-        if not np.isfinite(request.seam_force).all():
-            return "the seam force is not finite: the seam solver must send finite multipliers"
-        if len(request.seam_anchor):
+        if force.shape != (n_seam, 3):
+            return f"the seam force has shape {force.shape}, this region's seam needs ({n_seam}, 3)"
+        poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
+        for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
+            if pose.shape != (n_tools, width):
+                return f"tool poses must be finite, of shape ({n_tools}, {width}): got {pose.shape}"
+        if not all_finite(*poses, force):
+            if not np.isfinite(force).all():
+                return "the seam force is not finite: the seam solver must send finite multipliers"
+            return f"tool poses must be finite, of shape ({n_tools}, 3) and ({n_tools}, 4): they hold NaN or infinity"
+        if len(anchor):
             shape = request.seam_stiffness.shape
-            if request.seam_anchor.shape != (n_seam, 3) or shape not in ((3 * n_seam, 3 * n_seam), (0, 0)):
+            if anchor.shape != (n_seam, 3) or shape not in ((3 * n_seam, 3 * n_seam), (0, 0)):
                 return f"a seam anchor ({n_seam}, 3) needs a stiffness ({3 * n_seam}, {3 * n_seam}) beside it, or none"
             if shape == (0, 0) and not self._knows_stiffness:
                 return "a seam anchor without a stiffness, and none came since the last snapshot: send it again"
-            if not (np.isfinite(request.seam_anchor).all() and np.isfinite(request.seam_stiffness).all()):
+            if not (np.isfinite(anchor).all() and np.isfinite(request.seam_stiffness).all()):
                 return "the seam's anchor or stiffness is not finite"
-        poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
-        for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
-            if pose.shape != (n_tools, width) or not np.isfinite(pose).all():
-                return f"tool poses must be finite, of shape ({n_tools}, {width}): got {pose.shape}"
         return ""
 
     def _why(self, status: int) -> str:
@@ -249,29 +254,29 @@ class FemSolver:
         return self._reply(request, text, began)
 
     def _reply(self, request: Advance, status: str, began: float) -> Advanced:
-        out = self._out
-        good = status == "converged"
+        out, numbers = self._out, self._out.tolist()
+        whole = request.compliance and status == "converged"
         return Advanced(
-            header=request.header,
-            status=status,
-            seam_x=self._seam_x.copy(),
-            compliance=self._inverse.copy() if request.compliance and good else np.zeros((0, 0)),
-            wrench=self._wrench.copy(),
-            kinetic=float(out[kernel.KINETIC]),
-            strain=float(out[kernel.STRAIN]),
-            gravity=float(out[kernel.GRAVITY]),
-            tool_work=float(out[kernel.TOOL_WORK]),
-            seam_work=float(out[kernel.SEAM_WORK]),
-            momentum=out[kernel.MOMENTUM : kernel.MOMENTUM + 3].copy(),
-            angular_momentum=out[kernel.ANGULAR : kernel.ANGULAR + 3].copy(),
-            penetration=float(out[kernel.PENETRATION]),
-            slip=float(out[kernel.SLIPPED]),
-            n_contacts=int(out[kernel.N_CONTACTS]),
-            iterations=int(out[kernel.N_ITERATIONS]),
-            seconds=time.perf_counter() - began,
-            cell_distance=self._distance.copy(),
-            bounds=out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3).copy(),
-            seam_force=self._work.seam_actual.copy(),
+            request.header,
+            status,
+            self._seam_x.copy(),
+            self._inverse.copy() if whole else np.zeros((0, 0)),
+            self._wrench.copy(),
+            numbers[kernel.KINETIC],
+            numbers[kernel.STRAIN],
+            numbers[kernel.GRAVITY],
+            numbers[kernel.TOOL_WORK],
+            numbers[kernel.SEAM_WORK],
+            out[kernel.MOMENTUM : kernel.MOMENTUM + 3].copy(),
+            out[kernel.ANGULAR : kernel.ANGULAR + 3].copy(),
+            numbers[kernel.PENETRATION],
+            numbers[kernel.SLIPPED],
+            int(numbers[kernel.N_CONTACTS]),
+            int(numbers[kernel.N_ITERATIONS]),
+            time.perf_counter() - began,
+            self._distance.copy(),
+            out[kernel.LOWEST : kernel.LOWEST + 6].copy().reshape(2, 3),
+            self._work.seam_actual.copy(),
         )
 
     def commit(self) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
 from softseam_protocol.messages import Advanced, Header, RegionReport, Reply, SeamReport, StepReport
-from softseam_services.orchestrator.seam_loop import SeamSolution
+from softseam_services.orchestrator.seam_loop import SeamSolution, largest
 from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,8 @@ class Accounts:
         command: Floats,
     ) -> StepReport:
         kinetic = strain = gravity = tool_work = seam_work = penetration = 0.0
-        momentum, angular = np.zeros(3), np.zeros(3)
+        momentum: Floats | None = None
+        angular: Floats | None = None
         regions = {}
         for name, reply in replies.items():
             kinetic += reply.kinetic
@@ -68,8 +69,8 @@ class Accounts:
             gravity += reply.gravity
             tool_work += reply.tool_work
             seam_work += reply.seam_work
-            momentum += reply.momentum
-            angular += reply.angular_momentum
+            momentum = reply.momentum if momentum is None else momentum + reply.momentum
+            angular = reply.angular_momentum if angular is None else angular + reply.angular_momentum
             penetration = max(penetration, reply.penetration)
             regions[name] = RegionReport(
                 sides.models[name],
@@ -81,6 +82,7 @@ class Accounts:
                 reply.iterations,
                 reply.seconds,
             )
+        assert momentum is not None and angular is not None
         energies = Energies(kinetic, strain, gravity)
         dissipation = switch = 0.0
         if self._ledger is None:
@@ -105,7 +107,7 @@ class Accounts:
                 seam.gap,
                 seam.exchanges,
                 len(seam.lambda_),
-                float(np.sqrt((seam.lambda_ * seam.lambda_).sum(axis=1).max(initial=0.0))),
+                largest(seam.lambda_),
                 seam_work,
             ),
             regions,

@@ -32,6 +32,7 @@ class NearCells:
         boxes = [] if near is None else [(box.min, box.max) for box in near.boxes]
         self._none = near is None
         self._fixed = near is None or near.within is None
+        self._distance = np.empty(body.n_cells)
         self._grid = CellGrid.build(
             body.cell_grid, body.x_rest[body.cell_nodes[:, 13]], np.asarray(boxes, dtype=np.float64).reshape(-1, 2, 3)
         )
@@ -59,6 +60,7 @@ class NearCells:
     @mask.setter
     def mask(self, near: Mask) -> None:
         self._state.near = np.array(near, dtype=np.bool_)
+        self._state.whole = False
         self._cut = self._state.near
 
     def reset(self) -> None:
@@ -85,7 +87,7 @@ class NearCells:
         """Take over what the rule asks for after a step; why cells switched, or '' where none did."""
         if self._fixed:
             return ""
-        distance = np.empty(self._body.n_cells)
+        distance = self._distance
         for name, cells in sides.cells.items():
             distance[cells] = replies[name].cell_distance
         choice = self._rule.choose(self._state, self._grid, distance)

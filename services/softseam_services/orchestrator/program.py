@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ _ROUNDING = 1e-9
 """of a step or a length: what counts as reached"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Progress:
     """Where the motion stands: all that evolves."""
 
@@ -33,6 +33,38 @@ def extent_along(tools: ToolSet, tool: int, direction: Floats) -> float:
     return 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """Two tools that close on the body; what of them never changes."""
+
+    first: int
+    second: int
+    axis: Floats
+    """unit vector from the first to the second as they start (3,)"""
+    thickness: float
+    """half extents of both along the axis [m]"""
+    width: float
+    """of the body at rest along the axis [m]"""
+
+    @classmethod
+    def build(cls, tools: ToolSet, first: int, second: int, x_rest: Floats) -> Grip:
+        way = tools.position[second] - tools.position[first]
+        axis = np.asarray(way / np.linalg.norm(way))
+        along = x_rest @ axis
+        thickness = extent_along(tools, first, axis) + extent_along(tools, second, axis)
+        return cls(first, second, axis, thickness, float(along.max() - along.min()))
+
+    def gap(self, position: Floats) -> float:
+        """Clear way between the two at tool positions (t, 3) [m]."""
+        return along_axis(self.axis, position[self.first], position[self.second]) - self.thickness
+
+
+def along_axis(axis: Floats, first: Floats, second: Floats) -> float:
+    """axis . (second - first), each (3,); in plain numbers, which for three of them is the quickest."""
+    (ax, ay, az), (x, y, z), (u, v, w) = axis.tolist(), first.tolist(), second.tolist()
+    return float(ax * (u - x) + ay * (v - y) + az * (w - z))
+
+
 class Program:
     """Turns the scene's motion into tool velocities, one step at a time.
 
@@ -44,22 +76,25 @@ class Program:
         self._dt = scene.step
         self._tools = tools
         self._index = {name: i for i, name in enumerate(tools.names)}
-        self._x_rest = x_rest
-        close = next((p for p in self._phases if isinstance(p, ClosePhase)), None)
-        self.grip = None if close is None else (self._index[close.tools[0]], self._index[close.tools[1]])
-        """the two tools that grip, if any do"""
+        self._grips = {
+            number: Grip.build(tools, self._index[phase.tools[0]], self._index[phase.tools[1]], x_rest)
+            for number, phase in enumerate(self._phases)
+            if isinstance(phase, ClosePhase)
+        }
+        self.grip = next(iter(self._grips.values()), None)
+        """the first two tools that close, if any do"""
+        self._lengths = {
+            number: float(np.linalg.norm(phase.move))
+            for number, phase in enumerate(self._phases)
+            if isinstance(phase, MovePhase)
+        }
 
     def done(self, progress: Progress) -> bool:
         return progress.phase >= len(self._phases)
 
     def compression(self, position: Floats) -> float:
         """1 - (gap between the gripping tools)/(width of the body at rest), or 0 without a grip."""
-        return 0.0 if self.grip is None else 1.0 - self._gap(position, *self.grip) / self._width(*self.grip)
-
-    def grip_axis(self) -> Floats:
-        """Unit vector from the first gripping tool to the second."""
-        assert self.grip is not None
-        return self._axis(*self.grip)
+        return 0.0 if self.grip is None else 1.0 - self.grip.gap(position) / self.grip.width
 
     def velocities(self, progress: Progress, position: Floats) -> Floats:
         """Tool velocities for the coming step (t, 3) [m/s]; a phase's last step is slowed to end on the mark."""
@@ -68,22 +103,21 @@ class Program:
             return velocity
         phase = self._phases[progress.phase]
         if isinstance(phase, ClosePhase):
-            a, b = (self._index[name] for name in phase.tools)
+            grip = self._grips[progress.phase]
             speed = phase.close
             if phase.until.compression is not None:
-                goal = (1.0 - phase.until.compression) * self._width(a, b)
-                speed = min(speed, max(0.0, (self._gap(position, a, b) - goal) / (2.0 * self._dt)))
+                goal = (1.0 - phase.until.compression) * grip.width
+                speed = min(speed, max(0.0, (grip.gap(position) - goal) / (2.0 * self._dt)))
             if phase.until.time is not None:
                 speed *= min(1.0, max(0.0, (phase.until.time - progress.elapsed) / self._dt))
-            axis = self._axis(a, b)
-            velocity[a] = speed * axis
-            velocity[b] = -speed * axis
+            velocity[grip.first] = speed * grip.axis
+            velocity[grip.second] = -speed * grip.axis
         elif isinstance(phase, MovePhase):
-            way = np.asarray(phase.move)
-            length = float(np.linalg.norm(way))
+            length = self._lengths[progress.phase]
             left = length - phase.speed * progress.elapsed
+            share = min(phase.speed, max(0.0, left / self._dt)) / length
             for name in phase.tools:
-                velocity[self._index[name]] = way / length * min(phase.speed, max(0.0, left / self._dt))
+                velocity[self._index[name]] = [share * way for way in phase.move]
         return velocity
 
     def after(self, progress: Progress, position: Floats, grip_force: float) -> Progress:
@@ -96,56 +130,43 @@ class Program:
         if isinstance(phase, HoldPhase):
             ended = elapsed >= phase.hold - 0.5 * self._dt
         elif isinstance(phase, MovePhase):
-            ended = phase.speed * elapsed >= float(np.linalg.norm(phase.move)) - phase.speed * tick
+            ended = phase.speed * elapsed >= self._lengths[progress.phase] - phase.speed * tick
         else:
-            a, b = (self._index[name] for name in phase.tools)
+            grip = self._grips[progress.phase]
             until = phase.until
             ended = (
                 (
                     until.compression is not None
-                    and 1.0 - self._gap(position, a, b) / self._width(a, b) >= until.compression - _ROUNDING
+                    and 1.0 - grip.gap(position) / grip.width >= until.compression - _ROUNDING
                 )
                 or (until.force is not None and grip_force >= until.force)
                 or (until.time is not None and elapsed >= until.time - tick)
             )
-        return Progress(progress.phase + 1, 0.0) if ended else replace(progress, elapsed=elapsed)
+        return Progress(progress.phase + 1, 0.0) if ended else Progress(progress.phase, elapsed)
 
     def duration(self) -> float | None:
         """Length of the motion [s], or None where it depends on a force."""
         total = 0.0
         position = self._tools.position.copy()
-        for phase in self._phases:
+        for number, phase in enumerate(self._phases):
             if isinstance(phase, HoldPhase):
                 total += phase.hold
             elif isinstance(phase, MovePhase):
-                total += float(np.linalg.norm(phase.move)) / phase.speed
+                total += self._lengths[number] / phase.speed
                 for name in phase.tools:
                     position[self._index[name]] += phase.move
             else:
-                a, b = (self._index[name] for name in phase.tools)
+                grip = self._grips[number]
                 bounds = []
                 if phase.until.compression is not None:
-                    way = self._gap(position, a, b) - (1.0 - phase.until.compression) * self._width(a, b)
+                    way = grip.gap(position) - (1.0 - phase.until.compression) * grip.width
                     bounds.append(max(0.0, way) / (2.0 * phase.close))
                 if phase.until.time is not None:
                     bounds.append(phase.until.time)
                 if not bounds:
                     return None
                 total += min(bounds)
-                way_each = min(bounds) * phase.close * self._axis(a, b)
-                position[a] += way_each
-                position[b] -= way_each
+                way_each = min(bounds) * phase.close * grip.axis
+                position[grip.first] += way_each
+                position[grip.second] -= way_each
         return total
-
-    def _axis(self, a: int, b: int) -> Floats:
-        way = self._tools.position[b] - self._tools.position[a]
-        return np.asarray(way / np.linalg.norm(way))
-
-    def _gap(self, position: Floats, a: int, b: int) -> float:
-        axis = self._axis(a, b)
-        between = float((position[b] - position[a]) @ axis)
-        return between - extent_along(self._tools, a, axis) - extent_along(self._tools, b, axis)
-
-    def _width(self, a: int, b: int) -> float:
-        along = self._x_rest @ self._axis(a, b)
-        return float(along.max() - along.min())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced, Frame
 from softseam_services.body.body import Body
-from softseam_services.orchestrator.program import Program
+from softseam_services.orchestrator.program import Program, along_axis
 
 Floats = NDArray[np.float64]
 
@@ -48,11 +48,8 @@ class Quantities:
 
     def grip_force(self, wrench: Floats) -> float:
         """Mean force of the body on the gripping tools along the line between them [N]."""
-        if self._program.grip is None:
-            return 0.0
-        first, second = self._program.grip
-        axis = self._program.grip_axis()
-        return float(0.5 * (wrench[second, :3] - wrench[first, :3]) @ axis)
+        grip = self._program.grip
+        return 0.0 if grip is None else 0.5 * along_axis(grip.axis, wrench[grip.first, :3], wrench[grip.second, :3])
 
     def height(self, replies: Mapping[str, Advanced]) -> float:
         """How far the centre of mass rose since rest, against gravity [m]; without gravity, the lowest point."""
@@ -61,14 +58,18 @@ class Quantities:
         return min(float(reply.bounds[0, 2]) for reply in replies.values()) - self._bottom
 
     def measure(
-        self, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, frame: Frame | None, lift_base: float
+        self, replies: Mapping[str, Advanced], grip_force: float, position: Floats, frame: Frame | None, rise: float
     ) -> dict[str, float]:
-        """All quantities of the step; those that need fields only where there is a frame."""
+        """All quantities of the step; those that need fields only where there is a frame.
+
+        grip_force  [N]
+        rise        height above where the lift began [m]
+        """
         low = min(float(reply.bounds[0, 2]) for reply in replies.values())
         high = max(float(reply.bounds[1, 2]) for reply in replies.values())
         found = {
-            "grip_force": self.grip_force(wrench),
-            "lift_height": self.height(replies) - lift_base,
+            "grip_force": grip_force,
+            "lift_height": rise,
             "slip": max(reply.slip for reply in replies.values()),
             "sag": (self._top - self._bottom) - (high - low),
             "compression": max(0.0, self._program.compression(position)),

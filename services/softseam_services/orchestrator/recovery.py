@@ -9,7 +9,7 @@ was restored.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from softseam_protocol.messages import (
     Advance,
@@ -75,7 +75,9 @@ class RecoveringTransport:
         self._inner.close()
 
     def _remember(self, name: str, request: Request, reply: Reply) -> None:
-        if isinstance(request, Configure):
+        if isinstance(request, Advance | Commit):
+            self._logs[name].since.append(request)  # its arrays are never written again: see `Transport`
+        elif isinstance(request, Configure):
             self._logs[name] = _Log(request)
         elif isinstance(request, Release):
             self._logs.pop(name, None)
@@ -88,18 +90,6 @@ class RecoveringTransport:
             log = self._logs[name]
             log.checkpoint = SnapshotTaken(request.header, request.state)
             log.since.clear()
-        elif isinstance(request, Advance):
-            # the caller goes on working in its arrays
-            self._logs[name].since.append(
-                replace(
-                    request,
-                    seam_force=request.seam_force.copy(),
-                    seam_anchor=request.seam_anchor.copy(),
-                    seam_stiffness=request.seam_stiffness.copy(),
-                )
-            )
-        elif isinstance(request, Commit):
-            self._logs[name].since.append(request)
 
     def _recover(self, error: ParticipantLost | ParticipantFailed) -> None:
         """Wait for the participant and catch it up; it may be lost again meanwhile."""

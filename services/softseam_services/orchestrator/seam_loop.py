@@ -16,6 +16,7 @@ points of the far side slip.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -99,6 +100,11 @@ def learn_stiffness(stiffness: Floats, moved: Floats, resisted: Floats) -> None:
         stiffness += np.outer(resisted, resisted / seen)
 
 
+def largest(vectors: Floats) -> float:
+    """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
+    return math.sqrt(np.einsum("si,si->s", vectors, vectors).max(initial=0.0))
+
+
 class SeamDiverged(RuntimeError):
     """The sides' answers are not finite."""
 
@@ -136,7 +142,7 @@ class SeamLoop:
 
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
-        return self.state.multiplier.reshape(-1, 3).copy()
+        return self.state.multiplier
 
     def solve(self, ask: Ask, may_cut: bool = False) -> SeamSolution:
         """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged.
@@ -204,8 +210,8 @@ class SeamLoop:
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             exchanges += 2
             image = self._tie.image(far.seam_x)
-            gap = float(np.sqrt(((near.seam_x - image) ** 2).sum(axis=1).max()))
-            if not np.isfinite(gap):
+            gap = largest(near.seam_x - image)
+            if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
             if gap <= tolerance:
                 return self._agree({NEAR: near, FAR: far}, found, gap, exchanges, "")
@@ -252,7 +258,7 @@ class SeamLoop:
             found = near.seam_force
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             replies, exchanges = {NEAR: near, FAR: far}, exchanges + 2
-            gap = float(np.sqrt((self._tie.gap(near.seam_x, far.seam_x) ** 2).sum(axis=1).max()))
+            gap = largest(self._tie.gap(near.seam_x, far.seam_x))
         return self._agree(replies, found, gap, exchanges, "the far side's contact jumps with the seam's force")
 
     def _take_far(self, far: Advanced) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -51,6 +51,8 @@ Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
 _CHECKPOINT_STEPS = 50
+_FREE = np.zeros((0, 3))
+"""no forces, and no anchor"""
 _KEPT = np.zeros((0, 0))
 """stands for the stiffness that the near side has"""
 _PARTS = 4
@@ -156,19 +158,21 @@ class Simulation:
         self._ask_fields = fields or (self._wants_fields and (self._step + 1) % _FIELDS_EVERY == 0)
         solution = self._solve(motion)
         replies = solution.replies
-        wrench = sum((reply.wrench for reply in replies.values()), np.zeros((len(self.tools.names), 6)))
+        first, *others = (reply.wrench for reply in replies.values())
+        wrench = sum(others, first)
         self._position = motion.position_next
         phase = -1 if self._program.done(self._progress) else self._progress.phase
         self._step += 1
         grip_force = self._quantities.grip_force(wrench)
         if velocities is None:
             self._progress = self._program.after(self._progress, self._position, grip_force)
-        self._follow_lift(command, replies)
+        height = self._quantities.height(replies)
+        self._follow_lift(command, height)
         frame = None
         self._frame = None
         if self._ask_fields or (self._wants_fields and self.done):
             frame = self._frame = self._gather(self._fields_of(replies), self._sides)
-        quantities = self._quantities.measure(replies, wrench, self._position, frame, self._lift_base)
+        quantities = self._quantities.measure(replies, grip_force, self._position, frame, height - self._lift_base)
         header, sides = self._last_header(), self._sides
         kinetic_change = self._follow_tools(replies)
         if self._step % _CHECKPOINT_STEPS == 0:
@@ -178,8 +182,8 @@ class Simulation:
             sides=sides,
             replies=replies,
             phase=phase,
-            tool_position=self._position,
-            tool_orientation=self._orientation,
+            tool_position=self._position.copy(),
+            tool_orientation=self._orientation.copy(),
             wrench=wrench,
             quantities=quantities,
             seam=solution,
@@ -282,16 +286,13 @@ class Simulation:
             for name, side in wanted.items():
                 header = self._header(name, self._tick, self._n_asked)
                 last = self._ask_fields and (self._n_asked > 0 or self._loop is None)  # it may well be
-                request = Advance(header, dt, side.force, motion, side.compliance, fields=last)
-                if side.anchor is not None:
-                    stiffness = _KEPT if side.stiffness is None else side.stiffness
-                    request = replace(request, seam_anchor=side.anchor, seam_stiffness=stiffness)
-                requests[name] = request
+                anchor = _FREE if side.anchor is None else side.anchor
+                stiffness = _KEPT if side.stiffness is None else side.stiffness
+                requests[name] = Advance(header, dt, side.force, motion, side.compliance, anchor, stiffness, last)
             return self._advanced(self._exchange(requests))
 
         if self._loop is None:
-            free = np.zeros((0, 3))
-            solution = SeamSolution(ask({name: SideRequest(free) for name in sides.names}), free, 0.0, 1, "")
+            solution = SeamSolution(ask({name: SideRequest(_FREE) for name in sides.names}), _FREE, 0.0, 1, "")
         else:
             solution = self._loop.solve(ask, may_cut)
         self._tick += 1
@@ -314,7 +315,7 @@ class Simulation:
         for name, reply in replies.items():
             assert isinstance(reply, Advanced)
             if reply.status != "converged":
-                if not np.isfinite(reply.kinetic):
+                if not math.isfinite(reply.kinetic):
                     raise StepFailed(f"step {self._step}, {name} ({self._sides.models[name]}): {reply.status}")
                 self._event("solver", f"step {self._step}, {name} ({self._sides.models[name]}): {reply.status}")
             found[name] = reply
@@ -334,11 +335,11 @@ class Simulation:
             command[self.tools.names.index(name)] = value
         return command
 
-    def _follow_lift(self, command: Floats, replies: Mapping[str, Advanced]) -> None:
-        """The lift is measured from where the body was before a tool first rises."""
-        self._lifting = self._lifting or bool((command[:, 2] > 0.0).any())
+    def _follow_lift(self, command: Floats, height: float) -> None:
+        """The lift is measured from where the body was before a tool first rises; height of this step [m]."""
+        self._lifting = self._lifting or max(command[:, 2].tolist(), default=0.0) > 0.0
         if not self._lifting:
-            self._lift_base = self._quantities.height(replies)
+            self._lift_base = height
 
     # ---- regions
 

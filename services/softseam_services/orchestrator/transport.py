@@ -32,6 +32,7 @@ class Transport(Protocol):
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         """Send all requests at once, wait (bounded) for all replies.
 
+        Requests and replies are kept for repeats on both ends: nobody writes to their arrays any more.
         Raises ParticipantLost for the first participant that does not answer and ParticipantFailed for the first that
         answers with a Failure.
         """

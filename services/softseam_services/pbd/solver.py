@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from enum import Enum
 
@@ -10,6 +11,7 @@ import numpy as np
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.tools.kernels import all_finite
 from softseam_services.tools.tool_set import ToolSet
 
 from .compliance import SeamProbe
@@ -52,6 +54,7 @@ class PbdSolver:
     ) -> None:
         self.model = model = build_model(scene, body, region, tools)
         self.substeps = model.substeps(scene.step)
+        self._dt, self._planned = scene.step, self.substeps
         n, p, t = model.n_nodes, model.n_points, model.n_tools
         self._committed = new_state(n, model.blocks.n_batches, p, t)
         self._work = new_state(n, model.blocks.n_batches, p, t)
@@ -76,6 +79,7 @@ class PbdSolver:
             np.zeros(n),
         )
         self._wrench = np.zeros((t, 6))
+        self._margin = MARGIN * float(model.blocks.edges.min())
         self._cell_distance = np.zeros(len(region.cells))
         self._result = np.zeros(k.N_RESULTS)
         blocks = model.blocks
@@ -152,31 +156,33 @@ class PbdSolver:
             self._wrench[:] = 0.0
             self._cell_distance[:] = 0.0
         else:
-            work.monitor[:4] = result[[k.LEAST_J, k.KINETIC, k.STRAIN, k.GRAVITY]]
+            work.monitor[0], work.monitor[1] = result[k.LEAST_J], result[k.KINETIC]
+            work.monitor[2], work.monitor[3] = result[k.STRAIN], result[k.GRAVITY]
         self._tentative = True
         compliance = np.zeros((0, 0))
         if request.compliance:
             compliance = self._compliance(request)
+        numbers = result.tolist()
         return Advanced(
-            header=request.header,
-            status=fault.value,
-            seam_x=work.x[self.model.region.seam],
-            compliance=compliance,
-            wrench=self._wrench.copy(),
-            kinetic=float(result[k.KINETIC]),
-            strain=float(result[k.STRAIN]),
-            gravity=float(result[k.GRAVITY]),
-            tool_work=float(result[k.TOOL_WORK]),
-            seam_work=float(result[k.SEAM_WORK]),
-            momentum=result[k.MOMENTUM : k.MOMENTUM + 3].copy(),
-            angular_momentum=result[k.ANGULAR : k.ANGULAR + 3].copy(),
-            penetration=float(result[k.PENETRATION]),
-            slip=float(result[k.SLIP]),
-            n_contacts=int(result[k.N_CONTACTS]),
-            iterations=iterations,
-            seconds=time.perf_counter() - start,
-            cell_distance=self._cell_distance.copy(),
-            bounds=result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3).copy(),
+            request.header,
+            fault.value,
+            work.x[self.model.region.seam],
+            compliance,
+            self._wrench.copy(),
+            numbers[k.KINETIC],
+            numbers[k.STRAIN],
+            numbers[k.GRAVITY],
+            numbers[k.TOOL_WORK],
+            numbers[k.SEAM_WORK],
+            result[k.MOMENTUM : k.MOMENTUM + 3].copy(),
+            result[k.ANGULAR : k.ANGULAR + 3].copy(),
+            numbers[k.PENETRATION],
+            numbers[k.SLIP],
+            int(numbers[k.N_CONTACTS]),
+            iterations,
+            time.perf_counter() - start,
+            self._cell_distance.copy(),
+            result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
         )
 
     def _share_out(self, request: Advance) -> None:
@@ -210,7 +216,9 @@ class PbdSolver:
             work.stress[:] = 0.0
             work.a[:] = 0.0
             work.force[:] = 0.0
-        n_substeps = self.model.substeps(request.dt) * 2**attempt
+        if request.dt != self._dt:
+            self._dt, self._planned = request.dt, self.model.substeps(request.dt)
+        n_substeps = self._planned * 2**attempt
         n_sweeps = self.model.spec.sweeps + attempt
         if work.monitor[0] < CRUSHED:
             n_sweeps = max(n_sweeps, 2)
@@ -237,19 +245,19 @@ class PbdSolver:
             n_substeps,
             n_sweeps,
             KAPPA,
-            MARGIN * float(self.model.blocks.edges.min()),
+            self._margin,
         )
         return int(n_substeps * n_sweeps)
 
     def _check(self) -> Fault:
         """Whether the tentative step can be believed."""
-        result = self._result
-        if not np.isfinite(result).all():
+        now = self._result.tolist()
+        if not math.isfinite(sum(now)):
             return Fault.DIVERGED
-        _, kinetic, strain, gravity = self._committed.monitor[:4]
-        work = result[k.TOOL_WORK], result[k.SEAM_WORK]
-        rise = result[k.KINETIC] + result[k.STRAIN] + result[k.GRAVITY] - kinetic - strain - gravity - sum(work)
-        scale = kinetic + strain + abs(work[0]) + abs(work[1]) + result[k.PUSHED] + self._floor
+        _, kinetic, strain, gravity, _ = self._committed.monitor.tolist()
+        tools, seam = now[k.TOOL_WORK], now[k.SEAM_WORK]
+        rise = now[k.KINETIC] + now[k.STRAIN] + now[k.GRAVITY] - kinetic - strain - gravity - tools - seam
+        scale = kinetic + strain + abs(tools) + abs(seam) + now[k.PUSHED] + self._floor
         return Fault.ENERGY if rise > RISE * scale else Fault.NONE
 
     def _compliance(self, request: Advance) -> Floats:
@@ -305,6 +313,4 @@ class PbdSolver:
 def _finite(request: Advance) -> bool:
     motion = request.tools
     poses = motion.position, motion.orientation, motion.position_next, motion.orientation_next
-    # A sum is finite unless a term is not, or unless it overflows, which no sound request does.
-    total = sum(float(value.sum()) for value in poses) + float(request.seam_force.sum())
-    return request.dt > 0.0 and bool(np.isfinite(total + request.dt))
+    return request.dt > 0.0 and math.isfinite(request.dt) and bool(all_finite(*poses, request.seam_force))

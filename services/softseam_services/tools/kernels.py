@@ -114,3 +114,18 @@ def least_gaps(points, kind, shape, position, orientation, gap):
         for point in range(len(points)):
             least = min(least, tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], points[point])[0])
         gap[tool] = least
+
+
+@njit(cache=True, error_model="numpy")
+def all_finite(position, orientation, position_next, orientation_next, force):
+    """Whether poses (t, 3), (t, 4), (t, 3), (t, 4) and seam forces (s, 3) hold neither NaN nor infinity."""
+    total = 0.0
+    for tool in range(position.shape[0]):
+        for i in range(3):
+            total += 0.0 * (position[tool, i] + position_next[tool, i])
+        for i in range(4):
+            total += 0.0 * (orientation[tool, i] + orientation_next[tool, i])
+    for node in range(force.shape[0]):
+        for i in range(3):
+            total += 0.0 * force[node, i]
+    return total == 0.0  # 0 times infinity is NaN

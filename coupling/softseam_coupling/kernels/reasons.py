@@ -1,0 +1,29 @@
+"""Which cells have a reason to be near, counted step by step."""
+
+from __future__ import annotations
+
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy")
+def count_reasons(distance, ahead, pinned, near, within, release, may_lower, patience, idle, wanted, reason):
+    """Mark the cells with a reason to be near and count the steps since; whether any cell is to be raised or let go.
+
+    distance, ahead  (C,)  least distance to a tool, now and soon [m]
+    pinned, near     (C,)  cells that are always near, that are near now
+    within, release        distances that make a cell near and that let it go [m]
+    may_lower              whether cells may be let go in this step
+    patience               steps that a cell stays near after its last reason
+    idle             (C,)  steps since each cell's last reason, updated in place
+    wanted, reason   (C,)  out
+    """
+    moves = False
+    for cell in range(len(distance)):
+        wanted[cell] = pinned[cell] or ahead[cell] < within
+        reason[cell] = wanted[cell] or (near[cell] and distance[cell] < release)
+        idle[cell] = 0 if reason[cell] else idle[cell] + 1
+        if near[cell]:
+            moves |= may_lower and idle[cell] >= patience
+        else:
+            moves |= wanted[cell]
+    return moves
