@@ -12,6 +12,9 @@ Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 ModelKind = Literal["fem", "pbd"]
+MaterialKind = Literal[
+    "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
+]
 Quantity = Literal["grip_force", "lift_height", "slip", "peak_von_mises", "sag", "compression", "tip_deflection"]
 
 LARGEST_BODY = 100.0
@@ -20,6 +23,13 @@ SMALLEST_BODY = 1e-4
 """a body's edge below this is taken for wrong units [m]"""
 MOST_CELLS = 200_000
 MOST_STEPS = 10_000_000
+
+
+KNOWN_MATERIALS: dict[ModelKind, tuple[MaterialKind, ...]] = {
+    "fem": ("neo_hookean", "linear"),
+    "pbd": ("neo_hookean", "linear"),
+}
+"""the materials that each model can take"""
 
 
 def _wrong(message: str, *at: str | int) -> PydanticCustomError:
@@ -66,12 +76,23 @@ Shape = Annotated[BlockShape | MeshShape, Field(discriminator="kind")]
 
 
 class MaterialSpec(Spec):
-    """Elastic constants of the body."""
+    """Elastic constants of the body; every law meets Hooke's with these at small strains."""
 
-    kind: Literal["neo_hookean", "linear"] = "neo_hookean"
+    kind: MaterialKind = "neo_hookean"
     young: Positive = Field(description="Young's modulus [Pa]")
     poisson: float = Field(gt=-1.0, lt=0.5, description="Poisson's ratio, below 0.5: use 0.49 for rubber or gel [1]")
     density: Positive = Field(description="mass density at rest [kg/m^3]")
+    ratio: float | None = Field(
+        default=None, ge=0.0, le=1.0, description="mooney_rivlin: c01/(c10 + c01), 0 is neo-Hookean [1]"
+    )
+
+    @model_validator(mode="after")
+    def _ratio(self) -> MaterialSpec:
+        if self.kind == "mooney_rivlin" and self.ratio is None:
+            raise _wrong("mooney_rivlin needs the ratio c01/(c10 + c01): give `ratio`, 0.2 for many rubbers", "kind")
+        if self.kind != "mooney_rivlin" and self.ratio is not None:
+            raise _wrong(f"{self.kind} has no ratio: only mooney_rivlin does", "ratio")
+        return self
 
 
 class BoxRegion(Spec):
@@ -332,11 +353,22 @@ class Scene(Spec):
                 self._known(phase.tools, "motion", i, "tools")
         if self.regions.near is not None:
             self._known(self.regions.near.tools or (), "regions", "near", "tools")
+        self._material_known()
         if self.duration is None and not self.motion:
             raise _wrong("give a duration, or a motion whose end is the end of the run")
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
             raise _wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
+
+    def _material_known(self) -> None:
+        """Raise if a model that the scene uses cannot take the body's material."""
+        kind, regions = self.body.material.kind, self.regions
+        for model in dict.fromkeys((regions.default, regions.near.model if regions.near else regions.default)):
+            known = KNOWN_MATERIALS[model]
+            if kind not in known:
+                able = [other for other in KNOWN_MATERIALS if kind in KNOWN_MATERIALS[other]]
+                remedy = f"use {' or '.join(known)}" + "".join(f", or give all cells to {other}" for other in able)
+                raise _wrong(f"the model {model} cannot take {kind}: {remedy}", "body", "material", "kind")
 
     def _known(self, names: tuple[str, ...], *at: str | int) -> None:
         """Raise if one of the names is not a tool."""

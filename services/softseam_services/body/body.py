@@ -13,31 +13,42 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_services.body.elastic_constants import ElasticConstants
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
 class Material:
-    """Elastic constants. kind: 'neo_hookean' or 'linear'."""
+    """Elastic constants, and the kernels' view of them (`materials.point`)."""
 
     kind: str
+    """as in the scene file"""
     mu: float
     """shear modulus [Pa]"""
     lambda_: float
     """first Lame constant [Pa]"""
     density: float
     """at rest [kg/m^3]"""
+    number: int
+    """of the kind in `materials.point`"""
+    parameters: Floats
+    """mu, lambda [Pa], ratio [1]: what `materials.point` takes (3,)"""
+
+    @property
+    def elastic(self) -> ElasticConstants:
+        return ElasticConstants(self.mu, self.lambda_)
 
     @property
     def wave_speed(self) -> float:
-        """P-wave speed sqrt((lambda + 2 mu)/rho) [m/s]."""
-        return float(np.sqrt((self.lambda_ + 2.0 * self.mu) / self.density))
+        """P-wave speed at rest [m/s]."""
+        return self.elastic.pressure_speed(self.density)
 
     @property
     def young(self) -> float:
-        """Young's modulus mu (3 lambda + 2 mu)/(lambda + mu) [Pa]."""
-        return self.mu * (3.0 * self.lambda_ + 2.0 * self.mu) / (self.lambda_ + self.mu)
+        """Young's modulus [Pa]."""
+        return self.elastic.young
 
 
 @dataclass(frozen=True)

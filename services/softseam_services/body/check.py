@@ -67,7 +67,7 @@ def check_body(body: Body) -> BodyCheck:
     # What rounding a wanted cell edge to a divisor of the body leaves open is worth knowing when it is one cell.
     if (size < 1.5 * body.edges).any():
         warnings.append("one cell through the thickness: bending is coarse; make `cell` half as large")
-    poisson = material.lambda_ / (2.0 * (material.lambda_ + material.mu))
+    poisson = material.elastic.poisson
     if poisson > _INCOMPRESSIBLE:
         warnings.append(f"Poisson's ratio {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
     if not 10.0 <= material.density <= 25_000.0:

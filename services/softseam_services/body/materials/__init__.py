@@ -2,39 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+import numpy as np
 
 from softseam_protocol.scene import MaterialSpec
 from softseam_services.body.body import Material
-from softseam_services.body.materials import linear, neo_hookean
+from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.materials import point
 
-__all__ = ["MATERIALS", "MaterialLaw", "build_material"]
-
-
-@dataclass(frozen=True)
-class MaterialLaw:
-    """Kernels of one material; each takes F (3, 3), mu, lambda."""
-
-    energy: Callable[..., Any]
-    stress: Callable[..., Any]
-    cauchy: Callable[..., Any]
-    tangent: Callable[..., Any]
-
+__all__ = ["MATERIALS", "build_material"]
 
 MATERIALS = {
-    "neo_hookean": MaterialLaw(neo_hookean.energy, neo_hookean.stress, neo_hookean.cauchy, neo_hookean.tangent),
-    "linear": MaterialLaw(linear.energy, linear.stress, linear.cauchy, linear.tangent),
+    "neo_hookean": point.NEO_HOOKEAN,
+    "linear": point.LINEAR,
+    "corotated": point.COROTATED,
+    "st_venant_kirchhoff": point.ST_VENANT_KIRCHHOFF,
+    "stable_neo_hookean": point.STABLE_NEO_HOOKEAN,
+    "mooney_rivlin": point.MOONEY_RIVLIN,
 }
+"""number by which `point` knows each kind"""
 
 
 def build_material(spec: MaterialSpec) -> Material:
-    """Lame constants: mu = E/(2(1 + nu)), lambda = E nu/((1 + nu)(1 - 2 nu))."""
-    young, poisson = spec.young, spec.poisson
+    """Elastic constants and the kernels' view of a scene's material."""
+    elastic = ElasticConstants.from_young_poisson(spec.young, spec.poisson)
+    parameters = np.zeros(point.N_PARAMETERS)
+    parameters[:] = elastic.mu, elastic.lambda_, spec.ratio or 0.0
     return Material(
         kind=spec.kind,
-        mu=young / (2.0 * (1.0 + poisson)),
-        lambda_=young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
+        mu=elastic.mu,
+        lambda_=elastic.lambda_,
         density=spec.density,
+        number=MATERIALS[spec.kind],
+        parameters=parameters,
     )

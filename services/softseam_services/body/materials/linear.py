@@ -4,19 +4,18 @@ psi(F) = mu eps : eps + lambda/2 (tr eps)^2,  eps = (H + H^T)/2,  H = F - I     
 P = 2 mu eps + lambda tr(eps) I                                                                                (2)
 dP_ij/dF_kl = mu (d_ik d_jl + d_il d_jk) + lambda d_ij d_kl                                                    (3)
 
-With the same constant matrix mu/2 (I1 - 3) as the neo-Hookean solid taken out, what remains is
-psi - mu/2 (I1 - 3) = mu/2 H_ij H_ji + lambda/2 (tr H)^2 - mu tr H                                             (4)
-whose stress at rest is -mu I, as that of psi_J.
+The tangent is constant and positive semi-definite: eigenvalues 3 lambda + 2 mu, 2 mu, and 0 for rotations.
+Valid: strains and rotations below a few percent; a body that turns by an angle a gains the strain 1 - cos a.
+mu > 0, lambda > -2/3 mu [Pa].
 """
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F, mu, lam):
+def energy(parameters, F):
     """Energy density psi [Pa] of the deformation gradient F (3, 3), eq. (1)."""
     square = 0.0
     for i in range(3):
@@ -24,46 +23,27 @@ def energy(F, mu, lam):
             e = 0.5 * (F[i, j] + F[j, i]) - (1.0 if i == j else 0.0)
             square += e * e
     trace = F[0, 0] + F[1, 1] + F[2, 2] - 3.0
-    return mu * square + 0.5 * lam * trace * trace
+    return parameters[0] * square + 0.5 * parameters[1] * trace * trace
 
 
 @njit(cache=True, error_model="numpy")
-def stress(F, mu, lam):
-    """First Piola-Kirchhoff stress P (3, 3) [Pa], eq. (2); symmetric."""
-    trace = F[0, 0] + F[1, 1] + F[2, 2] - 3.0
-    P = np.empty((3, 3))
+def stress(parameters, F, P):
+    """First Piola-Kirchhoff stress, eq. (2), symmetric; P (3, 3) [Pa] updated in place."""
+    mu, lam = parameters[0], parameters[1]
+    pressure = lam * (F[0, 0] + F[1, 1] + F[2, 2] - 3.0) - 2.0 * mu
     for i in range(3):
         for j in range(3):
             P[i, j] = mu * (F[i, j] + F[j, i])
-        P[i, i] += lam * trace - 2.0 * mu
-    return P
+        P[i, i] += pressure
 
 
 @njit(cache=True, error_model="numpy")
-def cauchy(F, mu, lam):
-    """Cauchy stress (3, 3) [Pa]; in the small-strain limit it is P."""
-    return stress(F, mu, lam)
-
-
-@njit(cache=True, error_model="numpy")
-def tangent(F, mu, lam):
-    """dP/dF (3, 3, 3, 3) [Pa], index order P_ij F_kl, eq. (3); constant."""
-    A = np.zeros((3, 3, 3, 3))
+def tangent(parameters, A):
+    """dP/dF, eq. (3); A (9, 9) [Pa], rows 3 i + j, columns 3 k + l, updated in place."""
+    mu, lam = parameters[0], parameters[1]
+    A[:] = 0.0
     for i in range(3):
         for j in range(3):
-            A[i, j, i, j] += mu
-            A[i, j, j, i] += mu
-            A[i, i, j, j] += lam
-    return A
-
-
-@njit(cache=True, error_model="numpy")
-def remainder_stress(F, mu, lam):
-    """P - mu F (3, 3) [Pa]: what remains when mu/2 (I1 - 3) is integrated on its own, eq. (4)."""
-    trace = F[0, 0] + F[1, 1] + F[2, 2] - 3.0
-    P = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            P[i, j] = mu * F[j, i]
-        P[i, i] += lam * trace - 2.0 * mu
-    return P
+            A[3 * i + j, 3 * i + j] += mu
+            A[3 * i + j, 3 * j + i] += mu
+            A[4 * i, 4 * j] += lam

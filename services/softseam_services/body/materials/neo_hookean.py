@@ -9,6 +9,8 @@ Tangent         dP_ij/dF_kl = mu d_ik d_jl + ds cof_ij cof_kl + s e_ikm e_jln F_
 
 Below J_MIN psi_J continues as the parabola with the same value, slope and curvature (C2), so that an inverted state
 has a finite energy and a force that turns it right side out again.
+
+Valid: any F. mu > 0, lambda > -2/3 mu [Pa].
 """
 
 from __future__ import annotations
@@ -35,73 +37,11 @@ def volumetric(J, mu, lam):
 
 
 @njit(cache=True, error_model="numpy")
-def cofactor(F):
-    """cof F = dJ/dF (3, 3), and J = det F."""
-    C = np.empty((3, 3))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for a in range(3):
-            b, c = (a + 1) % 3, (a + 2) % 3
-            C[i, a] = F[j, b] * F[k, c] - F[j, c] * F[k, b]
-    return C, F[0, 0] * C[0, 0] + F[0, 1] * C[0, 1] + F[0, 2] * C[0, 2]
-
-
-@njit(cache=True, error_model="numpy")
-def energy(F, mu, lam):
-    """Energy density psi [Pa] of the deformation gradient F (3, 3), eq. (1)."""
-    _, J = cofactor(F)
-    i1 = 0.0
-    for i in range(3):
-        for j in range(3):
-            i1 += F[i, j] * F[i, j]
-    return 0.5 * mu * (i1 - 3.0) + volumetric(J, mu, lam)[0]
-
-
-@njit(cache=True, error_model="numpy")
-def stress(F, mu, lam):
-    """First Piola-Kirchhoff stress P (3, 3) [Pa], eq. (2)."""
-    C, J = cofactor(F)
-    _, s, _ = volumetric(J, mu, lam)
-    return mu * F + s * C
-
-
-@njit(cache=True, error_model="numpy")
-def cauchy(F, mu, lam):
-    """Cauchy stress sigma (3, 3) [Pa], eq. (3)."""
-    _, J = cofactor(F)
-    _, s, _ = volumetric(J, mu, lam)
-    sigma = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            b = F[i, 0] * F[j, 0] + F[i, 1] * F[j, 1] + F[i, 2] * F[j, 2]
-            sigma[i, j] = mu * b / J + (s if i == j else 0.0)
-    return sigma
-
-
-@njit(cache=True, error_model="numpy")
-def tangent(F, mu, lam):
-    """dP/dF (3, 3, 3, 3) [Pa], index order P_ij F_kl, eq. (4)."""
-    C, J = cofactor(F)
-    _, s, ds = volumetric(J, mu, lam)
-    A = np.empty((3, 3, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                for n in range(3):
-                    A[i, j, k, n] = ds * C[i, j] * C[k, n]
-                    if i == k and j == n:
-                        A[i, j, k, n] += mu
-    for i in range(3):
-        for k in range(3):
-            if i == k:
-                continue
-            m = 3 - i - k
-            e_rows = 1.0 if (k - i) % 3 == 1 else -1.0
-            for j in range(3):
-                for n in range(3):
-                    if j == n:
-                        continue
-                    o = 3 - j - n
-                    e_columns = 1.0 if (n - j) % 3 == 1 else -1.0
-                    A[i, j, k, n] += s * e_rows * e_columns * F[m, o]
-    return A
+def response(i1, i2, j, parameters):
+    """psi [Pa] of eq. (1) and its derivatives by the invariants, as `invariants` asks."""
+    mu, lam = parameters[0], parameters[1]
+    psi, s, ds = volumetric(1.0 + j, mu, lam)
+    if 1.0 + j >= J_MIN:
+        log = np.log1p(j)  # small strains keep their digits
+        psi = log * (0.5 * lam * log - mu)
+    return 0.5 * mu * i1 + psi, 0.5 * mu, 0.0, s, 0.0, 0.0, 0.0, 0.0, 0.0, ds
