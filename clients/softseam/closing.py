@@ -18,6 +18,7 @@ _SHOWN = {
     "peak_von_mises": ("peak von Mises", "kPa", 1e-3),
     "tip_deflection": ("tip deflection", "mm", 1e3),
 }
+_PROBED = {"von_mises": ("kPa", 1e-3), "displacement": ("mm", 1e3)}
 _COLOR = {"lifted": "green", "held": "green", "finished": "green"}
 
 
@@ -30,7 +31,11 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     table.add_column("")
     for heading in ("at the end", "largest"):
         table.add_column(heading, justify="right")
-    for name, (label, unit, factor) in _SHOWN.items():
+    probes = {
+        name: (name.replace("_", " ").replace(".", ": ").replace("mises", "Mises"), *_PROBED[what])
+        for name, what in _probes(report)
+    }
+    for name, (label, unit, factor) in (_SHOWN | probes).items():
         found = report["quantities"].get(name)
         if found is not None and found["max"] is not None:
             table.add_row(label, _figure(found["final"], factor, unit), _figure(found["max"], factor, unit))
@@ -45,6 +50,14 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
             grid.add_row(*row)
         console.print(grid)
     _print_events(console, report["events"])
+
+
+def _probes(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Names of what probes reported, and what it is."""
+    for name in report["quantities"]:
+        what = name.rpartition(".")[2]
+        if what in _PROBED and name not in _SHOWN:
+            yield name, what
 
 
 def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

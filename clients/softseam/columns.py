@@ -18,8 +18,15 @@ UNITS = {
     "compression": "1",
     "tip_deflection": "m",
 }
+PROBED = {"von_mises": "Pa", "displacement": "m"}
+"""what is reported at a probe, as NAME.von_mises"""
 LEDGER = ("kinetic", "strain", "gravity", "tool_work", "seam_work", "dissipation", "switch")
 SPENT = ("fem", "pbd", "coupling", "bus", "record", "total")
+
+
+def unit_of(quantity: str) -> str:
+    """Unit of a quantity, or of what a probe reports; '' where it has none that we know."""
+    return UNITS.get(quantity, PROBED.get(quantity.rpartition(".")[2], ""))
 
 
 class Columns:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.columns import SPENT, UNITS, Columns
+from softseam.columns import SPENT, Columns, unit_of
 from softseam.verdict import Verdict, judge
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Event, Frame, StepReport
 from softseam_protocol.scene import Scene
@@ -141,7 +141,7 @@ class ReportBuilder:
             values = c[f"quantity.{name}"]
             known = values[np.isfinite(values)]
             found[name] = {
-                "unit": UNITS.get(name, ""),
+                "unit": unit_of(name),
                 "time": _list(c["time"]),
                 "values": _list(values),
                 "final": _number(values[-1]),

@@ -179,6 +179,7 @@ class SphereTool(Spec):
 
 ToolSpec = Annotated[PlaneTool | BoxTool | SphereTool, Field(discriminator="kind")]
 ToolName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]{0,63}$")]
+ProbeName = ToolName
 
 
 class Until(Spec):
@@ -345,6 +346,9 @@ class Scene(Spec):
     models: ModelsSpec = ModelsSpec()
     seam: SeamSpec = SeamSpec()
     quantities: tuple[Quantity, ...] = Field(default=(), description="reported for every step")
+    probes: dict[ProbeName, Vector] = Field(
+        default={}, description="points of the body at rest [m]; von Mises stress and displacement are reported there"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from softseam.columns import UNITS, Columns
+from softseam.columns import Columns, unit_of
 from softseam.replay import paths
 from softseam.view import colors
 from softseam_protocol.scene import Scene
@@ -32,7 +32,7 @@ def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> di
     writer = _Writer(stream, columns)
     tabs: dict[str, list[Plot]] = {"Grip": [], "Shape": []}
     for name in columns.names("quantity."):
-        unit, factor = _SHOWN.get(UNITS.get(name, ""), (UNITS.get(name, ""), 1.0))
+        unit, factor = _SHOWN.get(unit_of(name), (unit_of(name), 1.0))
         plot = writer.plot(f"{colors.label(name)} [{unit}]", f"quantities/{name}")
         tab = tabs["Grip" if name in _GRIP else "Shape"]
         writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab))

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from softseam.columns import UNITS, Columns
+from softseam.columns import Columns, unit_of
 from softseam.recording import Recording
 from softseam.report import ReportBuilder
 from softseam.view import colors
@@ -39,7 +39,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     for axes in every[n_plots:]:
         axes.set_axis_off()
     for i, name in enumerate(quantities):
-        unit, factor = _SHOWN.get(UNITS.get(name, ""), (UNITS.get(name, ""), 1.0))
+        unit, factor = _SHOWN.get(unit_of(name), (unit_of(name), 1.0))
         plain(every[i], f"{colors.label(name)} [{unit}]")
         values = columns[f"quantity.{name}"]
         seen = np.isfinite(values)  # some are measured in some steps only

@@ -60,4 +60,4 @@ def engineering(value: float, unit: str) -> str:
 
 def label(name: str) -> str:
     """A quantity's name as people write it: 'peak_von_mises' -> 'peak von Mises'."""
-    return name.replace("_", " ").replace("mises", "Mises")
+    return name.replace("_", " ").replace(".", ": ").replace("mises", "Mises")

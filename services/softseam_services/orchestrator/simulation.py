@@ -37,6 +37,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.parts import parts_of, sum_replies
+from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
 from softseam_services.orchestrator.recovery import RecoveringTransport
@@ -87,7 +88,8 @@ class Simulation:
         self._transport = RecoveringTransport(transport, on_event=self._event)
         self._program = Program(self.scene, self.tools, self.body.x_rest)
         self._quantities = Quantities(self.body, self._program, self.scene.quantities)
-        self._wants_fields = not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
+        self._probes = Probes(self.body, self.scene.probes)
+        self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
         self._near = NearCells(self.scene, self.body, self.tools)
         self._seam = SeamSolver(tolerance=self.scene.seam.tolerance * float(self.body.edges.min()))
@@ -173,6 +175,8 @@ class Simulation:
         if self._ask_fields or (self._wants_fields and self.done):
             frame = self._frame = self._gather(self._fields_of(replies), self._sides)
         quantities = self._quantities.measure(replies, grip_force, self._position, frame, height - self._lift_base)
+        if frame is not None:
+            quantities |= self._probes.measure(frame, self._near.model, self.scene.regions.default)
         header, sides = self._last_header(), self._sides
         kinetic_change = self._follow_tools(replies)
         if self._step % _CHECKPOINT_STEPS == 0:

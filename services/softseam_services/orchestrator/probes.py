@@ -1,0 +1,67 @@
+"""Named points of the body at which stress and displacement are reported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from softseam_protocol.messages import Frame
+from softseam_protocol.scene import Vector
+from softseam_services.body.body import Body
+from softseam_services.body.errors import MeshError
+from softseam_services.body.interpolate import hex27
+from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
+from softseam_services.orchestrator.quantities import von_mises
+
+Floats = NDArray[np.float64]
+_REACH = 1e-9
+"""by how much of a cell a probe may lie outside, for rounding"""
+
+
+class Probes:
+    """Follows named material points. Raises MeshError, naming the probe, where one is not in the body."""
+
+    def __init__(self, body: Body, points: Mapping[str, Vector]) -> None:
+        self._body = body
+        self._names = list(points)
+        self._rest = np.array(list(points.values()), dtype=np.float64).reshape(-1, 3)
+        cells = np.empty(len(points), dtype=np.int64)
+        self._weight = np.empty((len(points), 27))
+        slopes = np.empty((27, 3))
+        middle = body.x_rest[body.cell_nodes[:, 13]]
+        for i, (name, at) in enumerate(zip(self._names, self._rest, strict=True)):
+            local = 2.0 * (at - middle) / body.edges
+            outside = np.abs(local).max(axis=1)
+            octant = (local >= 0.0) @ np.array([1, 2, 4])
+            empty = body.fill[np.arange(body.n_cells), octant] == 0.0
+            cells[i] = np.argmin(np.where(empty, np.inf, outside))
+            if empty.all() or outside[cells[i]] > 1.0 + _REACH:
+                raise MeshError(
+                    f"probes.{name}: {at.tolist()} is not in the body, which spans {body.x_rest.min(axis=0).tolist()} "
+                    f"to {body.x_rest.max(axis=0).tolist()} at rest: name a point inside"
+                )
+            hex27(np.clip(local[cells[i]], -1.0, 1.0), self._weight[i], slopes)
+        self._nodes = body.cell_nodes[cells]
+        self._recovery: csr_array | None = None
+        self._near = np.zeros(0, dtype=np.int8)
+
+    def measure(self, frame: Frame, near_model: str, far_model: str) -> dict[str, float]:
+        """NAME.von_mises [Pa] of the recovered stress and NAME.displacement [m] of every probe."""
+        if not self._names:
+            return {}
+        if self._recovery is None or not np.array_equal(frame.cell_near, self._near):
+            self._near = frame.cell_near.copy()
+            near, far = (FEM_SAMPLE if model == "fem" else PBD_SAMPLE for model in (near_model, far_model))
+            recovery = nodal_recovery(self._body, np.where(frame.cell_near == 1, near, far))
+            rows = np.repeat(np.arange(len(self._names)), 27)
+            shape = (len(self._names), self._body.n_nodes)
+            self._recovery = csr_array((self._weight.ravel(), (rows, self._nodes.ravel())), shape=shape) @ recovery
+        cauchy = self._recovery @ frame.cauchy.reshape(-1, 6)
+        moved = np.einsum("pa,pai->pi", self._weight, frame.x[self._nodes]) - self._rest
+        found = {}
+        for name, stress, distance in zip(self._names, von_mises(cauchy), np.linalg.norm(moved, axis=1), strict=True):
+            found[f"{name}.von_mises"], found[f"{name}.displacement"] = float(stress), float(distance)
+        return found
