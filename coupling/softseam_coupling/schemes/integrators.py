@@ -6,6 +6,8 @@ u and v of BDF2; else zero). A step of length h with the force F is y <- P y + Q
 
     implicit_euler  (M + h C + h^2 K) v1 = M v0 + h (F1 - K u0),  u1 = u0 + h v1
     midpoint        (M + h C/2 + h^2 K/4) v1 = (M - h C/2) v0 + h (F_1/2 - K (u0 + h v0/4)),  u1 = u0 + h (v0 + v1)/2
+    theta           as midpoint, at a fraction th: a = (M + th h C + th^2 h^2 K)^-1 (F_th - K (u0 + th h v0) - C v0),
+                    v1 = v0 + h a,  u1 = u0 + h (v0 + th h a)
     bdf2            3 y1 - 4 y0 + y_-1 = 2 h y1' for y = u and v
     newmark         u* = u0 + h v0 + h^2 (1/2 - beta) a0,  v* = v0 + h (1 - gamma) a0,
                     (M + gamma h C + beta h^2 K) a1 = F1 - K u* - C v*  (trapezoidal: beta 1/4, gamma 1/2)
@@ -91,6 +93,17 @@ def _midpoint(side: LinearSide, h: float) -> tuple[Floats, Floats, float, float]
     return p, q, 0.5, 0.5
 
 
+def _theta(side: LinearSide, h: float, theta: float = 0.51) -> tuple[Floats, Floats, float, float]:
+    n, eye = side.n, np.eye(side.n)
+    inverse = np.linalg.inv(side.mass + theta * h * side.viscous() + (theta * h) ** 2 * side.stiffness)
+    p, q = np.zeros((4 * n, 4 * n)), np.zeros((4 * n, n))
+    u, v = slice(0, n), slice(n, 2 * n)
+    a_u, a_v = -inverse @ side.stiffness, -inverse @ (theta * h * side.stiffness + side.viscous())
+    p[v, u], p[v, v], q[v] = h * a_u, eye + h * a_v, h * inverse
+    p[u, u], p[u, v], q[u] = eye + theta * h * p[v, u], h * (eye + theta * h * a_v), theta * h * q[v]
+    return p, q, theta, theta
+
+
 def _bdf2(side: LinearSide, h: float) -> tuple[Floats, Floats, float, float]:
     n, eye = side.n, np.eye(side.n)
     g = 2.0 * h / 3.0
@@ -122,6 +135,7 @@ def _newmark(side: LinearSide, h: float, beta: float = 0.25, gamma: float = 0.5)
 INTEGRATORS: dict[str, Callable[[LinearSide, float], tuple[Floats, Floats, float, float]]] = {
     "implicit_euler": _implicit_euler,
     "midpoint": _midpoint,
+    "theta": _theta,
     "bdf2": _bdf2,
     "newmark": _newmark,
 }
