@@ -20,9 +20,9 @@ J_MIN = 0.2
 
 
 @njit(cache=True, error_model="numpy")
-def _functions(J, power):
-    """f = J^power - 1, f', f'' for J >= J_MIN."""
-    f = np.expm1(power * np.log(J))
+def _power(J, log, power):
+    """f = J^power - 1, f', f''; log = ln J."""
+    f = np.expm1(power * log)
     df = power * (f + 1.0) / J
     return f, df, (power - 1.0) * df / J
 
@@ -32,11 +32,12 @@ def response(i1, i2, j, parameters):
     """psi [Pa] of eq. (1) and its derivatives by the invariants, as `invariants` asks; parameters mu, lambda, ratio."""
     mu, lam, ratio = parameters[0], parameters[1], parameters[2]
     c10, c01, bulk = 0.5 * mu * (1.0 - ratio), 0.5 * mu * ratio, lam + 2.0 / 3.0 * mu  # eq. (2)
-    J = max(1.0 + j, J_MIN)
-    d = 1.0 + j - J  # 0, or how far below J_MIN
-    f, df, ddf = _functions(J, -2.0 / 3.0)
-    g, dg, ddg = _functions(J, -4.0 / 3.0)
-    u, du, ddu = 0.25 * (J * J - 1.0 - 2.0 * np.log(J)), 0.5 * (J - 1.0 / J), 0.5 * (1.0 + 1.0 / (J * J))
+    at = max(j, J_MIN - 1.0)
+    d = j - at  # 0, or how far below J_MIN
+    J, log = 1.0 + at, np.log1p(at)  # small strains keep their digits
+    f, df, ddf = _power(J, log, -2.0 / 3.0)
+    g, dg, ddg = _power(J, log, -4.0 / 3.0)
+    u, du, ddu = 0.25 * (at * (2.0 + at) - 2.0 * log), 0.5 * (J - 1.0 / J), 0.5 * (1.0 + 1.0 / (J * J))
     f, df = f + d * (df + 0.5 * d * ddf), df + d * ddf
     g, dg = g + d * (dg + 0.5 * d * ddg), dg + d * ddg
     u, du = u + d * (du + 0.5 * d * ddu), du + d * ddu
