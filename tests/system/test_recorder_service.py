@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import socket
 import subprocess
@@ -21,7 +22,7 @@ from softseam_protocol.errors import Refused
 from softseam_protocol.messages import SCHEMA_VERSION, Commit, End, Event, Frame, Header, Recorded, StepReport
 from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
-from softseam_services.orchestrator.recorder_feed import RecorderFeed
+from softseam_services.orchestrator.recorder_feed import MOST_MESSAGES, PATIENCE, RecorderFeed
 
 pytestmark = pytest.mark.slow
 
@@ -32,14 +33,23 @@ READY = 60.0
 class Recorder:
     """A recorder's process that is up, writing into a folder."""
 
-    def __init__(self, options: BusOptions, bus: Bus, folder: Path) -> None:
+    def __init__(self, options: BusOptions, bus: Bus, folder: Path, largest_file: int | None = None) -> None:
         self.folder = folder
+
+        def limit() -> None:
+            if largest_file is not None:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
+
         command = [sys.executable, "-m", "softseam_services", "serve", "recorder"]
         command += ["--connect", options.connect, "--directory", str(folder)]
-        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=limit)
         deadline = time.monotonic() + READY
-        while not bus.live(KEYS.every_live("recorder")):
+        while not self.lives(bus):
             assert self.process.poll() is None and time.monotonic() < deadline, "the recorder does not come up"
+
+    def lives(self, bus: Bus) -> bool:
+        """Whether its token is seen."""
+        return bool(bus.live(KEYS.every_live("recorder")))
 
     def stop(self, how: int = signal.SIGTERM) -> int:
         self.process.send_signal(how)
@@ -145,6 +155,73 @@ def test_a_killed_recorder_costs_a_quarter_of_a_second_and_its_successor_goes_on
     assert second.note is None and ended is not None and ended.lost == 0
     last = [message.header.step for message in second][-1]
     assert last == 2999
+
+
+def test_a_frozen_recorder_is_waited_for_once_and_begins_anew_when_it_thaws(bus: Bus, recorder: Recorder) -> None:
+    """More messages than may be on their way: the run waits two seconds once, and is never held up again."""
+    run = Squeeze(MOST_MESSAGES, cell=0.025)  # two messages a step
+    warnings: list[str] = []
+    source = feed(bus, run.session, warnings)
+    source.begin(run.begin)
+    messages = list(run.messages())
+    thaw = len(messages) - 50
+    waits = []
+    for n, message in enumerate(messages):
+        if n == 100:
+            assert bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0).messages == 100
+            os.kill(recorder.process.pid, signal.SIGSTOP)
+        if n == thaw:
+            os.kill(recorder.process.pid, signal.SIGCONT)
+            deadline = time.monotonic() + READY
+            while not recorder.lives(bus):
+                assert time.monotonic() < deadline
+        began = time.monotonic()
+        source.publish(message)
+        waits.append(time.monotonic() - began)
+    said = " ".join(warnings)
+    assert "lags behind" in said or "the recorder is gone" in said
+    assert source.waited < PATIENCE + 0.5
+    assert sorted(waits)[-3] < 0.5, "held up by its silence once, and by its return"
+    ended = source.end("done")
+    assert ended is not None and ended.note == "closed"
+    kept = [data for path in sorted(recorder.folder.iterdir(), reverse=True) for data in encoded(path)]
+    everything = [encode(message) for message in messages]
+    assert kept[:100] == everything[:100], "what was committed is safe"
+    assert kept[-40:] == everything[-40:], "and so is what came after"
+
+
+def test_a_full_disk_ends_the_recording_not_the_run(options: BusOptions, bus: Bus, tmp_path: Path) -> None:
+    """What fits is whole and readable, the loss is told, and the next recording gets its chance."""
+    recorder = Recorder(options, bus, tmp_path / "recordings", largest_file=400_000)
+    run = Squeeze(600, session="long")
+    warnings: list[str] = []
+    source = feed(bus, run.session, warnings)
+    source.begin(run.begin)
+    longest = 0.0
+    messages = list(run.messages())
+    for n, message in enumerate(messages):
+        began = time.monotonic()
+        source.publish(message)
+        longest = max(longest, time.monotonic() - began)
+        if n % 100 == 99:  # about what is simulated between two flushes
+            bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0)
+    ended = source.end("done")
+    assert longest < 1.0
+    assert ended is not None and ended.lost > 0
+    assert "File too large: the recording ends here, the run goes on" in ended.note
+    path = Path(ended.path)
+    assert path.stat().st_size <= 400_000
+    kept = encoded(path)
+    assert 0 < len(kept) < len(messages)
+    assert kept == [encode(message) for message in messages[: len(kept)]]
+    short = Squeeze(5, session="short")
+    source = feed(bus, short.session, warnings)
+    source.begin(short.begin)
+    for message in short.messages():
+        source.publish(message)
+    ended = source.end("done")
+    assert ended is not None and (ended.lost, ended.note) == (0, "closed")
+    assert recorder.stop() == 0
 
 
 def test_bad_messages_are_counted_and_change_nothing(bus: Bus, recorder: Recorder) -> None:
