@@ -2,9 +2,26 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from softseam_protocol.scene import BlockShape, BoxTool, ClosePhase, HoldPhase, MovePhase, Scene, SphereTool
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.scene import (
+    BlockShape,
+    BoxTool,
+    CapsuleTool,
+    ClosePhase,
+    CylinderTool,
+    HoldPhase,
+    MeshTool,
+    MovePhase,
+    PlaneTool,
+    Scene,
+    SphereTool,
+)
+
+Floats = NDArray[np.float64]
 
 
 def expected_duration(scene: Scene) -> float | None:
@@ -36,8 +53,8 @@ def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> 
     if (
         phase.until.compression is not None
         and isinstance(shape, BlockShape)
-        and isinstance(first, BoxTool | SphereTool)
-        and isinstance(second, BoxTool | SphereTool)
+        and not isinstance(first, PlaneTool | MeshTool)
+        and not isinstance(second, PlaneTool | MeshTool)
     ):
         way = np.subtract(second.position, first.position)
         axis = way / np.linalg.norm(way)
@@ -48,6 +65,22 @@ def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> 
     return min(bounds, default=None)
 
 
-def _extent(tool: BoxTool | SphereTool, axis: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """Half extent of a tool along a unit vector [m]."""
-    return tool.radius if isinstance(tool, SphereTool) else 0.5 * float(np.abs(axis) @ np.array(tool.size))
+def _extent(tool: BoxTool | SphereTool | CapsuleTool | CylinderTool, axis: Floats) -> float:
+    """Half extent of a tool along a unit vector at time 0 [m]."""
+    if isinstance(tool, SphereTool):
+        return tool.radius
+    if isinstance(tool, BoxTool):
+        return 0.5 * float(np.abs(_turned_back(np.array(tool.rotation), axis)) @ np.array(tool.size))
+    along = abs(float(axis @ np.array(tool.axis))) / float(np.linalg.norm(tool.axis))
+    across = tool.radius if isinstance(tool, CapsuleTool) else tool.radius * math.sqrt(max(0.0, 1.0 - along * along))
+    return 0.5 * tool.length * along + across
+
+
+def _turned_back(rotation: Floats, vector: Floats) -> Floats:
+    """A vector in the frame that a rotation vector [rad] turned: Rodrigues' formula with the opposite angle."""
+    angle = float(np.linalg.norm(rotation))
+    if angle == 0.0:
+        return vector
+    axis = rotation / angle
+    turned = vector * math.cos(angle) - np.cross(axis, vector) * math.sin(angle)
+    return np.asarray(turned + axis * float(axis @ vector) * (1.0 - math.cos(angle)))

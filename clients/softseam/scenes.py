@@ -7,8 +7,8 @@ from pathlib import Path
 
 from softseam.errors import SceneRefused
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import MeshShape, Scene
-from softseam_protocol.scene_file import SceneError, bundle_scene
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_file import SceneError, bundle_scene, files_of
 from softseam_protocol.scene_file import load_scene as _load
 
 _CHECKOUT = Path(__file__).parents[2] / "scenes"
@@ -44,7 +44,7 @@ def load_scene(name: str | Path) -> Scene:
 def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
     """A scene and what a participant needs to simulate it. Raises SceneRefused."""
     if isinstance(scene, Scene):
-        if isinstance(scene.body.shape, MeshShape):
+        if files_of(scene):
             raise SceneRefused("a scene made in code cannot name a mesh file: write it to a file and open that")
         return scene, bundle_scene(scene)
     try:

@@ -456,6 +456,16 @@ class Observation:
 
 
 @dataclass(frozen=True, slots=True)
+class ToolSurface:
+    """A tool that is a triangle mesh, in its own frame."""
+
+    vertices: Vectors
+    """(n, 3) [m]"""
+    triangles: Triangles
+    """counter-clockwise from outside (T, 3)"""
+
+
+@dataclass(frozen=True, slots=True)
 class SurfaceMesh:
     """What a viewer needs to draw a body's frames (C cells, P surface points, T triangles)."""
 
@@ -470,6 +480,8 @@ class SurfaceMesh:
     """edge lengths of a cell [m]"""
     fill: Octants
     """filled fraction of each octant (C, 8)"""
+    tools: dict[str, ToolSurface] = field(default_factory=dict)
+    """the tools that are meshes, by name"""
 
 
 @dataclass(frozen=True, slots=True)

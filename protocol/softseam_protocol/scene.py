@@ -165,6 +165,7 @@ class BoxTool(Spec):
     kind: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
     position: Vector = Field(description="centre at time 0 [m]")
+    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
     friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
 
@@ -177,7 +178,51 @@ class SphereTool(Spec):
     friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
 
-ToolSpec = Annotated[PlaneTool | BoxTool | SphereTool, Field(discriminator="kind")]
+class _LongTool(Spec):
+    """What a capsule and a cylinder have alike."""
+
+    radius: Positive = Field(description="[m]")
+    length: Positive = Field(description="[m]")
+    position: Vector = Field(description="centre at time 0 [m]")
+    axis: Vector = Field(default=(0.0, 0.0, 1.0), description="along its length at time 0; any length")
+    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
+
+    @model_validator(mode="after")
+    def _direction(self) -> _LongTool:
+        if math.hypot(*self.axis) < 1e-12:
+            raise _wrong("the axis must not be zero", "axis")
+        return self
+
+
+class CapsuleTool(_LongTool):
+    """A rigid cylinder with round ends."""
+
+    kind: Literal["capsule"] = "capsule"
+    length: Positive = Field(description="between the centres of its round ends [m]")
+
+
+class CylinderTool(_LongTool):
+    """A rigid cylinder with flat ends."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    length: Positive = Field(description="between its flat ends [m]")
+
+
+class MeshTool(Spec):
+    """A rigid solid from a file: a closed surface, or the boundary of a tetrahedral mesh."""
+
+    kind: Literal["mesh"] = "mesh"
+    path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
+    scale: Positive = Field(default=1.0, description="metres per unit of the file")
+    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
+    position: Vector = Field(description="centre of its bounding box at time 0 [m]")
+    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn about it at time 0: axis times angle [rad]")
+    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
+
+
+ToolSpec = Annotated[
+    PlaneTool | BoxTool | SphereTool | CapsuleTool | CylinderTool | MeshTool, Field(discriminator="kind")
+]
 ToolName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]{0,63}$")]
 ProbeName = ToolName
 

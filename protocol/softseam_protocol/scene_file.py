@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails
 from softseam_protocol import marked_yaml
 from softseam_protocol.marked_yaml import Mark, Marked
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import PHASE_KEYS, MeshShape, Scene
+from softseam_protocol.scene import PHASE_KEYS, MeshShape, MeshTool, Scene
 from softseam_protocol.scene_keys import described, keys_allowed
 
 MAX_SCENE_BYTES = 2**20
@@ -80,9 +80,7 @@ def load_scene(path: str | Path) -> LoadedScene:
         line = raw.count(b"\n", 0, error.start) + 1
         raise SceneError(str(path), line, 1, "", "not UTF-8 text: is this a scene file?") from None
     scene, marked = _parse(text, str(path))
-    files: dict[str, bytes] = {}
-    if isinstance(scene.body.shape, MeshShape):
-        files[scene.body.shape.path] = _read_mesh(path, scene.body.shape.path, marked)
+    files = {named: _read_mesh(path, key, named, marked) for key, named in files_of(scene)}
     return LoadedScene(scene, Bundle(scene_json(scene), files), path, text)
 
 
@@ -97,10 +95,19 @@ def scene_from_bundle(bundle: Bundle) -> Scene:
         scene = Scene.model_validate_json(bundle.scene, strict=True)
     except ValidationError:
         scene = parse_scene(bundle.scene, "<bundle>")
-    shape = scene.body.shape
-    if isinstance(shape, MeshShape) and shape.path not in bundle.files:
-        raise SceneError("<bundle>", 1, 1, "body.shape.path", f"the file {shape.path!r} is not in the bundle")
+    for key, path in files_of(scene):
+        if path not in bundle.files:
+            raise SceneError("<bundle>", 1, 1, _dotted(key), f"the file {path!r} is not in the bundle")
     return scene
+
+
+def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:
+    """Files that a scene names: where it does so, and their paths as it gives them."""
+    found: list[tuple[marked_yaml.Path, str]] = []
+    if isinstance(scene.body.shape, MeshShape):
+        found.append((("body", "shape", "path"), scene.body.shape.path))
+    found += [(("tools", name, "path"), tool.path) for name, tool in scene.tools.items() if isinstance(tool, MeshTool)]
+    return found
 
 
 def bundle_scene(scene: Scene, files: dict[str, bytes] | None = None) -> Bundle:
@@ -275,9 +282,8 @@ def _beside(path: Path) -> str:
     return ", ".join(difflib.get_close_matches(path.name, names, 3, 0.5))
 
 
-def _read_mesh(scene_path: Path, named: str, marked: Marked) -> bytes:
-    """Content of the mesh file that a scene names. Raises SceneError."""
-    key = ("body", "shape", "path")
+def _read_mesh(scene_path: Path, key: marked_yaml.Path, named: str, marked: Marked) -> bytes:
+    """Content of the mesh file that a scene names at `key`. Raises SceneError."""
     mark = marked.values[key]
     where = (str(scene_path), mark.line, mark.column, _dotted(key))
     mesh = scene_path.parent / named

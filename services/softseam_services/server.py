@@ -59,7 +59,7 @@ def build_setup(bundle: Bundle) -> Setup:
     """Scene, body and tools of a bundle. Raises SceneError, MeshError or ToolError."""
     scene = scene_from_bundle(bundle)
     body = build_body(scene, bundle.files)
-    return Setup(scene, body, build_tools(scene, body))
+    return Setup(scene, body, build_tools(scene, body, bundle.files))
 
 
 def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:

@@ -30,6 +30,8 @@ from softseam_services.server import ParticipantServer, build_setup
 from softseam_services.tools.motion import tool_motion
 
 SESSION = "warm-up"
+WEDGE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+"""a tetrahedron, as an OBJ file"""
 
 
 class WarmUpFailed(RuntimeError):
@@ -53,6 +55,7 @@ def warm_scene(model: str) -> Scene:
                 "ground": {"kind": "plane", "friction": 0.5},
                 "plate": {"kind": "box", "size": [0.01, 0.04, 0.04], "position": [-0.025, 0.0, 0.02], "friction": 0.6},
                 "ball": {"kind": "sphere", "radius": 0.01, "position": [0.01, 0.0, 0.0301], "friction": 0.6},
+                "wedge": {"kind": "mesh", "path": "wedge.obj", "scale": 0.01, "position": [0.1, 0.0, 0.0]},
             },
             "motion": [{"tools": ["ball"], "move": [0.0, 0.0, -0.001], "speed": 0.02}],
             "regions": {
@@ -70,7 +73,7 @@ def warm_participant(model: str) -> None:
 
 
 def _ask_everything(model: str) -> None:
-    bundle = Bundle(warm_scene(model).model_dump_json(), {})
+    bundle = Bundle(warm_scene(model).model_dump_json(), {"wedge.obj": WEDGE})
     setup = build_setup(bundle)
     server = ParticipantServer()
     server.adopt(bundle, setup)
@@ -115,7 +118,7 @@ def warm_orchestrator() -> None:
     from softseam_services.orchestrator.embedded import EmbeddedTransport
     from softseam_services.orchestrator.simulation import Simulation
 
-    bundle = Bundle(warm_scene("pbd").model_dump_json(), {})
+    bundle = Bundle(warm_scene("pbd").model_dump_json(), {"wedge.obj": WEDGE})
     with compiling("pbd"):
         simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
         for _ in range(3):

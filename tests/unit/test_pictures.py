@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import solids
 from matplotlib.image import imread
+from solids import obj
 from squeeze import Squeeze
 
+import softseam
 from softseam.pictures import draw_pictures
 from softseam.recording import Recording
+from softseam.replay.show import save_rrd
 from softseam.view import colors
 from softseam_services.recorder.recorder import McapRecorder
 
@@ -63,3 +68,35 @@ def test_drawing_loads_neither_rerun_nor_a_solver(recording: Path, tmp_path: Pat
         "bad = {'rerun', 'numba', 'scipy', 'zenoh'} & set(sys.modules); assert not bad, bad"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+def test_tools_of_every_kind_are_recorded_drawn_and_replayed(tmp_path: Path) -> None:
+    """Also a mesh, whose file is not at hand any more."""
+    (tmp_path / "finger.obj").write_bytes(obj(*solids.box((0.01, 0.02, 0.04))))
+    scene = {
+        "softseam": 1,
+        "name": "tools",
+        "step": 0.01,
+        "body": {
+            "shape": {"kind": "block", "size": [0.04, 0.04, 0.04]},
+            "cell": 0.02,
+            "material": {"young": 2e4, "poisson": 0.3, "density": 1000},
+        },
+        "tools": {
+            "ground": {"kind": "plane"},
+            "finger": {"kind": "mesh", "path": "finger.obj", "position": [-0.026, 0, 0.02], "rotation": [0.1, 0, 0]},
+            "box": {"kind": "box", "size": [0.01, 0.02, 0.02], "position": [0.03, 0, 0.02], "rotation": [0.5, 0, 0]},
+            "rod": {"kind": "capsule", "radius": 0.004, "length": 0.02, "position": [0, 0, 0.045], "axis": [1, 0, 0]},
+            "can": {"kind": "cylinder", "radius": 0.01, "length": 0.02, "position": [0, 0.04, 0.02], "axis": [1, 1, 0]},
+        },
+        "motion": [{"tools": ["finger"], "move": [0.004, 0, 0], "speed": 0.1}],
+    }
+    (tmp_path / "tools.yaml").write_text(json.dumps(scene))
+    with softseam.open(tmp_path / "tools.yaml", record=tmp_path / "run.mcap") as session:
+        assert session.run().momentum[0] > 1e-3, "the finger pushed the block"
+    (tmp_path / "finger.obj").unlink()
+    recording = Recording(tmp_path / "run.mcap")
+    assert recording.surface is not None and len(recording.surface.tools["finger"].triangles) == 12
+    assert len(draw_pictures(tmp_path / "run.mcap", tmp_path)) == 3
+    save_rrd(recording, tmp_path / "run.rrd")
+    assert (tmp_path / "run.rrd").stat().st_size > 10_000

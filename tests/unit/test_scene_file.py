@@ -102,6 +102,17 @@ def test_a_mesh_travels_with_the_scene(tmp_path: Path) -> None:
         scene_from_bundle(Bundle(loaded.bundle.scene, {}))
 
 
+def test_meshes_of_tools_travel_too(tmp_path: Path) -> None:
+    finger = "tools:\n  finger: {kind: mesh, path: finger.stl, position: [1, 0, 0]}"
+    write(tmp_path, b"solid\0bytes", "finger.stl")
+    loaded = load_scene(write(tmp_path, GOOD.replace("tools:", finger, 1)))
+    assert loaded.bundle.files == {"finger.stl": b"solid\0bytes"}
+    with pytest.raises(SceneError, match=r"tools\.finger\.path: the file 'finger\.stl' is not in the bundle"):
+        scene_from_bundle(Bundle(loaded.bundle.scene, {}))
+    error = refused(write(tmp_path, GOOD.replace("tools:", finger.replace("finger.stl", "fingr.stl"), 1)))
+    assert (error.line, error.key) == (11, "tools.finger.path") and "did you mean 'finger.stl'?" in str(error)
+
+
 def test_the_hash_is_of_the_content_not_the_form(tmp_path: Path) -> None:
     scene = parse_scene(GOOD)
     rewritten = parse_scene(json.dumps(json.loads(scene_json(scene))))
@@ -168,7 +179,7 @@ BAD = [
     ("[0.0125, 0.025, 0.025]", "0", 8, "body.cell", "greater than 0"),
     ("[0.0125, 0.025, 0.025]", "[0.0125, 0.025, -1]", 8, "body.cell.2", "greater than 0"),
     ("[0.0125, 0.025, 0.025]", "fine", 8, "body.cell", "should be a number"),
-    ("kind: plane", "kind: plain", 11, "tools.ground.kind", "did you mean 'plane'? (allowed: plane, box, sphere)"),
+    ("kind: plane", "kind: plain", 11, "tools.ground.kind", "(allowed: plane, box, sphere, capsule, cylinder, mesh)"),
     ("normal: [0, 0, 1]", "normal: [0, 0, 0]", 11, "tools.ground.normal", "must not be zero"),
     ("friction: 0.6}\n  left", "friction: -0.6}\n  left", 11, "tools.ground.friction", "greater than or equal to 0"),
     ("  left:", "  le ft:", 12, "tools.le ft", "is not a name"),

@@ -6,14 +6,27 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+import solids
 from solids import obj, sphere
 
 from softseam_protocol.scene import Scene
 from softseam_services.body.build import build_body
+from softseam_services.body.errors import MeshError
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.errors import ToolError
-from softseam_services.tools.tool_set import BOX, PLANE, SPHERE
+from softseam_services.tools.kernels import tool_gap
+from softseam_services.tools.tool_set import BOX, CAPSULE, MESH, PLANE, SPHERE
 
+
+def long(kind: str, position: list[float], axis: list[float], radius: float = 0.01) -> dict[str, object]:
+    return {"kind": kind, "radius": radius, "length": 0.04, "position": position, "axis": axis}
+
+
+def mesh(position: list[float], rotation: float = 0.0) -> dict[str, object]:
+    return {"kind": "mesh", "path": "finger.obj", "position": position, "rotation": [0, 0, rotation]}
+
+
+FILES = {"finger.obj": obj(*solids.box((0.02, 0.02, 0.06)))}
 GROUND = {"kind": "plane", "normal": [0, 0, 2.0], "friction": 0.5}
 
 
@@ -60,11 +73,16 @@ def test_near_tools_are_those_that_move_unless_named() -> None:
         box([0.035, 0.035, 0.06]),  # touches a corner
         ball([0, 0, 0.06]),  # touches the top
         box([0, 0, -0.05], 0.1),  # a table
+        {**box([0.025 + 0.01 * np.sqrt(2), 0, 0.025]), "rotation": [0, 0, np.pi / 4]},  # touches along an edge
+        long("capsule", [0, 0, 0.06], [1, 0, 0]),
+        long("cylinder", [0, 0, 0.07], [0, 0, 1]),
+        long("cylinder", [0.035, 0, 0.025], [0, 2, 0]),
+        mesh([0.035, 0, 0.025]),
     ],
 )
 def test_touching_is_allowed(tool: dict[str, object]) -> None:
     spec = scene({"tool": tool})
-    build_tools(spec, build_body(spec, {}))
+    build_tools(spec, build_body(spec, {}), FILES)
 
 
 @pytest.mark.parametrize(
@@ -76,26 +94,55 @@ def test_touching_is_allowed(tool: dict[str, object]) -> None:
         ball([0.004, 0.003, 0.025], 0.002),
         ball([0.0083, 0.0083, 0.0505], 0.002),  # pokes through the top between surface points
         box([0, 0, 0], 1.0),  # holds the body
+        {**box([0.039, 0, 0.025]), "rotation": [0, 0, np.pi / 4]},
+        long("capsule", [0.004, 0.003, 0.079], [0, 0, 1]),  # its round end
+        long("capsule", [0, 0, 0.0595], [1, 0, 0]),
+        long("cylinder", [0, 0, 0.0695], [0, 0, 1]),
+        long("cylinder", [0.0083, 0.0083, 0.069], [0, 0, 1], 0.002),  # pokes through the top between surface points
+        mesh([0.034, 0, 0.025]),
+        mesh([0.036, 0, 0.025], 0.3),
     ],
 )
 def test_tools_inside_the_body_are_refused_by_name(tool: dict[str, object]) -> None:
     spec = scene({"fine": box([0.2, 0, 0]), "left": tool})
     with pytest.raises(ToolError, match=r"the tool 'left' starts .*inside the body: move it clear") as caught:
-        build_tools(spec, build_body(spec, {}))
+        build_tools(spec, build_body(spec, {}), FILES)
     assert "fine" not in str(caught.value)
 
 
 def test_embedded_bodies_are_checked_on_their_true_surface() -> None:
     """A ball in the corner of the bounding box of a sphere does not touch it."""
     spec = scene({"ball": ball([0.017, 0.017, 0.037], 0.005)})
-    mesh = Scene.model_validate(
+    embedded = Scene.model_validate(
         {
             **spec.model_dump(),
             "body": {**spec.body.model_dump(), "shape": {"kind": "mesh", "path": "s.obj"}, "cell": 0.01},
         }
     )
-    body = build_body(mesh, {"s.obj": obj(*sphere(0.02, 3))})
-    build_tools(mesh, body)
-    inside = mesh.model_copy(update={"tools": scene({"ball": ball([0.012, 0.012, 0.032], 0.005)}).tools})
+    body = build_body(embedded, {"s.obj": obj(*sphere(0.02, 3))})
+    build_tools(embedded, body)
+    inside = embedded.model_copy(update={"tools": scene({"ball": ball([0.012, 0.012, 0.032], 0.005)}).tools})
     with pytest.raises(ToolError, match="ball"):
         build_tools(inside, body)
+
+
+def test_long_tools_lie_along_their_axis_and_meshes_are_centred() -> None:
+    tools = build_tools(
+        scene({"a": long("capsule", [0.1, 0, 0], [0, 3, 0]), "b": box([0, 0, 1.0]), "m": mesh([0, 0, 2.0])}),
+        files=FILES,
+    )
+    np.testing.assert_array_equal(tools.kind, [CAPSULE, BOX, MESH])
+    assert tools.shape.shape[0] == 3 and tools.shape.shape[1] > 10_000
+    np.testing.assert_allclose(tools.shape[:, :3], [[0.01, 0.02, 0.0], [0.01, 0.01, 0.01], [0.01, 0.01, 0.03]])
+    for tool, point, gap in ((0, [0.1, 0.03, 0], 0.0), (0, [0.111, 0.02, 0], 1e-3), (2, [0, 0.01, 2.0], 0.0)):
+        found = tool_gap(
+            tools.kind[tool], tools.shape[tool], tools.position[tool], tools.orientation[tool], np.array(point)
+        )
+        assert found[0] == pytest.approx(gap, abs=1e-12)
+
+
+def test_a_mesh_without_its_file_and_an_axis_of_zero_are_refused() -> None:
+    with pytest.raises(MeshError, match=r"finger\.obj: the file is missing"):
+        build_tools(scene({"m": mesh([0, 0, 2.0])}))
+    with pytest.raises(ValueError, match="the axis must not be zero"):
+        scene({"a": long("capsule", [0.1, 0, 0], [0, 0, 0])})

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import solids
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -15,6 +16,8 @@ from softseam.view.colors import engineering, round_up, stress_colors
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface, von_mises
 from softseam.view.tool_shapes import rotate, tool_shapes
+from softseam_protocol.messages import ToolSurface
+from softseam_protocol.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +43,7 @@ def test_a_cube_has_sharp_edges(run: Squeeze, surface: DisplaySurface) -> None:
 
 def test_a_smooth_surface_is_not_split() -> None:
     """An octahedron subdivided into a sphere keeps one vertex a point."""
-    ball = tool_shapes(Squeeze(1).scene, 0.05)[3]
+    ball = tool_shapes(Squeeze(1).scene, 0.05, {})[3]
     points, inverse = np.unique(ball.vertices.round(12), axis=0, return_inverse=True)
     triangles = inverse.reshape(-1)[ball.triangles]
     proper = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
@@ -104,12 +107,41 @@ def test_von_mises(stress: list[float], expected: float) -> None:
 
 def test_tools_are_closed_and_face_outwards(run: Squeeze) -> None:
     """The divergence theorem: the volume of a box and (to the mesh) of a ball; a plane looks along its normal."""
-    ground, left, _, ball = tool_shapes(run.scene, 0.05)
+    ground, left, _, ball = tool_shapes(run.scene, 0.05, {})
     for tool, volume, tolerance in ((left, 0.01 * 0.06 * 0.06, 1e-12), (ball, 4 / 3 * np.pi * 0.008**3, 0.01)):
         a, b, c = (tool.vertices[tool.triangles[:, i]] for i in range(3))
         assert_allclose(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0, volume, rtol=max(tolerance, 1e-12))
     a, b, c = ground.vertices[ground.triangles[0]]
     assert np.cross(b - a, c - a)[2] > 0.0
+
+
+def test_long_tools_and_meshes_are_closed_and_face_outwards(run: Squeeze) -> None:
+    """Volumes of a capsule, a cylinder and a mesh; normals and lines lie on the surface."""
+    r, length = 0.01, 0.03
+    vertices, triangles = solids.box((0.02, 0.03, 0.04))
+    tools = {
+        "capsule": {"kind": "capsule", "radius": r, "length": length, "position": [0, 0, 1]},
+        "cylinder": {"kind": "cylinder", "radius": r, "length": length, "position": [0, 0, 1]},
+        "mesh": {"kind": "mesh", "path": "a.obj", "position": [0, 0, 1]},
+    }
+    scene = Scene.model_validate({**run.scene.model_dump(), "tools": tools, "motion": (), "duration": 1.0})
+    meshes = {"mesh": ToolSurface(vertices, triangles.astype(np.int32))}
+    capsule, cylinder, mesh = tool_shapes(scene, 0.05, meshes)
+    disc = np.pi * r * r
+    for tool, volume, tolerance in (
+        (capsule, disc * length + 4 / 3 * np.pi * r**3, 0.012),
+        (cylinder, disc * length, 0.01),
+        (mesh, 0.02 * 0.03 * 0.04, 1e-12),
+    ):
+        a, b, c = (tool.vertices[tool.triangles[:, i]] for i in range(3))
+        assert_allclose(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0, volume, rtol=tolerance)
+        facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), tool.normals[tool.triangles[:, 0]])
+        assert (facing > -1e-12 * r * r).all()
+    assert len(mesh.lines) == 12
+    for tool, reach in ((capsule, 0.5 * length + r), (cylinder, 0.5 * length)):
+        assert np.abs(tool.lines[..., 2]).max() == pytest.approx(reach)
+        assert np.hypot(tool.lines[..., 0], tool.lines[..., 1]).max() == pytest.approx(r)
+    assert len(tool_shapes(scene, 0.05, {})[2].vertices) == 0
 
 
 def test_rotation_by_a_quaternion() -> None:

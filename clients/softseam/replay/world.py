@@ -56,7 +56,8 @@ class World:
         self, stream: rr.RecordingStream, recording: Recording, surface: DisplaySurface, scales: Scales
     ) -> None:
         self._stream, self._surface, self._scales = stream, surface, scales
-        self._tools = tool_shapes(recording.scene, surface.extent)
+        meshes = {} if recording.surface is None else recording.surface.tools
+        self._tools = tool_shapes(recording.scene, surface.extent, meshes)
         self._near: NDArray[np.bool_] | None = None
         self._log_static()
 

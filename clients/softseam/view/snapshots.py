@@ -36,7 +36,7 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     frames = _pick(recording)
     stresses = [surface.at_points(von_mises(frame.cauchy)) for frame in frames]
     top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
-    tools = tool_shapes(recording.scene, surface.extent)
+    tools = tool_shapes(recording.scene, surface.extent, recording.surface.tools)
     camera, height = _camera(frames, tools, surface.extent)
     tall = 2 * 3.05 * height / _WIDTH + 2.0
     figure = Figure(figsize=(3.05 * len(frames), tall), dpi=160, facecolor=PAPER)

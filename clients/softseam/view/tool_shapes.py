@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import BoxTool, PlaneTool, Scene
+from softseam_protocol.messages import ToolSurface
+from softseam_protocol.scene import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, Scene
 
 Floats = NDArray[np.float64]
 Mesh = tuple[Floats, Floats, NDArray[np.int64]]
@@ -15,6 +17,13 @@ Mesh = tuple[Floats, Floats, NDArray[np.int64]]
 
 PLANE_EXTENTS = 5.0
 """edge of the square that stands for a plane, in body extents"""
+_SIDES = 48
+_CREASE = np.cos(np.radians(30.0))
+"""edges of a mesh between triangles that turn by more are drawn"""
+_NOTHING: tuple[Mesh, Floats] = (
+    (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)),
+    np.zeros((0, 2, 3)),
+)
 
 
 @dataclass(frozen=True)
@@ -31,8 +40,11 @@ class ToolShape:
     """edges, or a grid on a plane, as pairs of ends (l, 2, 3) [m]"""
 
 
-def tool_shapes(scene: Scene, extent: float) -> list[ToolShape]:
-    """Meshes of all tools in the scene's order, beside a body of this extent [m]."""
+def tool_shapes(scene: Scene, extent: float, meshes: Mapping[str, ToolSurface]) -> list[ToolShape]:
+    """Meshes of all tools in the scene's order, beside a body of this extent [m].
+
+    meshes: of the tools that are meshes themselves, by name, as a recording has them
+    """
     plane_size = PLANE_EXTENTS * extent
     shapes = []
     for name, tool in scene.tools.items():
@@ -41,6 +53,12 @@ def tool_shapes(scene: Scene, extent: float) -> list[ToolShape]:
             mesh, lines = _box(half), _box_edges(half)
         elif isinstance(tool, PlaneTool):
             mesh, lines = _square(np.array(tool.normal), plane_size)
+        elif isinstance(tool, CapsuleTool):
+            mesh, lines = _capsule(tool.radius, 0.5 * tool.length)
+        elif isinstance(tool, CylinderTool):
+            mesh, lines = _cylinder(tool.radius, 0.5 * tool.length)
+        elif isinstance(tool, MeshTool):
+            mesh, lines = _facets(meshes[name]) if name in meshes else _NOTHING
         else:
             mesh, lines = _sphere(tool.radius), _circles(tool.radius)
         shapes.append(ToolShape(name, tool.kind, *mesh, lines))
@@ -114,3 +132,58 @@ def _sphere(radius: float, n_rings: int = 24) -> Mesh:
     corner = (np.arange(n_rings)[:, None] * row + np.arange(2 * n_rings)).ravel()
     quads = np.stack([corner, corner + row, corner + row + 1, corner + 1], axis=1)
     return radius * normals, normals, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def _ring(radius: float, height: float) -> Floats:
+    """A circle about z, its first point also its last (n, 3)."""
+    turn = np.linspace(0.0, 2.0 * np.pi, _SIDES + 1)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full_like(turn, height)], axis=1)
+
+
+def _segments(*strips: Floats) -> Floats:
+    return np.concatenate([np.stack([strip[:-1], strip[1:]], axis=1) for strip in strips])
+
+
+def _capsule(radius: float, half: float) -> tuple[Mesh, Floats]:
+    """A sphere pulled apart at its equator, circles where the ends begin, and two outlines along the axis."""
+    vertices, normals, triangles = _sphere(radius)
+    # the sphere's rings start at the top; the one at the equator belongs to the upper half
+    apart = np.where(vertices[:, 2] > -1e-9 * radius, half, -half)
+    pulled = vertices + apart[:, None] * np.array([0.0, 0.0, 1.0])
+    turn = np.linspace(0.0, np.pi, _SIDES // 2 + 1)
+    arc = np.stack([radius * np.cos(turn), np.zeros_like(turn), half + radius * np.sin(turn)], axis=1)
+    outline = np.concatenate([arc, -arc, arc[:1]])
+    across = outline[:, [1, 0, 2]]
+    return (pulled, normals, triangles), _segments(_ring(radius, half), _ring(radius, -half), outline, across)
+
+
+def _cylinder(radius: float, half: float) -> tuple[Mesh, Floats]:
+    """The side, two flat ends, and their rims."""
+    low, high = _ring(radius, -half), _ring(radius, half)
+    n, count = len(low), _SIDES
+    outward = low * [1.0 / radius, 1.0 / radius, 0.0]
+    down, up = np.tile([0.0, 0.0, -1.0], (n + 1, 1)), np.tile([0.0, 0.0, 1.0], (n + 1, 1))
+    ends = [np.concatenate([ring, [[0.0, 0.0, ring[0, 2]]]]) for ring in (low, high)]
+    i = np.arange(count)
+    sides = [np.stack([i, i + 1, n + i + 1], axis=1), np.stack([i, n + i + 1, n + i], axis=1)]
+    bottom, top = 2 * n, 3 * n + 1
+    middle = np.full(count, n)
+    caps = [bottom + np.stack([middle, i + 1, i], axis=1), top + np.stack([middle, i, i + 1], axis=1)]
+    mesh = (
+        np.concatenate([low, high, *ends]),
+        np.concatenate([outward, outward, down, up]),
+        np.concatenate([*sides, *caps]),
+    )
+    return mesh, _segments(low, high)
+
+
+def _facets(surface: ToolSurface) -> tuple[Mesh, Floats]:
+    """A mesh's triangles, each with corners of its own, and the edges where it is creased."""
+    corners = surface.vertices[surface.triangles]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = area / np.linalg.norm(area, axis=1, keepdims=True)
+    sides = np.sort(surface.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    pairs = np.lexsort((sides[:, 1], sides[:, 0])).reshape(-1, 2)
+    creased = np.einsum("ei,ei->e", normal[pairs[:, 0] // 3], normal[pairs[:, 1] // 3]) < _CREASE
+    mesh = corners.reshape(-1, 3), np.repeat(normal, 3, axis=0), np.arange(3 * len(corners)).reshape(-1, 3)
+    return mesh, surface.vertices[sides[pairs[creased, 0]]]

@@ -56,11 +56,11 @@ def _check_extent(path: str, vertices: Floats) -> None:
     extent = float(np.ptp(vertices, axis=0).max())
     if extent > LARGEST:
         raise MeshError(
-            f"{path}: the body is {extent:.3g} m long, more than {LARGEST:g} m; set `scale` (0.001 for a file in mm)"
+            f"{path}: the solid is {extent:.3g} m long, more than {LARGEST:g} m; set `scale` (0.001 for a file in mm)"
         )
     if extent < SMALLEST:
         raise MeshError(
-            f"{path}: the body is {extent:.3g} m long, less than {SMALLEST:g} m; set `scale` to metres per unit"
+            f"{path}: the solid is {extent:.3g} m long, less than {SMALLEST:g} m; set `scale` to metres per unit"
         )
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.scene import ClosePhase, HoldPhase, MovePhase, Scene
-from softseam_services.tools.tool_set import BOX, SPHERE, ToolSet
+from softseam_services.tools.outline import extent_along
+from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
 _ROUNDING = 1e-9
@@ -22,15 +23,6 @@ class Progress:
     phase: int = 0
     elapsed: float = 0.0
     """in this phase [s]"""
-
-
-def extent_along(tools: ToolSet, tool: int, direction: Floats) -> float:
-    """Half extent of an upright tool along a unit direction [m]."""
-    if tools.kind[tool] == BOX:
-        return float(np.abs(direction) @ tools.shape[tool])
-    if tools.kind[tool] == SPHERE:
-        return float(tools.shape[tool, 0])
-    return 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +43,8 @@ class Grip:
         way = tools.position[second] - tools.position[first]
         axis = np.asarray(way / np.linalg.norm(way))
         along = x_rest @ axis
-        thickness = extent_along(tools, first, axis) + extent_along(tools, second, axis)
+        turns = tools.orientation
+        thickness = extent_along(tools, first, axis, turns[first]) + extent_along(tools, second, -axis, turns[second])
         return cls(first, second, axis, thickness, float(along.max() - along.min()))
 
     def gap(self, position: Floats) -> float:

@@ -7,17 +7,21 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from softseam_protocol.messages import SCHEMA_VERSION, Begin, Bundle, Header, SurfaceMesh
+from softseam_protocol.messages import SCHEMA_VERSION, Begin, Bundle, Header, SurfaceMesh, ToolSurface
+from softseam_protocol.scene_file import scene_from_bundle
 from softseam_services.body.body import Body
+from softseam_services.tools.build import tool_meshes
 
 
 def begin(bundle: Bundle, body: Body, session: str = "local", seed: int = 0) -> Begin:
     """The message that opens a session's recording."""
     header = Header(SCHEMA_VERSION, session, "", 0, 0, 0, 0.0)
-    return Begin(header=header, bundle=bundle, seed=seed, facts=facts(), surface=surface_mesh(header, body))
+    meshes = tool_meshes(scene_from_bundle(bundle), bundle.files)
+    tools = {name: ToolSurface(mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}
+    return Begin(header=header, bundle=bundle, seed=seed, facts=facts(), surface=surface_mesh(header, body, tools))
 
 
-def surface_mesh(header: Header, body: Body) -> SurfaceMesh:
+def surface_mesh(header: Header, body: Body, tools: dict[str, ToolSurface]) -> SurfaceMesh:
     """The body's surface at rest and the cells behind it, for viewers.
 
     A point's rest position follows from its cell: center + local * edges / 2.
@@ -31,6 +35,7 @@ def surface_mesh(header: Header, body: Body) -> SurfaceMesh:
         cell_center=center,
         edges=body.edges,
         fill=body.fill,
+        tools=tools,
     )
 
 

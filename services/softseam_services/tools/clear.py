@@ -9,46 +9,49 @@ from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.kernels.surface import winding_number
 from softseam_services.tools.errors import ToolError
-from softseam_services.tools.kernels import least_gaps
-from softseam_services.tools.tool_set import BOX, PLANE, ToolSet
+from softseam_services.tools.kernels import least_gaps, rotate
+from softseam_services.tools.kernels.grid import SPACING
+from softseam_services.tools.tool_set import MESH, ToolSet
 
 TOUCHING = 1e-9
 """depth that counts as touching, relative to the body's size [1]"""
+SHRINK = 1e-6
+"""how much smaller than the tool its outline is for this check [1]"""
 
 
 def check_clear(tools: ToolSet, body: Body) -> None:
     """Raise ToolError, naming each tool, where a tool and the body overlap at time 0; touching is allowed.
 
-    Overlap means a surface point of the body inside the tool, or a point of the tool (its middle; a box's corners and
-    the middles of its edges and faces; six points of a sphere) inside the body.
+    Overlap means a surface point of the body inside the tool, or a point of the tool's outline inside the body (its
+    middle; a box's corners and the middles of its edges and faces; rings around a cylinder; points all over a mesh).
     """
     points = rest_points(body)
-    slack = TOUCHING * float(np.ptp(points, axis=0).max())
+    size = float(np.ptp(points, axis=0).max())
     gap = np.empty(len(tools.names))
     least_gaps(points, tools.kind, tools.shape, tools.position, tools.orientation, gap)
     problems = []
     for tool, name in enumerate(tools.names):
-        if gap[tool] < -slack:
+        if gap[tool] < -_slack(tools, tool, size):
             problems.append(f"the tool {name!r} starts {-1e3 * gap[tool]:.3g} mm inside the body")
-        elif tools.kind[tool] != PLANE:
-            # Slightly smaller than the tool, so that a touching face is outside whatever the rounding.
-            probes = _probes(tools, tool, 1.0 - 1e-6)
-            if any(winding_number(points, body.surface.triangles, probe) > 0.5 for probe in probes):
-                problems.append(f"the tool {name!r} starts inside the body")
+        elif any(winding_number(points, body.surface.triangles, probe) > 0.5 for probe in _probes(tools, tool, points)):
+            problems.append(f"the tool {name!r} starts inside the body")
     if problems:
         raise ToolError("; ".join(problems) + ": move it clear of the body, whose bounding box is " + _bounds(points))
 
 
-def _probes(tools: ToolSet, tool: int, shrink: float) -> NDArray[np.float64]:
-    """Points of a box or sphere (n, 3) [m]; at time 0 tools are not turned."""
-    steps = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)], dtype=np.float64)
-    if tools.kind[tool] == BOX:
-        reach = tools.shape[tool]
-    else:
-        steps = steps[np.abs(steps).sum(axis=1) <= 1.0]
-        reach = np.full(3, tools.shape[tool, 0])
-    probes: NDArray[np.float64] = tools.position[tool] + shrink * steps * reach
-    return probes
+def _slack(tools: ToolSet, tool: int, size: float) -> float:
+    """Depth that counts as touching [m]; on a mesh, what its grid may be wrong by beside an edge."""
+    slack = TOUCHING * size
+    return slack + 0.1 * float(tools.shape[tool, SPACING]) if tools.kind[tool] == MESH else slack
+
+
+def _probes(tools: ToolSet, tool: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Outline of a tool where it is within the bounds of the body's points (n, 3) [m]."""
+    # Slightly smaller than the tool, so that a touching face is outside whatever the rounding.
+    own = (1.0 - SHRINK) * tools.outline[tool]
+    probes = tools.position[tool] + np.array([rotate(tools.orientation[tool], *p) for p in own]).reshape(-1, 3)
+    within = np.all((probes > points.min(axis=0)) & (probes < points.max(axis=0)), axis=1)
+    return np.asarray(probes[within])
 
 
 def _bounds(points: NDArray[np.float64]) -> str:

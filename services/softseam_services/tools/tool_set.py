@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-PLANE, BOX, SPHERE = 0, 1, 2
+PLANE, BOX, SPHERE, CAPSULE, CYLINDER, MESH = 0, 1, 2, 3, 4, 5
 
 
 @dataclass(frozen=True)
@@ -16,9 +16,11 @@ class ToolSet:
 
     names: tuple[str, ...]
     kind: NDArray[np.int32]
-    """PLANE, BOX or SPHERE (t,)"""
+    """PLANE, BOX, SPHERE, CAPSULE, CYLINDER or MESH (t,)"""
     shape: NDArray[np.float64]
-    """unit normal of a plane, half edges of a box, (radius, 0, 0) of a sphere, in the tool's own frame (t, 3)"""
+    """unit normal of a plane, half edges of a box, (radius, 0, 0) of a sphere, (radius, half length, 0) of a capsule or
+    cylinder along z, in the tool's own frame (t, 3) [m]; with a mesh among them rows are as long as its, `kernels.grid`
+    says what it holds, and the others end in zeros"""
     friction: NDArray[np.float64]
     """Coulomb coefficients (t,)"""
     near: NDArray[np.bool_]
@@ -27,3 +29,5 @@ class ToolSet:
     """positions at time 0: centre, or a point of the plane (t, 3) [m]"""
     orientation: NDArray[np.float64]
     """unit quaternions w, x, y, z at time 0 (t, 4)"""
+    outline: tuple[NDArray[np.float64], ...] = ()
+    """points (n, 3) of each tool's surface in its own frame, as many as tell where it is; none for a plane [m]"""

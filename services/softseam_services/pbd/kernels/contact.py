@@ -15,8 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
-from softseam_services.tools.tool_set import PLANE
+from softseam_services.tools.kernels import rotate, rotate_back, tool_gap, tool_reach
 
 RELEASE = 0.005
 """time in which an old penetration falls to a third [s]"""
@@ -38,8 +37,7 @@ def find_pairs(kind, shape, position, orientation, point_x, active, force, margi
     for tool in range(len(kind)):
         tool_shape, place, turn = shape[tool], position[tool], orientation[tool]
         # Cheap: outside the ball around the tool there is nothing to touch.
-        radius = margin + np.sqrt(tool_shape[0] ** 2 + tool_shape[1] ** 2 + tool_shape[2] ** 2)
-        reach = np.inf if kind[tool] == PLANE else radius * radius
+        reach = (margin + tool_reach(kind[tool], tool_shape)) ** 2
         for point in range(len(point_x)):
             if not active[point]:
                 continue

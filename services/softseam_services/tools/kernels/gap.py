@@ -8,7 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.tools.tool_set import BOX, PLANE
+from softseam_services.tools.kernels.grid import grid_gap
+from softseam_services.tools.kernels.solids import box_gap, capsule_gap, cylinder_gap
+from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
 
 
 @njit(cache=True, error_model="numpy")
@@ -41,11 +43,11 @@ def rotate_back(q, x, y, z):
 def tool_gap(kind, shape, position, orientation, point):
     """Signed distance of a point to a tool and the tool's outward unit normal at the nearest point: gap, nx, ny, nz.
 
-    gap < 0 inside. A box is exact outside, edges and corners included; inside, the nearest face counts. At a sphere's
-    centre, and nowhere else, the normal is an arbitrary choice (+z).
+    gap < 0 inside. Planes, boxes, spheres, capsules and cylinders are exact outside, edges included; inside, the
+    nearest face counts. A mesh is as exact as its grid, see `kernels.grid`.
 
-    kind         PLANE, BOX or SPHERE
-    shape        (3,)  unit normal, half edges [m], or (radius, ., .) [m], in the tool's frame
+    kind         PLANE, BOX, SPHERE, CAPSULE, CYLINDER or MESH
+    shape        (w,)  as in `ToolSet.shape`, in the tool's frame
     position     (3,)  a point of the plane, or the centre [m]
     orientation  (4,)  unit quaternion w, x, y, z
     point        (3,)  [m]
@@ -56,29 +58,36 @@ def tool_gap(kind, shape, position, orientation, point):
     if kind == PLANE:
         nx, ny, nz = rotate(orientation, shape[0], shape[1], shape[2])
         return dx * nx + dy * ny + dz * nz, nx, ny, nz
+    if kind == SPHERE:
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance == 0.0:
+            return -shape[0], 0.0, 0.0, 1.0
+        return distance - shape[0], dx / distance, dy / distance, dz / distance
+    x, y, z = rotate_back(orientation, dx, dy, dz)
     if kind == BOX:
-        x, y, z = rotate_back(orientation, dx, dy, dz)
-        ox, oy, oz = abs(x) - shape[0], abs(y) - shape[1], abs(z) - shape[2]
-        sx = 1.0 if x >= 0.0 else -1.0
-        sy = 1.0 if y >= 0.0 else -1.0
-        sz = 1.0 if z >= 0.0 else -1.0
-        mx, my, mz = max(ox, 0.0), max(oy, 0.0), max(oz, 0.0)
-        gap = np.sqrt(mx * mx + my * my + mz * mz)
-        if gap > 0.0:
-            nx, ny, nz = rotate(orientation, sx * mx / gap, sy * my / gap, sz * mz / gap)
-            return gap, nx, ny, nz
-        if ox >= oy and ox >= oz:
-            nx, ny, nz = rotate(orientation, sx, 0.0, 0.0)
-            return ox, nx, ny, nz
-        if oy >= oz:
-            nx, ny, nz = rotate(orientation, 0.0, sy, 0.0)
-            return oy, nx, ny, nz
-        nx, ny, nz = rotate(orientation, 0.0, 0.0, sz)
-        return oz, nx, ny, nz
-    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-    if distance == 0.0:
-        return -shape[0], 0.0, 0.0, 1.0
-    return distance - shape[0], dx / distance, dy / distance, dz / distance
+        gap, nx, ny, nz = box_gap(shape[0], shape[1], shape[2], x, y, z)
+    elif kind == CAPSULE:
+        gap, nx, ny, nz = capsule_gap(shape[0], shape[1], x, y, z)
+    elif kind == CYLINDER:
+        gap, nx, ny, nz = cylinder_gap(shape[0], shape[1], x, y, z)
+    else:
+        gap, nx, ny, nz = grid_gap(shape, x, y, z)
+    nx, ny, nz = rotate(orientation, nx, ny, nz)
+    return gap, nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy")
+def tool_reach(kind, shape):
+    """Radius of a ball about the tool's position that holds the tool [m]; infinite for a plane."""
+    if kind == PLANE:
+        return np.inf
+    if kind == SPHERE:
+        return shape[0]
+    if kind == CAPSULE:
+        return shape[0] + shape[1]
+    if kind == CYLINDER:
+        return np.sqrt(shape[0] ** 2 + shape[1] ** 2)
+    return np.sqrt(shape[0] ** 2 + shape[1] ** 2 + shape[2] ** 2)
 
 
 @njit(cache=True, error_model="numpy")
