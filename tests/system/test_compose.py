@@ -6,12 +6,15 @@ started here and stopped afterwards.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +89,7 @@ def deployment() -> Iterator[Deployment]:
     version = command("docker", "run", "--rm", base, "python3", "-c", show, env=env)
     command(str(DEPLOY / "wheels.sh"), sys.executable, version, env=env, timeout=600.0)
     build = ("docker", "build", "-f", str(DEPLOY / "Dockerfile"), "--network", "none", "-t", "softseam-test")
-    command(*build, "--build-arg", f"BASE_IMAGE={base}", "--build-arg", "VIEW=no", str(DEPLOY), env=env, timeout=1500.0)
+    command(*build, "--build-arg", f"BASE_IMAGE={base}", str(DEPLOY), env=env, timeout=1500.0)
     port = free_port()
     env |= {"SOFTSEAM_IMAGE": "softseam-test", "SOFTSEAM_PORT": str(port)}
     running = Deployment(env, f"softseam-test-{port}", f"tcp/127.0.0.1:{port}")
@@ -95,7 +98,7 @@ def deployment() -> Iterator[Deployment]:
         running.wait_well()
         yield running
     finally:
-        running.compose("down", "-v", timeout=180.0)
+        running.compose("--profile", "viz", "down", "-v", timeout=180.0)
         if not ours_before:
             command(engine, "down", env=env)
 
@@ -170,6 +173,25 @@ def test_the_client_of_the_image_runs_a_scene_and_it_is_recorded(deployment: Dep
     said = deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
     assert "reached" in said
     assert "0 lost; closed" in deployment.logs("recorder"), deployment.logs("recorder")
+
+
+def test_the_recording_is_shown_as_a_web_page(deployment: Deployment) -> None:
+    """The `viz` profile: a page on this host's loopback, and behind it the newest recording of the volume."""
+    script = "import softseam; s = softseam.open('tofu_grasp', connect='tcp/router:7447', record=True); s.reset(); "
+    script += "s.step(count=5); s.close()"
+    deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
+    deployment.compose("--profile", "viz", "up", "-d", "viz")
+    end = time.monotonic() + 60.0
+    page = ""
+    while "rerun" not in page.lower():
+        assert time.monotonic() < end, deployment.logs("viz")
+        with contextlib.suppress(OSError), urllib.request.urlopen("http://127.0.0.1:9090", timeout=5.0) as answer:
+            page = answer.read().decode(errors="replace")
+    with socket.create_connection(("127.0.0.1", 9876), timeout=5.0):  # where the page fetches the recording
+        pass
+    shown = deployment.logs("viz")
+    assert ".mcap" in shown and "Traceback" not in shown
+    deployment.compose("--profile", "viz", "stop", "viz")
 
 
 def test_containers_are_confined(deployment: Deployment) -> None:
