@@ -37,6 +37,8 @@ def show(
         from softseam.recording import Recording
 
         recording = Recording(path)
+        if path.is_dir():
+            console.print(f"newest recording: {recording.path}", highlight=False, soft_wrap=True)
         if recording.note:
             console.print(f"[yellow]{recording.note}", highlight=False)
         if verify:

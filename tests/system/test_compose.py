@@ -190,7 +190,7 @@ def test_the_recording_is_shown_as_a_web_page(deployment: Deployment) -> None:
     with socket.create_connection(("127.0.0.1", 9876), timeout=5.0):  # where the page fetches the recording
         pass
     shown = deployment.logs("viz")
-    assert ".mcap" in shown and "Traceback" not in shown
+    assert "newest recording: /var/log/softseam/" in shown and "Traceback" not in shown, shown
     deployment.compose("--profile", "viz", "stop", "viz")
 
 
