@@ -51,6 +51,13 @@ class Recorder:
         """Whether its token is seen."""
         return bool(bus.live(KEYS.every_live("recorder")))
 
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.stop(signal.SIGKILL)
+
     def stop(self, how: int = signal.SIGTERM) -> int:
         self.process.send_signal(how)
         code = self.process.wait(30.0)
@@ -192,36 +199,36 @@ def test_a_frozen_recorder_is_waited_for_once_and_begins_anew_when_it_thaws(bus:
 
 def test_a_full_disk_ends_the_recording_not_the_run(options: BusOptions, bus: Bus, tmp_path: Path) -> None:
     """What fits is whole and readable, the loss is told, and the next recording gets its chance."""
-    recorder = Recorder(options, bus, tmp_path / "recordings", largest_file=400_000)
-    run = Squeeze(600, session="long")
-    warnings: list[str] = []
-    source = feed(bus, run.session, warnings)
-    source.begin(run.begin)
-    longest = 0.0
-    messages = list(run.messages())
-    for n, message in enumerate(messages):
-        began = time.monotonic()
-        source.publish(message)
-        longest = max(longest, time.monotonic() - began)
-        if n % 100 == 99:  # about what is simulated between two flushes
-            bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0)
-    ended = source.end("done")
-    assert longest < 1.0
-    assert ended is not None and ended.lost > 0
-    assert "File too large: the recording ends here, the run goes on" in ended.note
-    path = Path(ended.path)
-    assert path.stat().st_size <= 400_000
-    kept = encoded(path)
-    assert 0 < len(kept) < len(messages)
-    assert kept == [encode(message) for message in messages[: len(kept)]]
-    short = Squeeze(5, session="short")
-    source = feed(bus, short.session, warnings)
-    source.begin(short.begin)
-    for message in short.messages():
-        source.publish(message)
-    ended = source.end("done")
-    assert ended is not None and (ended.lost, ended.note) == (0, "closed")
-    assert recorder.stop() == 0
+    with Recorder(options, bus, tmp_path / "recordings", largest_file=400_000) as recorder:
+        run = Squeeze(600, session="long")
+        warnings: list[str] = []
+        source = feed(bus, run.session, warnings)
+        source.begin(run.begin)
+        longest = 0.0
+        messages = list(run.messages())
+        for n, message in enumerate(messages):
+            began = time.monotonic()
+            source.publish(message)
+            longest = max(longest, time.monotonic() - began)
+            if n % 100 == 99:  # about what is simulated between two flushes
+                bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0)
+        ended = source.end("done")
+        assert longest < 1.0
+        assert ended is not None and ended.lost > 0
+        assert "File too large: the recording ends here, the run goes on" in ended.note
+        path = Path(ended.path)
+        assert path.stat().st_size <= 400_000
+        kept = encoded(path)
+        assert 0 < len(kept) < len(messages)
+        assert kept == [encode(message) for message in messages[: len(kept)]]
+        short = Squeeze(5, session="short")
+        source = feed(bus, short.session, warnings)
+        source.begin(short.begin)
+        for message in short.messages():
+            source.publish(message)
+        ended = source.end("done")
+        assert ended is not None and (ended.lost, ended.note) == (0, "closed")
+        assert recorder.stop() == 0
 
 
 def test_bad_messages_are_counted_and_change_nothing(bus: Bus, recorder: Recorder) -> None:
