@@ -180,9 +180,9 @@ def test_crushed_cells_have_finite_forces_and_a_safe_matrix() -> None:
     work.values[:] = 0.0
     add_cell_tangents(x, model, tree, work, True)
     for front in range(len(tree.meta)):
-        _, n_own, n_all, _, offset, _ = tree.meta[front]
+        _, n_own, n_all, _, offset = tree.meta[front, :5]
         work.values[offset + np.arange(3 * n_own) * (3 * n_all + 1)] += 1e-6 * values[-1]
-    assert factor(tree, work.values, work.ints) == 0
+    assert factor(tree, work.values, work.factoring) == 0
 
 
 def test_masses_are_those_of_the_block() -> None:

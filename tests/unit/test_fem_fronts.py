@@ -42,10 +42,10 @@ def _problem(case: str) -> tuple[FemModel, Tree, Work, NDArray[np.float64]]:
 def _dense(model: FemModel, tree: Tree, work: Work) -> NDArray[np.float64]:
     n_free = np.count_nonzero(tree.position >= 0)
     dense = np.zeros((3 * n_free, 3 * n_free))
-    for first, n_own, n_all, _, offset, row in tree.meta:
+    for first, n_own, n_all, _, offset, row, *_ in tree.meta:
         dofs = (3 * tree.rows[row : row + n_all][:, None] + np.arange(3)).ravel()
-        front = np.tril(work.values[offset : offset + 9 * n_all**2].reshape(3 * n_all, 3 * n_all).T)
-        dense[np.ix_(dofs, dofs)] += front
+        panel = np.tril(work.values[offset : offset + 9 * n_own * n_all].reshape(3 * n_own, 3 * n_all).T)
+        dense[np.ix_(dofs, dofs[: 3 * n_own])] += panel
         assert np.array_equal(tree.rows[row : row + n_own], np.arange(first, first + n_own))
     return np.tril(dense) + np.tril(dense, -1).T
 
@@ -54,10 +54,10 @@ def _dense(model: FemModel, tree: Tree, work: Work) -> NDArray[np.float64]:
 def test_solve_equals_dense(case: str) -> None:
     """Residual of the factored solve at rounding, relative to the matrix."""
     _, tree, work, dense = _problem(case)
-    assert factor(tree, work.values, work.ints) == 0
+    assert factor(tree, work.values, work.factoring) == 0
     b = np.random.default_rng(0).standard_normal(len(dense))
     x = b.copy()
-    solve(tree, work.values, x, work.t, work.ints)
+    solve(tree, work.values, x, work.factoring)
     np.testing.assert_allclose(x, np.linalg.solve(dense, b), rtol=1e-9, atol=1e-12 * np.abs(x).max())
 
 
@@ -67,7 +67,7 @@ def test_last_fronts_hold_the_seam(case: str) -> None:
     model, tree, work, dense = _problem(case)
     n = 3 * len(model.seam)
     assert n > 0
-    assert factor(tree, work.values, work.ints) == 0
+    assert factor(tree, work.values, work.factoring) == 0
     inverse = np.empty((n, n))
     seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
     dofs = (3 * tree.position[model.seam][:, None] + np.arange(3)).ravel()
@@ -92,4 +92,4 @@ def test_components_without_a_seam_have_trees_of_their_own() -> None:
 def test_an_indefinite_matrix_is_reported() -> None:
     model, tree, work, _ = _problem("clamped")
     add_diagonal(tree, work.values, model.mass, -1e10)
-    assert factor(tree, work.values, work.ints) > 0
+    assert factor(tree, work.values, work.factoring) > 0

@@ -2,8 +2,8 @@
 
 Cells are bisected along the longest extent of their grid until a group would eliminate few nodes. A group eliminates
 the nodes that no cell outside it touches, so its front holds those nodes (own) and the ones it shares with the outside
-(boundary). All seam nodes are kept for one last front, also where they belong to disconnected components: its trailing
-block is the dynamic Schur complement of the seam, and a stiffness that couples all of them fits into it. Components
+(boundary). All seam nodes are kept for one last front of their own, also where they belong to disconnected components:
+it becomes the dynamic Schur complement of the seam, and a stiffness that couples all of them fits into it. Components
 without a seam get trees of their own.
 """
 
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from softseam_services.fem.kernels.panel import NARROW, STRIP
+
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
@@ -26,34 +28,42 @@ class Tree(NamedTuple):
     """Fronts in the order of elimination; children before parents. A plain tuple of arrays for the kernels."""
 
     meta: Longs
-    """per front: first own node (in elimination order), own nodes, all nodes, parent (-1 for a root), offset of its
-    values, offset of its rows (n_fronts, 6)"""
+    """per front (n_fronts, 11): first own node (in elimination order), own nodes (at least one), all nodes, parent (-1
+    for a root), offset of its panel, offset of its rows, offset of what it leaves over, first child, next sibling (-1
+    for none), range of its runs"""
     rows: Ints
     """elimination positions of each front's nodes, own nodes first, ascending, one front after the other"""
-    to_parent: Ints
-    """for each of `rows`: place of the node in the parent's front; -1 for own nodes"""
+    runs: Ints
+    """boundary nodes of a front that follow each other in its parent, too: place of the first among the boundary nodes,
+    how many, place of the first in the parent's front (n_runs, 3)"""
     position: Ints
     """place of each node in the elimination order, -1 for clamped nodes (n_nodes,)"""
     own_front: Ints
     """front that eliminates the node at each place of the order (n_free,)"""
-    cell_front: Ints
-    """front that takes each cell's matrix (c,)"""
-    cell_place: Ints
-    """place of each cell's nodes in that front, -1 for clamped nodes (c, 27)"""
     cell_local: Ints
-    """each cell's nodes by their place in that front, clamped nodes last (c, 27)"""
+    """each cell's nodes in elimination order, clamped nodes last (c, k)"""
+    cell_rank: Ints
+    """its inverse: place of each of the cell's nodes in that order (c, k)"""
     cell_free: Ints
     """how many of each cell's nodes are not clamped (c,)"""
-    seam_front: Ints
-    """root fronts that end in seam nodes (g,)"""
-    seam_ptr: Ints
-    """range of `seam_index` of each of those (g + 1,)"""
-    seam_index: Ints
-    """positions in the seam of the trailing nodes of those fronts (s,)"""
+    cell_column: Longs
+    """where the panel column of each of those nodes begins, in elimination order (c, k)"""
+    cell_height: Ints
+    """and how many rows that panel has (c, k)"""
+    cell_row: Ints
+    """row of the second node in the panel that owns the first, both in elimination order (c, k, k)"""
+    seam_front: int
+    """the front that owns the seam, -1 for none"""
+    seam_place: Ints
+    """place of each seam node in it (s,)"""
     n_values: int
-    """total size of all fronts' values"""
+    """total size of the panels"""
+    n_rest: int
+    """most room for what fronts leave over"""
     widest: int
     """most nodes of a front"""
+    strip: int
+    """most scratch for a panel"""
 
 
 def dissect(cell_nodes: Ints, cell_grid: Ints, n_nodes: int, fixed: NDArray[np.bool_], seam: Ints) -> Tree:
@@ -74,27 +84,27 @@ class _Dissection:
         self.done = fixed.copy()
         self.late = np.zeros(n_nodes, dtype=np.bool_)
         self.late[seam] = True
+        # first and last group of cells that touches a node: nodes that a child hands on together stay together
+        self.groups = np.full((n_nodes, 2), -1, dtype=np.int64)
+        self.n_groups = 0
         self.own: list[Ints] = []
         self.boundary: list[Ints] = []
         self.parent: list[int] = []
-        self.cell_front = np.full(len(cell_nodes), -1, dtype=np.int32)
 
     def tree(self) -> Tree:
-        components = self._components()
-        late = [bool(self.late[self.cell_nodes[cells]].any()) for cells in components]
         waiting: list[int] = []
-        for cells, seamed in zip(components, late, strict=True):
-            left = self._visit(cells, last=not seamed or sum(late) == 1)
-            if seamed:
+        for cells in self._components():
+            left = self._visit(cells)
+            if self.late[self.cell_nodes[cells]].any():
                 waiting += left
-        if sum(late) > 1:
-            seam = np.flatnonzero(self.late & ~self.done)
+        if len(self.seam):
+            seam = np.flatnonzero(self.late)
             self._front(seam, seam, waiting)
         return self._pack()
 
     def _components(self) -> list[Ints]:
         n_cells = len(self.cell_nodes)
-        cell = np.repeat(np.arange(n_cells), 27)
+        cell = np.repeat(np.arange(n_cells), self.cell_nodes.shape[1])
         node = self.cell_nodes.ravel() + n_cells
         size = n_cells + self.n_nodes
         graph = coo_array((np.ones(len(cell), dtype=np.int8), (cell, node)), shape=(size, size))
@@ -102,31 +112,27 @@ class _Dissection:
         label = label[:n_cells]
         return [c for i in range(n_components) if len(c := np.flatnonzero(label == i).astype(np.int32))]
 
-    def _visit(self, cells: Ints, last: bool) -> list[int]:
-        """Order the nodes of these cells; returns the fronts that still wait for a parent."""
-        count = np.bincount(self.cell_nodes[cells].ravel(), minlength=self.n_nodes)
-        touched = np.flatnonzero(count)
-        complete = touched[(count[touched] == self.total[touched]) & ~self.done[touched]]
-        if not last:
-            complete = complete[~self.late[complete]]
-        if len(cells) == 1 or len(complete) <= LEAF_NODES:
-            rest = touched[~self.done[touched]]
-            front = self._front(complete, rest, [])
-            self.cell_front[cells] = front
-            return [front]
-        left, right = self._split(cells)
-        children = self._visit(left, False) + self._visit(right, False)
-        own = complete[~self.done[complete]]
-        if len(own) == 0:
+    def _visit(self, cells: Ints) -> list[int]:
+        """Order the nodes of these cells, but for the seam's; returns the fronts that still wait for a parent."""
+        touched, count = np.unique(self.cell_nodes[cells], return_counts=True)
+        complete = touched[(count == self.total[touched]) & ~self.done[touched] & ~self.late[touched]]
+        children: list[int] = []
+        if len(cells) > 1 and len(complete) > LEAF_NODES:
+            left, right = self._split(cells)
+            children = self._visit(left) + self._visit(right)
+            complete = complete[~self.done[complete]]
+        else:
+            self.groups[touched, 0] = np.where(self.groups[touched, 0] < 0, self.n_groups, self.groups[touched, 0])
+            self.groups[touched, 1] = self.n_groups
+            self.n_groups += 1
+        if len(complete) == 0:
             return children
-        rest = np.unique(np.concatenate([self.boundary[child] for child in children]))
-        return [self._front(own, rest, children)]
+        return [self._front(complete, touched[~self.done[touched]], children)]
 
-    def _front(self, own: Longs, nodes: Longs, children: list[int]) -> int:
+    def _front(self, own: Ints | Longs, nodes: Ints | Longs, children: list[int]) -> int:
         front = len(self.own)
         self.done[own] = True
-        late = self.late[own]
-        self.own.append(np.concatenate([own[~late], own[late]]).astype(np.int32))
+        self.own.append(own[np.lexsort(self.groups[own].T[::-1])].astype(np.int32))
         self.boundary.append(nodes[~self.done[nodes]].astype(np.int32))
         self.parent.append(-1)
         for child in children:
@@ -146,50 +152,97 @@ class _Dissection:
     def _pack(self) -> Tree:
         n_fronts = len(self.own)
         order = np.concatenate(self.own) if n_fronts else np.zeros(0, dtype=np.int32)
+        n_free = len(order)
         position = np.full(self.n_nodes, -1, dtype=np.int32)
-        position[order] = np.arange(len(order), dtype=np.int32)
-        meta = np.zeros((n_fronts, 6), dtype=np.int64)
-        rows: list[Ints] = []
-        first = values = row = 0
-        for front in range(n_fronts):
-            n_own = len(self.own[front])
-            own_rows = np.arange(first, first + n_own, dtype=np.int32)
-            rows.append(np.concatenate([own_rows, np.sort(position[self.boundary[front]])]))
-            n_all = len(rows[-1])
-            meta[front] = first, n_own, n_all, self.parent[front], values, row
-            first, values, row = first + n_own, values + 9 * n_all * n_all, row + n_all
-        to_parent: list[Ints] = []
-        for front in range(n_fronts):
-            place = np.full(len(rows[front]), -1, dtype=np.int32)
-            n_own, parent = int(meta[front, 1]), int(meta[front, 3])
-            if parent >= 0:
-                place[n_own:] = np.searchsorted(rows[parent], rows[front][n_own:])
-            to_parent.append(place)
-        cell_place = np.full(self.cell_nodes.shape, -1, dtype=np.int32)
+        position[order] = np.arange(n_free, dtype=np.int32)
+        own = np.array([len(o) for o in self.own], dtype=np.int64)
+        parent = np.array(self.parent, dtype=np.int64)
+        boundary = [np.sort(position[b]) for b in self.boundary]
+        n_all = own + np.array([len(b) for b in boundary], dtype=np.int64)
+        first = np.cumsum(own) - own
+        rows = [np.concatenate([np.arange(f, f + k), b]) for f, k, b in zip(first, own, boundary, strict=True)]
+        row = np.cumsum(n_all) - n_all
+        sizes = 9 * own * n_all
+        meta = np.full((n_fronts, 11), -1, dtype=np.int64)
+        meta[:, :6] = np.stack([first, own, n_all, parent, np.cumsum(sizes) - sizes, row], axis=1)
+        flat = np.concatenate(rows).astype(np.int32) if rows else np.zeros(0, dtype=np.int32)
+        # rows ascend within each front: one sorted list of (front, position) finds all places at once
+        key = np.repeat(np.arange(n_fronts), n_all) * max(n_free, 1) + flat
+        n_rest = self._leftovers(meta)
+        runs = _runs(meta, boundary, key, n_free)
+        own_front = np.repeat(np.arange(n_fronts, dtype=np.int32), own)
         cell_position = position[self.cell_nodes]
-        for cell, its_front in enumerate(self.cell_front):
-            free = cell_position[cell] >= 0
-            cell_place[cell, free] = np.searchsorted(rows[its_front], cell_position[cell, free])
-        own_front = np.repeat(np.arange(n_fronts, dtype=np.int32), meta[:, 1])
+        last = np.iinfo(np.int32).max
+        local = np.argsort(np.where(cell_position < 0, last, cell_position), axis=1, kind="stable").astype(np.int32)
+        n_cell_free = np.count_nonzero(cell_position >= 0, axis=1).astype(np.int32)
+        ordered = np.take_along_axis(cell_position, local, axis=1)
+        front = own_front[np.maximum(ordered, 0)] if n_free else np.zeros_like(ordered)
+        cell_row = np.zeros((*ordered.shape, ordered.shape[1]), dtype=np.int32)
+        for a in range(ordered.shape[1] if n_free else 0):
+            place = np.searchsorted(key, front[:, a : a + 1].astype(np.int64) * n_free + ordered)
+            cell_row[:, a] = 3 * (place - row[front[:, a]][:, None])
+        free = np.arange(ordered.shape[1]) < n_cell_free[:, None]
+        column = meta[front, 4] + 9 * (ordered - first[front]) * n_all[front] if n_free else np.zeros(ordered.shape)
+        seamed = len(self.seam) > 0
+        narrow = np.where(3 * own <= NARROW, 3 * own, STRIP)
         return Tree(
             meta,
-            np.concatenate(rows) if rows else np.zeros(0, dtype=np.int32),
-            np.concatenate(to_parent) if to_parent else np.zeros(0, dtype=np.int32),
+            flat,
+            runs,
             position,
             own_front,
-            self.cell_front,
-            cell_place,
-            np.argsort(np.where(cell_place < 0, np.iinfo(np.int32).max, cell_place), axis=1).astype(np.int32),
-            np.count_nonzero(cell_place >= 0, axis=1).astype(np.int32),
-            *self._seam(position, own_front),
-            n_values=values,
-            widest=max((len(r) for r in rows), default=0),
+            local,
+            np.argsort(local, axis=1).astype(np.int32),
+            n_cell_free,
+            np.where(free, column, 0).astype(np.int64),
+            (np.where(free, 3 * n_all[front], 0) if n_free else np.zeros(ordered.shape)).astype(np.int32),
+            np.where(free[:, :, None] & free[:, None, :], cell_row, 0).astype(np.int32),
+            n_fronts - 1 if seamed else -1,
+            (position[self.seam] - (first[-1] if seamed else 0)).astype(np.int32),
+            n_values=int(sizes.sum()),
+            n_rest=n_rest,
+            widest=int(n_all.max(initial=0)),
+            strip=int((3 * n_all * np.maximum(narrow, STRIP)).max(initial=0)),
         )
 
-    def _seam(self, position: Ints, own_front: Ints) -> tuple[Ints, Ints, Ints]:
-        seam_position = position[self.seam]
-        fronts = own_front[seam_position]
-        by_place = np.argsort(seam_position, kind="stable").astype(np.int32)
-        roots, counts = np.unique(fronts, return_counts=True)
-        pointer = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-        return roots.astype(np.int32), pointer, by_place
+    def _leftovers(self, meta: Longs) -> int:
+        """Link children to parents, and give what fronts leave over its place; returns the room that takes.
+
+        Fronts of even and of odd depth have a stack each: when a front pushes, its children are on top of the other.
+        """
+        n_fronts = len(meta)
+        depth = np.zeros(n_fronts, dtype=np.int64)
+        for front in range(n_fronts - 1, -1, -1):
+            parent = meta[front, 3]
+            if parent >= 0:
+                depth[front] = depth[parent] + 1
+                meta[front, 8], meta[parent, 7] = meta[parent, 7], front
+        top, most = [0, 0], [0, 0]
+        for front in range(n_fronts):
+            side = depth[front] % 2
+            child = meta[front, 7]
+            if child >= 0:
+                top[1 - side] = int(meta[child, 6])
+            meta[front, 6] = top[side]
+            top[side] += int(9 * (meta[front, 2] - meta[front, 1]) ** 2)
+            most[side] = max(most[side], top[side])
+        meta[depth % 2 == 1, 6] += most[0]
+        return most[0] + most[1]
+
+
+def _runs(meta: Longs, boundary: list[Ints], key: Longs, n_free: int) -> Ints:
+    """`Tree.runs`; their ranges into the last columns of meta."""
+    counts = np.array([len(b) for b in boundary], dtype=np.int64)
+    if counts.sum() == 0:
+        meta[:, 9:] = 0
+        return np.zeros((0, 3), dtype=np.int32)
+    parent = np.repeat(meta[:, 3], counts)
+    place = np.searchsorted(key, parent * n_free + np.concatenate(boundary)) - meta[parent, 5]
+    of = np.repeat(np.arange(len(counts)), counts)
+    starts = np.flatnonzero(np.append(True, (np.diff(place) != 1) | (np.diff(of) != 0)))
+    first = np.cumsum(counts) - counts
+    length = np.diff(starts, append=len(place))
+    per_front = np.bincount(of[starts], minlength=len(counts))
+    meta[:, 10] = np.cumsum(per_front)
+    meta[:, 9] = meta[:, 10] - per_front
+    return np.stack([starts - first[of[starts]], length, place[starts]], axis=1).astype(np.int32)

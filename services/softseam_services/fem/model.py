@@ -13,6 +13,7 @@ from softseam_services.fem.dissection import Tree, dissect
 from softseam_services.fem.hex27 import cell_tables
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import N_COLUMNS
+from softseam_services.fem.kernels.panel import STRIP
 
 # An octant that the body does not fill keeps this share of stiffness, so that its nodes stay where their cell takes
 # them and the matrix stays regular; it changes a partly filled cell by as much.
@@ -94,6 +95,18 @@ class Tools(NamedTuple):
     orientation_next: Floats
 
 
+class Factoring(NamedTuple):
+    """Scratch of factor and solve, a row for each thread."""
+
+    rest: Floats
+    """what fronts leave over to their parents"""
+    strip: Floats
+    tile: Floats
+    t: Floats
+    """rows of a front"""
+    ints: Ints
+
+
 class Work(NamedTuple):
     """Scratch of one solver; nothing in it outlives a step but the factor, and `snapshot` drops that."""
 
@@ -105,14 +118,14 @@ class Work(NamedTuple):
     row: Floats
     ints: Ints
     values: Floats
-    """the fronts: matrix, then its factor"""
+    """the panels: matrix, then its factor"""
+    factoring: Factoring
     r: Floats
     d: Floats
     d_last: Floats
     dx: Floats
     q: Floats
     s: Floats
-    t: Floats
     pair: Ints
     start: Floats
     multiplier: Floats
@@ -195,7 +208,6 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
     n_cells, n_nodes = model.cell_nodes.shape[0], len(model.mass)
     n_free = int(np.count_nonzero(tree.position >= 0))
     n_pairs = int(np.count_nonzero(model.point_stiffness)) * n_tools
-    widest_seam = int(np.max(np.diff(tree.seam_ptr), initial=0))
     return Work(
         xe=np.empty((n_cells, 3, 27)),
         F=np.empty((n_cells, 3, 24)),
@@ -203,15 +215,21 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         fe=np.empty((n_cells, 3, 27)),
         h=np.zeros(24 * LANES),
         row=np.zeros(9 * LANES),
-        ints=np.zeros(4, dtype=np.int32),
+        ints=np.zeros(8, dtype=np.int32),
         values=np.zeros(tree.n_values),
+        factoring=Factoring(
+            rest=np.empty(tree.n_rest),
+            strip=np.empty((1, tree.strip)),
+            tile=np.empty((1, 2 * STRIP * STRIP)),
+            t=np.zeros(3 * tree.widest),
+            ints=np.zeros((1, 8), dtype=np.int32),
+        ),
         r=np.zeros(3 * n_free),
         d=np.zeros(3 * n_free),
         d_last=np.zeros(3 * n_free),
         dx=np.zeros(3 * n_free),
         q=np.zeros((MEMORY, 3 * n_free)),
         s=np.zeros((MEMORY, 3 * n_free)),
-        t=np.zeros(3 * tree.widest),
         pair=np.zeros((n_pairs, 2), dtype=np.int32),
         start=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
@@ -221,7 +239,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         x_hat=np.zeros((n_nodes, 3)),
         force=np.zeros((n_nodes, 3)),
         node_gap=np.zeros(n_nodes),
-        seam_block=np.zeros(9 * widest_seam * widest_seam),
+        seam_block=np.empty((2, 9 * len(model.seam) ** 2)),
         seam_coupled=np.zeros(1, dtype=np.int32),
         seam_stiffness=np.zeros((3 * len(model.seam), 3 * len(model.seam))),
         seam_anchor=np.zeros((len(model.seam), 3)),

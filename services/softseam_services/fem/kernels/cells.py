@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from softseam_services.body.materials.neo_hookean import volumetric
+from softseam_services.fem.kernels.fronts import add_block_row
 from softseam_services.fem.kernels.lapack import multiply
 
 LANES = 32  # nodes of a cell, padded so that loops over them fill vector registers
@@ -188,11 +189,7 @@ def _block_row(a, h, A, B, row):
 
 @njit(cache=True, error_model="numpy")
 def add_cell_tangents(x, model, tree, work, safe):
-    """Add K of eq. (2) at x, every cell into its front of work.values (lower triangle), updated in place.
-
-    Nodes of a cell are taken in the order of their places in the front, so that a row of blocks, which by symmetry is
-    a column of the lower triangle, is written downwards.
-    """
+    """Add K of eq. (2) at x to the fronts in work.values, updated in place; nodes of a cell in elimination order."""
     deformation(x, model, work)
     h, row = work.h, work.row
     A, B, H = np.empty(8), np.empty(8), np.empty((3, 3))
@@ -209,10 +206,7 @@ def add_cell_tangents(x, model, tree, work, safe):
                 h[at + b] = H[0, 0] * g0 + H[0, 1] * g1 + H[0, 2] * g2
                 h[at + LANES + b] = H[1, 0] * g0 + H[1, 1] * g1 + H[1, 2] * g2
                 h[at + 2 * LANES + b] = H[2, 0] * g0 + H[2, 1] * g1 + H[2, 2] * g2
-        front = tree.cell_front[cell]
-        offset, m = tree.meta[front, 4], 3 * tree.meta[front, 2]
         L = model.laplacian[model.pattern[cell]]
-        place = tree.cell_place[cell]
         for a in range(n_free):
             _block_row(a, h, A, B, row)
             for b in range(a, n_free):
@@ -220,14 +214,7 @@ def add_cell_tangents(x, model, tree, work, safe):
                 row[b] += constant
                 row[4 * LANES + b] += constant
                 row[8 * LANES + b] += constant
-            for i in range(3):
-                column = offset + (3 * place[local[a]] + i) * m
-                at = 3 * i * LANES
-                for b in range(a, n_free):
-                    to = column + 3 * place[local[b]]
-                    work.values[to] += row[at + b]
-                    work.values[to + 1] += row[at + LANES + b]
-                    work.values[to + 2] += row[at + 2 * LANES + b]
+            add_block_row(tree, work.values, cell, a, row, LANES)
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from softseam_services.fem.kernels.fronts import add_block
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
@@ -166,20 +167,15 @@ def add_contact_tangents(model, tools, tree, count, work):
                 block[i, j] -= relaxed * row[TRACTION + i] * row[TRACTION + j]
             block[i, i] += tangential
         cell = model.point_cell[point]
-        front = tree.cell_front[cell]
-        offset, m = tree.meta[front, 4], 3 * tree.meta[front, 2]
         for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            place_a = tree.cell_place[cell, model.point_local[a]]
-            if place_a < 0:
+            rank_a = tree.cell_rank[cell, model.point_local[a]]
+            if rank_a >= tree.cell_free[cell]:
                 continue
             for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
-                place_b = tree.cell_place[cell, model.point_local[b]]
-                if place_b < 0 or place_b > place_a:
-                    continue
-                weight = model.point_weight[a] * model.point_weight[b]
-                for k in range(3):
-                    for i in range(3):
-                        work.values[offset + (3 * place_b + k) * m + 3 * place_a + i] += weight * block[i, k]
+                rank_b = tree.cell_rank[cell, model.point_local[b]]
+                if rank_a <= rank_b < tree.cell_free[cell]:
+                    weight = model.point_weight[a] * model.point_weight[b]
+                    add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
 
 
 @njit(cache=True, error_model="numpy")

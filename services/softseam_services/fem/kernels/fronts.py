@@ -1,35 +1,33 @@
 """Multifrontal Cholesky A = L L^T along a tree of fronts, and solves with it.
 
-A factored front holds W = [L11^-1; -L21 L11^-1] in its first columns, so that a solve is one product with W, then one
-with its transpose, a front: y_own = L11^-1 b_own, b_boundary += -L21 y_own; x_own = W^T [y_own; x_boundary].
-
-A front of m nodes is a column-major 3m x 3m block of `values`; its first columns belong to the nodes it eliminates.
-Factoring adds each front's Schur complement to its parent's front. `tree` is a `dissection.Tree`.
+`values` holds the panels (panel.py) of all fronts: A is assembled into them, each entry into the panel of the front
+that eliminates its earlier node. A front adds to its panel what its children left over, eliminates its own rows, and
+leaves over its Schur complement: the sum of -L2 L2^T and of the children's other rows. Those blocks live in `rest`,
+at places that are used again: they stay in the cache, and need a small part of the memory that whole fronts would.
+`tree` is a `dissection.Tree`.
 """
 
 from __future__ import annotations
 
 from numba import njit
 
-from softseam_services.fem.kernels.lapack import (
-    apply_panel,
-    apply_panel_transposed,
-    factor_panel,
-    inverse_from_panel,
-)
+from softseam_services.fem.kernels.lapack import product
+from softseam_services.fem.kernels.panel import ascend, descend, factor_panel, inverse_triangle
+
+# columns of tree.meta
+FIRST, OWN, ALL, PARENT, VALUES, ROW, REST, CHILD, SIBLING, RUN, RUN_END = range(11)
 
 
 @njit(cache=True, error_model="numpy")
 def add_diagonal(tree, values, diagonal, scale):
-    """Add scale * diagonal[node] to the three diagonal entries of each free node; diagonal (n,), updated in
-    place."""
+    """Add scale * diagonal[node] to the three diagonal entries of each free node; diagonal (n,), values in place."""
     for node in range(len(diagonal)):
         place = tree.position[node]
         if place < 0:
             continue
         front = tree.own_front[place]
-        m = 3 * tree.meta[front, 2]
-        start = tree.meta[front, 4] + 3 * (place - tree.meta[front, 0]) * (m + 1)
+        m = 3 * tree.meta[front, ALL]
+        start = tree.meta[front, VALUES] + 3 * (place - tree.meta[front, FIRST]) * (m + 1)
         value = scale * diagonal[node]
         values[start] += value
         values[start + m + 1] += value
@@ -37,99 +35,177 @@ def add_diagonal(tree, values, diagonal, scale):
 
 
 @njit(cache=True, error_model="numpy")
-def add_seam_stiffness(tree, values, stiffness):
-    """Add stiffness (3s, 3s) to the seam's rows and columns, the trailing ones of its front; `values` in place."""
-    for group in range(len(tree.seam_front)):
-        front = tree.seam_front[group]
-        start, end = tree.seam_ptr[group], tree.seam_ptr[group + 1]
-        m = 3 * tree.meta[front, 2]
-        first = 3 * (tree.meta[front, 1] - (end - start))
-        for b in range(start, end):
-            for k in range(3):
-                column = tree.meta[front, 4] + (first + 3 * (b - start) + k) * m + first
-                for a in range(b, end):
-                    for i in range(k if a == b else 0, 3):
-                        values[column + 3 * (a - start) + i] += stiffness[
-                            3 * tree.seam_index[a] + i, 3 * tree.seam_index[b] + k
-                        ]
+def add_block_row(tree, values, cell, a, row, lanes):
+    """Add the blocks (a, b), b >= a, of a cell's matrix; row[(3 i + k) lanes + b] its entry (a i, b k).
+
+    a and b count the cell's free nodes in elimination order, see `Tree.cell_local`. By symmetry a row of blocks is a
+    column of the lower triangle, so it is written downwards. `values` in place
+    """
+    start, height, places = tree.cell_column[cell, a], tree.cell_height[cell, a], tree.cell_row[cell, a]
+    n_free = tree.cell_free[cell]
+    for i in range(3):
+        column = start + i * height
+        at = 3 * i * lanes
+        for b in range(a, n_free):
+            to = column + places[b]
+            values[to] += row[at + b]
+            values[to + 1] += row[at + lanes + b]
+            values[to + 2] += row[at + 2 * lanes + b]
 
 
 @njit(cache=True, error_model="numpy")
-def factor(tree, values, ints):
-    """Factor all fronts in place; returns 0, or 1 + the front where the matrix is not positive definite."""
-    for front in range(len(tree.meta)):
-        n_own, n_all, parent = tree.meta[front, 1], tree.meta[front, 2], tree.meta[front, 3]
-        offset, row = tree.meta[front, 4], tree.meta[front, 5]
-        m = 3 * n_all
-        if factor_panel(values, offset, m, 3 * n_own, ints) != 0:
+def add_block(tree, values, cell, a, b, weight, block):
+    """Add weight * block, a symmetric (3, 3), at the nodes a and b of a cell, counted as in `add_block_row`, a <= b."""
+    start, height = tree.cell_column[cell, a] + tree.cell_row[cell, a, b], tree.cell_height[cell, a]
+    for i in range(3):
+        for k in range(3):
+            values[start + i * height + k] += weight * block[i, k]
+
+
+@njit(cache=True, error_model="numpy")
+def add_seam_stiffness(tree, values, stiffness):
+    """Add stiffness (3s, 3s) to the last front, which owns the seam's nodes; `values` in place."""
+    n = len(tree.seam_place)
+    if n == 0:
+        return
+    front = tree.seam_front
+    m = 3 * tree.meta[front, ALL]
+    offset = tree.meta[front, VALUES]
+    for b in range(n):
+        for k in range(3):
+            column = offset + (3 * tree.seam_place[b] + k) * m
+            for a in range(n):
+                if tree.seam_place[a] >= tree.seam_place[b]:
+                    to = column + 3 * tree.seam_place[a]
+                    for i in range(3):
+                        values[to + i] += stiffness[3 * a + i, 3 * b + k]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_to_panel(tree, values, rest, child, front):
+    """Add the rows and columns of a child's rest that `front` eliminates."""
+    meta = tree.meta
+    n_own, m = meta[front, OWN], 3 * meta[front, ALL]
+    offset, source = meta[front, VALUES], meta[child, REST]
+    size = 3 * (meta[child, ALL] - meta[child, OWN])
+    last = meta[child, RUN_END]
+    for one in range(meta[child, RUN], last):
+        own = min(tree.runs[one, 1], n_own - tree.runs[one, 2])
+        for b in range(3 * own):
+            at = source + (3 * tree.runs[one, 0] + b) * size
+            to = offset + (3 * tree.runs[one, 2] + b) * m
+            for other in range(one, last):
+                below = b if other == one else 0
+                start = 3 * tree.runs[other, 0]
+                shift = to + 3 * tree.runs[other, 2] - at - start
+                for i in range(at + start + below, at + start + 3 * tree.runs[other, 1]):
+                    values[i + shift] += rest[i]
+        if own < tree.runs[one, 1]:
+            return
+
+
+@njit(cache=True, error_model="numpy")
+def _add_to_rest(tree, rest, child, front):
+    """Add the rows and columns of a child's rest that `front` leaves over, too."""
+    meta = tree.meta
+    n_own, m = meta[front, OWN], 3 * (meta[front, ALL] - meta[front, OWN])
+    offset, source = meta[front, REST], meta[child, REST]
+    size = 3 * (meta[child, ALL] - meta[child, OWN])
+    last = meta[child, RUN_END]
+    for one in range(meta[child, RUN], last):
+        own = 3 * max(0, min(tree.runs[one, 1], n_own - tree.runs[one, 2]))
+        for b in range(own, 3 * tree.runs[one, 1]):
+            at = source + (3 * tree.runs[one, 0] + b) * size
+            to = offset + (3 * (tree.runs[one, 2] - n_own) + b) * m
+            for other in range(one, last):
+                below = b if other == one else 0
+                start = 3 * tree.runs[other, 0]
+                shift = to + 3 * (tree.runs[other, 2] - n_own) - at - start
+                for i in range(at + start + below, at + start + 3 * tree.runs[other, 1]):
+                    rest[i + shift] += rest[i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def factor_fronts(tree, values, rest, begin, end, tile, strip, ints):
+    """Factor the fronts begin .. end in place; returns 0, or 1 + the front that is not positive definite."""
+    meta = tree.meta
+    for front in range(begin, end):
+        child = meta[front, CHILD]
+        while child >= 0:
+            _add_to_panel(tree, values, rest, child, front)
+            child = meta[child, SIBLING]
+        k, m = 3 * meta[front, OWN], 3 * meta[front, ALL]
+        if not factor_panel(values, meta[front, VALUES], m, k, rest, meta[front, REST], tile, strip, ints):
             return 1 + front
-        if parent < 0:
-            continue
-        m_parent = 3 * tree.meta[parent, 2]
-        target = tree.meta[parent, 4]
-        for b in range(n_own, n_all):
-            column_b = 3 * tree.to_parent[row + b]
-            for k in range(3):
-                column = target + (column_b + k) * m_parent
-                source = offset + (3 * b + k) * m
-                for a in range(b, n_all):
-                    to = column + 3 * tree.to_parent[row + a]
-                    at = source + 3 * a
-                    values[to] += values[at]
-                    values[to + 1] += values[at + 1]
-                    values[to + 2] += values[at + 2]
+        if m > k:
+            child = meta[front, CHILD]
+            while child >= 0:
+                _add_to_rest(tree, rest, child, front)
+                child = meta[child, SIBLING]
     return 0
 
 
 @njit(cache=True, error_model="numpy")
-def solve(tree, values, b, t, ints):
-    """b <- A^-1 b in elimination order; b (3 n_free,) updated in place, t (3 widest,) scratch."""
-    n_fronts = len(tree.meta)
+def factor(tree, values, scratch):
+    """Factor all fronts in place; returns 0, or 1 + the front where the matrix is not positive definite."""
+    return factor_fronts(
+        tree, values, scratch.rest, 0, len(tree.meta), scratch.tile[0], scratch.strip[0], scratch.ints[0]
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def solve(tree, values, b, scratch):
+    """b <- A^-1 b in elimination order; b (3 n_free,) updated in place."""
+    meta, t, s, ints = tree.meta, scratch.t, scratch.tile[0], scratch.ints[0]
+    n_fronts = len(meta)
     for front in range(n_fronts):
-        first, n_own, n_all = 3 * tree.meta[front, 0], 3 * tree.meta[front, 1], 3 * tree.meta[front, 2]
-        offset, row = tree.meta[front, 4], tree.meta[front, 5]
-        if n_own == 0:
-            continue
-        apply_panel(values, offset, n_all, n_own, b, first, t, ints)
-        for i in range(n_own):
+        first, k, m = 3 * meta[front, FIRST], 3 * meta[front, OWN], 3 * meta[front, ALL]
+        row = meta[front, ROW]
+        for i in range(k):
+            t[i] = b[first + i]
+        for i in range(k, m):
+            t[i] = 0.0
+        descend(values, meta[front, VALUES], m, k, t, s, ints)
+        for i in range(k):
             b[first + i] = t[i]
-        for i in range(n_own, n_all, 3):
+        for i in range(k, m, 3):
             to = 3 * tree.rows[row + i // 3]
             b[to] += t[i]
             b[to + 1] += t[i + 1]
             b[to + 2] += t[i + 2]
     for front in range(n_fronts - 1, -1, -1):
-        first, n_own, n_all = 3 * tree.meta[front, 0], 3 * tree.meta[front, 1], 3 * tree.meta[front, 2]
-        offset, row = tree.meta[front, 4], tree.meta[front, 5]
-        if n_own == 0:
-            continue
-        for i in range(n_own):
+        first, k, m = 3 * meta[front, FIRST], 3 * meta[front, OWN], 3 * meta[front, ALL]
+        row = meta[front, ROW]
+        for i in range(k):
             t[i] = b[first + i]
-        for i in range(n_own, n_all, 3):
+        for i in range(k, m, 3):
             at = 3 * tree.rows[row + i // 3]
             t[i] = b[at]
             t[i + 1] = b[at + 1]
             t[i + 2] = b[at + 2]
-        apply_panel_transposed(values, offset, n_all, n_own, t, b, first, ints)
+        ascend(values, meta[front, VALUES], m, k, t, s, ints)
+        for i in range(k):
+            b[first + i] = t[i]
 
 
 @njit(cache=True, error_model="numpy")
 def seam_inverse(tree, values, block, inverse, ints):
-    """inverse (3s, 3s) <- seam rows and columns of A^-1, updated in place.
+    """inverse (3s, 3s) <- seam rows and columns of A^-1, updated in place; block (2, 9 s^2) scratch.
 
-    The seam nodes end the last front of their component, so (A^-1)_ss = (L_s L_s^T)^-1; components do not interact.
-    block (at least the square of 3 times the largest component's seam,) scratch
+    The last front owns the seam's nodes and nothing else, so (A^-1)_ss = L_s^-T L_s^-1.
     """
-    inverse[:] = 0.0
-    for group in range(len(tree.seam_front)):
-        front = tree.seam_front[group]
-        start, end = tree.seam_ptr[group], tree.seam_ptr[group + 1]
-        n = 3 * (end - start)
-        first = 3 * tree.meta[front, 1] - n
-        inverse_from_panel(values, tree.meta[front, 4], 3 * tree.meta[front, 2], first, n, block, ints)
-        for a in range(start, end):
-            for b in range(start, end):
-                for i in range(3):
-                    for k in range(3):
-                        at = (3 * (a - start) + i) * n + 3 * (b - start) + k
-                        inverse[3 * tree.seam_index[a] + i, 3 * tree.seam_index[b] + k] = block[at]
+    n = 3 * len(tree.seam_place)
+    if n == 0:
+        return
+    inverse_triangle(values, tree.meta[tree.seam_front, VALUES], n, block[0], ints)
+    for j in range(n):
+        for i in range(n):
+            block[1, i * n + j] = block[0, j * n + i]
+    # rows of L^-T in block[1] are columns of L^-1: (L^-T)(L^-T)^T
+    product(n, n, n, 1, block[1], 0, n, block[1], 0, n, True, False, block[0], 0, n, ints)
+    for a in range(len(tree.seam_place)):
+        for b in range(len(tree.seam_place)):
+            at = 3 * tree.seam_place[a] * n + 3 * tree.seam_place[b]
+            for i in range(3):
+                for k in range(3):
+                    inverse[3 * a + i, 3 * b + k] = block[0, at + i * n + k]

@@ -88,7 +88,7 @@ def refactor(x, model, tree, tools, count, dt, safe, work, memo):
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
-        if factor(tree, work.values, work.ints) == 0:
+        if factor(tree, work.values, work.factoring) == 0:
             memo[FACTORED] = 1.0
             memo[FACTOR_DT] = dt
             return True
@@ -234,7 +234,7 @@ def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work,
                 since = 0
             for i in range(len(work.r)):
                 work.d[i] = work.r[i]
-            solve(tree, work.values, work.d, work.t, work.ints)
+            solve(tree, work.values, work.d, work.factoring)
             largest = _largest(work.d)
             if attempt == 0 and not renew and _too_slow(largest, first, tolerance, since):
                 renew = True
