@@ -14,12 +14,20 @@ from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal, factor, seam_inverse, solve
 from softseam_services.fem.model import FemModel, Work, build_model, build_work
 
-CASES = ["one_cell", "clamped", "two_columns", "ring"]
+CASES = ["one_cell", "clamped", "two_columns", "ring", "wide", "slab"]
+"""wide and slab: panels beyond NARROW columns, and a seam as wide"""
 
 
 def _problem(case: str) -> tuple[FemModel, Tree, Work, NDArray[np.float64]]:
     """Model, tree, work with the matrix assembled, and the same matrix dense in elimination order."""
-    counts = {"one_cell": (1, 1, 1), "clamped": (3, 2, 2), "two_columns": (3, 1, 2), "ring": (3, 3, 1)}[case]
+    counts = {
+        "one_cell": (1, 1, 1),
+        "clamped": (3, 2, 2),
+        "two_columns": (3, 1, 2),
+        "ring": (3, 3, 1),
+        "wide": (4, 4, 2),
+        "slab": (3, 3, 2),
+    }[case]
     size = (0.01 * counts[0], 0.01 * counts[1], 0.01 * counts[2])
     fixed = [{"min": (-1.0, -1.0, -1.0), "max": (-size[0] / 2, 1.0, 1.0)}] if case == "clamped" else []
     body = build_body(block(size, 0.01, body={"fixed": fixed}), {})
@@ -28,6 +36,8 @@ def _problem(case: str) -> tuple[FemModel, Tree, Work, NDArray[np.float64]]:
         cells = cells[body.cell_grid[:, 0] != 1]
     if case == "ring":
         cells = cells[(body.cell_grid[:, :2] != 1).any(axis=1)]
+    if case == "slab":
+        cells = cells[body.cell_grid[:, 2] == 0]
     others = np.setdiff1d(np.arange(body.n_cells, dtype=np.int32), cells)
     region = build_region(body, cells, shared_nodes(body, cells, others))
     model, tree = build_model(body, region)
@@ -61,9 +71,9 @@ def test_solve_equals_dense(case: str) -> None:
     np.testing.assert_allclose(x, np.linalg.solve(dense, b), rtol=1e-9, atol=1e-12 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("case", ["two_columns", "ring"])
+@pytest.mark.parametrize("case", ["two_columns", "ring", "slab"])
 def test_last_fronts_hold_the_seam(case: str) -> None:
-    """The trailing block of the root is the seam's Schur complement, also of two components."""
+    """The last front is the seam's Schur complement, also of two components."""
     model, tree, work, dense = _problem(case)
     n = 3 * len(model.seam)
     assert n > 0
