@@ -30,10 +30,13 @@ def block(
     body: Mapping[str, Any] | None = None,
     **scene: Any,
 ) -> Scene:
-    """A scene with a block and the keys given."""
+    """A scene with a block and the keys given; solved tightly, since tolerances are not what most tests are about."""
     material = {"kind": kind, "young": young, "poisson": poisson, "density": density}
     spec = {"shape": {"kind": "block", "size": size}, "cell": cell, "material": material, **(body or {})}
-    return Scene.model_validate({"softseam": 1, "name": "case", "duration": 1.0, "body": spec, **scene})
+    models = {"fem": {"tolerance": 1e-7}}
+    return Scene.model_validate(
+        {"softseam": 1, "name": "case", "duration": 1.0, "body": spec, "models": models, **scene}
+    )
 
 
 def tofu(

@@ -335,7 +335,7 @@ class FemSpec(Spec):
     element: Literal["hex27"] = "hex27"
     integrator: Literal["implicit_euler"] = "implicit_euler"
     tolerance: Positive = Field(
-        default=1e-7, description="Newton stops when no node moves more, relative to a cell edge [1]"
+        default=3e-5, description="Newton stops when no node moves more, relative to a cell edge [1]"
     )
     iterations: int = Field(default=30, ge=1, description="Newton iterations before the step is cut")
 
