@@ -112,7 +112,9 @@ class PbdRun:
 
     def request(self, seam_force: Floats | None = None, *, compliance: bool = False, exchange: int = 0) -> Advance:
         force = np.zeros((len(self.region.seam), 3)) if seam_force is None else seam_force
-        motion = tool_motion(self.tools, self.position, self.tools.orientation, self.velocity, self.scene.step)
+        motion = tool_motion(
+            self.tools, self.position, self.tools.orientation, np.pad(self.velocity, ((0, 0), (0, 3))), self.scene.step
+        )
         return Advance(self.header(exchange), self.scene.step, force, motion, compliance)
 
     def header(self, exchange: int = 0) -> Header:

@@ -76,7 +76,12 @@ class ConnectedBackend:
         return self._ask(Reset(self._header(), seed), Observation, SimulationFailed)
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
-        request = Step(self._header(), count, velocities is None, dict(velocities or {}), fields)
+        ways, turns = {}, {}
+        for name, velocity in (velocities or {}).items():
+            ways[name] = velocity[:3].copy()
+            if len(velocity) == 6:
+                turns[name] = velocity[3:].copy()
+        request = Step(self._header(), count, velocities is None, ways, fields, turns)
         return self._ask(request, Observation, SimulationFailed)
 
     def save(self) -> bytes:

@@ -19,6 +19,7 @@ from softseam_protocol.scene import (
     PlaneTool,
     Scene,
     SphereTool,
+    TurnPhase,
 )
 
 Floats = NDArray[np.float64]
@@ -33,8 +34,8 @@ def expected_duration(scene: Scene) -> float | None:
     for phase in scene.motion:
         if isinstance(phase, HoldPhase):
             total += phase.hold
-        elif isinstance(phase, MovePhase):
-            total += float(np.linalg.norm(phase.move)) / phase.speed
+        elif isinstance(phase, MovePhase | TurnPhase):
+            total += float(np.linalg.norm(phase.move if isinstance(phase, MovePhase) else phase.turn)) / phase.speed
         else:
             length = _closing_time(scene, phase, closed)
             if length is None:

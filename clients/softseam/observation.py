@@ -26,6 +26,8 @@ class ToolView:
     """unit quaternion w, x, y, z (4,)"""
     velocity: Floats
     """velocity that was applied in the step (3,) [m/s]"""
+    turning: Floats
+    """angular velocity about the position that was applied in the step (3,) [rad/s]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +160,12 @@ def observation_from(message: messages.Observation, tool_names: tuple[str, ...])
     report, frame = message.report, message.frame
     tools, wrench = {}, {}
     for i, name in enumerate(tool_names):
+        turning = report.turning[i] if len(report.turning) else np.zeros(3)
         tools[name] = ToolView(
-            _frozen(report.tool_position[i]), _frozen(report.tool_orientation[i]), _frozen(report.command[i])
+            _frozen(report.tool_position[i]),
+            _frozen(report.tool_orientation[i]),
+            _frozen(report.command[i]),
+            _frozen(turning),
         )
         wrench[name] = _frozen(report.wrench[i])
     if frame is not None:

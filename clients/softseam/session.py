@@ -17,7 +17,7 @@ from softseam.scenes import bundle_of
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
 from softseam_protocol.messages import Vector3
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene import LARGEST_TURN, Scene
 from softseam_protocol.scene_file import bundle_scene
 
 if TYPE_CHECKING:
@@ -41,6 +41,9 @@ class Backend(Protocol):
     def load(self, state: bytes) -> messages.Observation: ...
 
     def close(self) -> None: ...
+
+
+_NUMBERS = "three numbers [m/s], e.g. [0.02, 0, 0], and three more [rad/s] where it also turns"
 
 
 def open(
@@ -130,7 +133,8 @@ class Session:
     ) -> Observation:
         """Take one macro step, or `count` alike; tools that are not named stand still.
 
-        tool_velocities  velocity of each tool (3,) [m/s]; None follows the scene's own motion
+        tool_velocities  velocity of each tool (3,) [m/s], or with its angular velocity about its position (6,)
+                         [m/s, rad/s]; None follows the scene's own motion
         fields           also observe the fields of the whole body at the end
         """
         backend = self._begun()
@@ -217,12 +221,16 @@ class Session:
             try:
                 velocity = np.array(value, dtype=np.float64)
             except (TypeError, ValueError):
-                raise BadVelocity(f"the velocity of {name!r} is {value!r}: give three numbers [m/s]") from None
-            if velocity.shape != (3,):
-                raise BadVelocity(
-                    f"the velocity of {name!r} has shape {velocity.shape}: give three numbers [m/s], e.g. [0.02, 0, 0]"
-                )
+                raise BadVelocity(f"the velocity of {name!r} is {value!r}: give {_NUMBERS}") from None
+            if velocity.shape not in ((3,), (6,)):
+                raise BadVelocity(f"the velocity of {name!r} has shape {velocity.shape}: give {_NUMBERS}")
             if not np.isfinite(velocity).all():
-                raise BadVelocity(f"the velocity of {name!r} is {velocity.tolist()}: it must be finite [m/s]")
+                raise BadVelocity(f"the velocity of {name!r} is {velocity.tolist()}: it must be finite")
+            turn = float(np.linalg.norm(velocity[3:])) * self.scene.step
+            if turn > LARGEST_TURN:
+                raise BadVelocity(
+                    f"{name!r} would turn by {turn:.3g} rad in a step of {self.scene.step:g} s, more than "
+                    f"{LARGEST_TURN:g}: turn it more slowly, or shorten the step"
+                )
             checked[name] = velocity
         return checked

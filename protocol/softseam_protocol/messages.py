@@ -351,6 +351,8 @@ class StepReport:
     done: bool
     command: Vectors
     """tool velocities that were applied (t, 3) [m/s]"""
+    turning: Vectors = field(default_factory=_NO_VECTORS)
+    """angular velocities about the tools' positions that were applied (t, 3) [rad/s]; empty: none turned"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,7 +412,10 @@ class Step:
     count: Count
     program: bool
     velocities: dict[str, Vector3]
+    """[m/s]"""
     fields: bool = True
+    turning: dict[str, Vector3] = field(default_factory=dict)
+    """angular velocities about the tools' positions [rad/s]"""
 
 
 @dataclass(frozen=True, slots=True)

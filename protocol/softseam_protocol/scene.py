@@ -21,6 +21,8 @@ LARGEST_BODY = 100.0
 """a body's edge above this is taken for wrong units [m]"""
 SMALLEST_BODY = 1e-4
 """a body's edge below this is taken for wrong units [m]"""
+LARGEST_TURN = 0.5
+"""of a tool in one step [rad]"""
 MOST_CELLS = 200_000
 MOST_STEPS = 10_000_000
 
@@ -269,13 +271,30 @@ class MovePhase(Spec):
         return self
 
 
+class TurnPhase(Spec):
+    """Tools turn together by `turn` at `speed`, as one rigid body, about a point."""
+
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    turn: Vector = Field(description="axis times angle [rad]")
+    speed: Positive = Field(description="angular speed [rad/s]")
+    about: Vector | None = Field(
+        default=None, description="centre of the turn [m]; default: the middle of the tools' positions"
+    )
+
+    @model_validator(mode="after")
+    def _some(self) -> TurnPhase:
+        if math.hypot(*self.turn) < 1e-12:
+            raise _wrong("a turn by no angle: use hold to wait", "turn")
+        return self
+
+
 class HoldPhase(Spec):
     """All tools stand still for `hold` [s]."""
 
     hold: NonNegative = Field(description="[s]")
 
 
-PHASE_KEYS = ("close", "move", "hold")
+PHASE_KEYS = ("close", "move", "turn", "hold")
 """the keys that name a phase"""
 
 
@@ -287,15 +306,18 @@ def _phase_tag(value: Any) -> str | None:
     return None
 
 
-# the tag follows from the key that names the phase, so that an error speaks of one phase, not of all three
+# the tag follows from the key that names the phase, so that an error speaks of one phase, not of all
 Phase = Annotated[
     Annotated[ClosePhase, Tag("close phase")]
     | Annotated[MovePhase, Tag("move phase")]
+    | Annotated[TurnPhase, Tag("turn phase")]
     | Annotated[HoldPhase, Tag("hold phase")],
     Discriminator(
         _phase_tag,
         custom_error_type="phase",
-        custom_error_message="a phase says what happens: close (with tools, until), move (with tools, speed) or hold",
+        custom_error_message=(
+            "a phase says what happens: close (with tools, until), move or turn (with tools, speed), or hold"
+        ),
     ),
 ]
 
@@ -398,7 +420,10 @@ class Scene(Spec):
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
         for i, phase in enumerate(self.motion):
-            if isinstance(phase, ClosePhase | MovePhase):
+            if isinstance(phase, TurnPhase) and phase.speed * self.step > LARGEST_TURN:
+                angle = phase.speed * self.step
+                raise _wrong(f"{angle:.3g} rad a step, more than {LARGEST_TURN:g}", "motion", i, "speed")
+            if not isinstance(phase, HoldPhase):
                 self._known(phase.tools, "motion", i, "tools")
         if self.regions.near is not None:
             self._known(self.regions.near.tools or (), "regions", "near", "tools")

@@ -90,8 +90,8 @@ def _ask_everything(model: str) -> None:
     tools, scene = setup.tools, setup.scene
     shared = np.intersect1d(setup.body.cell_nodes[0], setup.body.cell_nodes[1]).astype(np.int32)
     ask(Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
-    command = np.zeros((len(tools.names), 3))
-    command[-1, 2] = -0.02
+    command = np.zeros((len(tools.names), 6))
+    command[tools.names.index("ball"), 2:4] = -0.02, 0.1
     position, orientation = tools.position.copy(), tools.orientation.copy()
     for step in range(2):
         motion = tool_motion(tools, position, orientation, command, scene.step)

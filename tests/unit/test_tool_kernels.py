@@ -123,8 +123,8 @@ def test_motion_translates_and_refuses_wrong_shapes() -> None:
         position=np.zeros((1, 3)),
         orientation=np.array([[1.0, 0, 0, 0]]),
     )
-    motion = tool_motion(tools, tools.position, tools.orientation, np.array([[1.0, 2.0, 3.0]]), 0.5)
+    motion = tool_motion(tools, tools.position, tools.orientation, np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]]), 0.5)
     np.testing.assert_array_equal(motion.position_next, [[0.5, 1.0, 1.5]])
     np.testing.assert_array_equal(motion.orientation_next, motion.orientation)
     with pytest.raises(ValueError, match="1 tools need"):
-        tool_motion(tools, tools.position, tools.orientation, np.zeros((2, 3)), 0.5)
+        tool_motion(tools, tools.position, tools.orientation, np.zeros((2, 6)), 0.5)

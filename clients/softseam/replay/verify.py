@@ -21,6 +21,7 @@ class Resimulation(Protocol):
     def frame(self) -> Frame: ...
 
 
+_EXACT = ("tool_position", "tool_orientation", "wrench", "momentum", "angular_momentum")
 Opener = Callable[[Bundle, int], AbstractContextManager[Resimulation]]
 """opens a simulation of a scene at its start, with a seed"""
 
@@ -49,9 +50,11 @@ def verify(recording: Recording, opener: Opener) -> Verification:
                 return _unable(
                     steps, frames, f"step {report.header.step} follows step {steps - 1}: a reset, a restore or a loss"
                 )
-            command = {name: tuple(velocity) for name, velocity in zip(names, report.command.tolist(), strict=True)}
+            turning = report.turning if len(report.turning) else np.zeros_like(report.command)
+            rates = np.concatenate([report.command, turning], axis=1).tolist()
+            command = {name: tuple(velocity) for name, velocity in zip(names, rates, strict=True)}
             again = simulation.step(command, fields=frame is not None)
-            difference = _differing(report, again, ("tool_position", "wrench", "momentum", "angular_momentum"))
+            difference = _differing(report, again, _EXACT)
             if difference is None and frame is not None:
                 difference = _differing(
                     frame, simulation.frame(), ("x", "multiplier", "seam_nodes", "contact_force", "cauchy")

@@ -125,7 +125,8 @@ class Accounts:
             penetration,
             seconds,
             done,
-            command,
+            command[:, :3].copy(),
+            command[:, 3:].copy(),
         )
 
     def switched(self, kinetic_change: float) -> None:

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from softseam_protocol.bus import Bus
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
@@ -94,7 +96,13 @@ class Desk:
 
     def step(self, request: Step) -> Observation:
         """Take `count` steps, fewer where the scene's motion ends before."""
-        velocities = None if request.program else {name: v.tolist() for name, v in request.velocities.items()}
+        velocities = None
+        if not request.program:
+            still = np.zeros(3)
+            velocities = {
+                name: [*request.velocities.get(name, still).tolist(), *request.turning.get(name, still).tolist()]
+                for name in (request.velocities | request.turning)
+            }
         if not self._feed.begun:
             self._feed.begin(self._begin())
         for remaining in range(request.count, 0, -1):

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import ClosePhase, HoldPhase, MovePhase, Scene
+from softseam_protocol.scene import ClosePhase, HoldPhase, MovePhase, Scene, TurnPhase
+from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.outline import extent_along
+from softseam_services.tools.pose import product, quaternion_turning
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -33,6 +35,8 @@ class Grip:
     second: int
     axis: Floats
     """unit vector from the first to the second as they start (3,)"""
+    upright: list[float]
+    """the first tool's orientation then"""
     thickness: float
     """half extents of both along the axis [m]"""
     width: float
@@ -45,11 +49,19 @@ class Grip:
         along = x_rest @ axis
         turns = tools.orientation
         thickness = extent_along(tools, first, axis, turns[first]) + extent_along(tools, second, -axis, turns[second])
-        return cls(first, second, axis, thickness, float(along.max() - along.min()))
+        upright = turns[first].tolist()
+        return cls(first, second, axis, upright, thickness, float(along.max() - along.min()))
 
-    def gap(self, position: Floats) -> float:
-        """Clear way between the two at tool positions (t, 3) [m]."""
-        return along_axis(self.axis, position[self.first], position[self.second]) - self.thickness
+    def axis_now(self, orientation: Floats) -> Floats:
+        """The axis (3,), which turns with the first tool, at orientations (t, 4)."""
+        turn = orientation[self.first]
+        if turn.tolist() == self.upright:
+            return self.axis
+        return np.array(rotate(turn, *rotate_back(np.array(self.upright), *self.axis)))
+
+    def gap(self, position: Floats, orientation: Floats) -> float:
+        """Clear way between the two at tool poses (t, 3) [m], (t, 4)."""
+        return along_axis(self.axis_now(orientation), position[self.first], position[self.second]) - self.thickness
 
 
 def along_axis(axis: Floats, first: Floats, second: Floats) -> float:
@@ -77,21 +89,25 @@ class Program:
         self.grip = next(iter(self._grips.values()), None)
         """the first two tools that close, if any do"""
         self._lengths = {
-            number: float(np.linalg.norm(phase.move))
+            number: float(np.linalg.norm(phase.move if isinstance(phase, MovePhase) else phase.turn))
             for number, phase in enumerate(self._phases)
-            if isinstance(phase, MovePhase)
+            if isinstance(phase, MovePhase | TurnPhase)
         }
+        """ways of moves [m] and angles of turns [rad], by phase"""
 
     def done(self, progress: Progress) -> bool:
         return progress.phase >= len(self._phases)
 
-    def compression(self, position: Floats) -> float:
+    def compression(self, position: Floats, orientation: Floats) -> float:
         """1 - (gap between the gripping tools)/(width of the body at rest), or 0 without a grip."""
-        return 0.0 if self.grip is None else 1.0 - self.grip.gap(position) / self.grip.width
+        return 0.0 if self.grip is None else 1.0 - self.grip.gap(position, orientation) / self.grip.width
 
-    def velocities(self, progress: Progress, position: Floats) -> Floats:
-        """Tool velocities for the coming step (t, 3) [m/s]; a phase's last step is slowed to end on the mark."""
-        velocity = np.zeros_like(position)
+    def velocities(self, progress: Progress, position: Floats, orientation: Floats) -> Floats:
+        """Velocities and angular velocities of the tools in the coming step (t, 6) [m/s, rad/s].
+
+        A phase's last step is slowed to end on the mark.
+        """
+        velocity = np.zeros((len(position), 6))
         if self.done(progress):
             return velocity
         phase = self._phases[progress.phase]
@@ -100,21 +116,33 @@ class Program:
             speed = phase.close
             if phase.until.compression is not None:
                 goal = (1.0 - phase.until.compression) * grip.width
-                speed = min(speed, max(0.0, (grip.gap(position) - goal) / (2.0 * self._dt)))
+                speed = min(speed, max(0.0, (grip.gap(position, orientation) - goal) / (2.0 * self._dt)))
             if phase.until.time is not None:
                 speed *= min(1.0, max(0.0, (phase.until.time - progress.elapsed) / self._dt))
-            velocity[grip.first] = speed * grip.axis
-            velocity[grip.second] = -speed * grip.axis
+            axis = grip.axis_now(orientation)
+            velocity[grip.first, :3] = speed * axis
+            velocity[grip.second, :3] = -speed * axis
         elif isinstance(phase, MovePhase):
             length = self._lengths[progress.phase]
             left = length - phase.speed * progress.elapsed
             share = min(phase.speed, max(0.0, left / self._dt)) / length
             for name in phase.tools:
-                velocity[self._index[name]] = [share * way for way in phase.move]
+                velocity[self._index[name], :3] = [share * way for way in phase.move]
+        elif isinstance(phase, TurnPhase):
+            length = self._lengths[progress.phase]
+            left = length - phase.speed * progress.elapsed
+            rate = np.array(phase.turn) * (min(phase.speed, max(0.0, left / self._dt)) / length)
+            tools = [self._index[name] for name in phase.tools]
+            centre = position[tools].mean(axis=0) if phase.about is None else np.array(phase.about)
+            turn = quaternion_turning(self._dt * rate)
+            for tool in tools:
+                arm = position[tool] - centre
+                velocity[tool, :3] = (np.array(rotate(turn, *arm)) - arm) / self._dt
+                velocity[tool, 3:] = rate
         return velocity
 
-    def after(self, progress: Progress, position: Floats, grip_force: float) -> Progress:
-        """Progress after a step that ended with these tool positions and this mean grip force [N]."""
+    def after(self, progress: Progress, position: Floats, orientation: Floats, grip_force: float) -> Progress:
+        """Progress after a step that ended with these tool poses and this mean grip force [N]."""
         if self.done(progress):
             return progress
         phase = self._phases[progress.phase]
@@ -122,7 +150,7 @@ class Program:
         tick = _ROUNDING * self._dt
         if isinstance(phase, HoldPhase):
             ended = elapsed >= phase.hold - 0.5 * self._dt
-        elif isinstance(phase, MovePhase):
+        elif isinstance(phase, MovePhase | TurnPhase):
             ended = phase.speed * elapsed >= self._lengths[progress.phase] - phase.speed * tick
         else:
             grip = self._grips[progress.phase]
@@ -130,7 +158,7 @@ class Program:
             ended = (
                 (
                     until.compression is not None
-                    and 1.0 - grip.gap(position) / grip.width >= until.compression - _ROUNDING
+                    and 1.0 - grip.gap(position, orientation) / grip.width >= until.compression - _ROUNDING
                 )
                 or (until.force is not None and grip_force >= until.force)
                 or (until.time is not None and elapsed >= until.time - tick)
@@ -140,7 +168,7 @@ class Program:
     def duration(self) -> float | None:
         """Length of the motion [s], or None where it depends on a force."""
         total = 0.0
-        position = self._tools.position.copy()
+        position, orientation = self._tools.position.copy(), self._tools.orientation.copy()
         for number, phase in enumerate(self._phases):
             if isinstance(phase, HoldPhase):
                 total += phase.hold
@@ -148,18 +176,27 @@ class Program:
                 total += self._lengths[number] / phase.speed
                 for name in phase.tools:
                     position[self._index[name]] += phase.move
+            elif isinstance(phase, TurnPhase):
+                total += self._lengths[number] / phase.speed
+                tools = [self._index[name] for name in phase.tools]
+                centre = position[tools].mean(axis=0) if phase.about is None else np.array(phase.about)
+                turn = quaternion_turning(np.array(phase.turn))
+                for tool in tools:
+                    position[tool] = centre + rotate(turn, *(position[tool] - centre))
+                    turned = product(turn, orientation[tool])
+                    orientation[tool] = turned / np.linalg.norm(turned)
             else:
                 grip = self._grips[number]
                 bounds = []
                 if phase.until.compression is not None:
-                    way = grip.gap(position) - (1.0 - phase.until.compression) * grip.width
+                    way = grip.gap(position, orientation) - (1.0 - phase.until.compression) * grip.width
                     bounds.append(max(0.0, way) / (2.0 * phase.close))
                 if phase.until.time is not None:
                     bounds.append(phase.until.time)
                 if not bounds:
                     return None
                 total += min(bounds)
-                way_each = min(bounds) * phase.close * grip.axis
+                way_each = min(bounds) * phase.close * grip.axis_now(orientation)
                 position[grip.first] += way_each
                 position[grip.second] -= way_each
         return total

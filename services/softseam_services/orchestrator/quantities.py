@@ -46,10 +46,12 @@ class Quantities:
         self._tip = int(end[np.argmin(np.linalg.norm(body.x_rest[end] - middle, axis=1))])
         self._tip_rest = body.x_rest[self._tip, 2]
 
-    def grip_force(self, wrench: Floats) -> float:
-        """Mean force of the body on the gripping tools along the line between them [N]."""
+    def grip_force(self, wrench: Floats, orientation: Floats) -> float:
+        """Mean force of the body on the gripping tools along the line between them [N]; orientations (t, 4)."""
         grip = self._program.grip
-        return 0.0 if grip is None else 0.5 * along_axis(grip.axis, wrench[grip.first, :3], wrench[grip.second, :3])
+        if grip is None:
+            return 0.0
+        return 0.5 * along_axis(grip.axis_now(orientation), wrench[grip.first, :3], wrench[grip.second, :3])
 
     def height(self, replies: Mapping[str, Advanced]) -> float:
         """How far the centre of mass rose since rest, against gravity [m]; without gravity, the lowest point."""
@@ -58,11 +60,18 @@ class Quantities:
         return min(float(reply.bounds[0, 2]) for reply in replies.values()) - self._bottom
 
     def measure(
-        self, replies: Mapping[str, Advanced], grip_force: float, position: Floats, frame: Frame | None, rise: float
+        self,
+        replies: Mapping[str, Advanced],
+        grip_force: float,
+        position: Floats,
+        orientation: Floats,
+        frame: Frame | None,
+        rise: float,
     ) -> dict[str, float]:
         """All quantities of the step; those that need fields only where there is a frame.
 
         grip_force  [N]
+        position, orientation  of the tools (t, 3) [m], (t, 4)
         rise        height above where the lift began [m]
         """
         low = min(float(reply.bounds[0, 2]) for reply in replies.values())
@@ -72,7 +81,7 @@ class Quantities:
             "lift_height": rise,
             "slip": max(reply.slip for reply in replies.values()),
             "sag": (self._top - self._bottom) - (high - low),
-            "compression": max(0.0, self._program.compression(position)),
+            "compression": max(0.0, self._program.compression(position, orientation)),
         }
         if frame is not None:
             found["peak_von_mises"] = float(von_mises(frame.cauchy).max())

@@ -149,7 +149,8 @@ class Simulation:
     def step(self, velocities: Mapping[str, Sequence[float]] | None = None, fields: bool = False) -> StepReport:
         """Advance by one step of the scene.
 
-        velocities  tool velocities [m/s]; tools left out stand still. None follows the scene's motion.
+        velocities  of tools [m/s], with three more numbers also angular ones about their positions [rad/s]; tools left
+                    out stand still. None follows the scene's motion.
         fields      also make a Frame (see `frame`)
         Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
         """
@@ -162,19 +163,21 @@ class Simulation:
         replies = solution.replies
         first, *others = (reply.wrench for reply in replies.values())
         wrench = sum(others, first)
-        self._position = motion.position_next
+        self._position, self._orientation = motion.position_next, motion.orientation_next
         phase = -1 if self._program.done(self._progress) else self._progress.phase
         self._step += 1
-        grip_force = self._quantities.grip_force(wrench)
+        grip_force = self._quantities.grip_force(wrench, self._orientation)
         if velocities is None:
-            self._progress = self._program.after(self._progress, self._position, grip_force)
+            self._progress = self._program.after(self._progress, self._position, self._orientation, grip_force)
         height = self._quantities.height(replies)
         self._follow_lift(command, height)
         frame = None
         self._frame = None
         if self._ask_fields or (self._wants_fields and self.done):
             frame = self._frame = self._gather(self._fields_of(replies), self._sides)
-        quantities = self._quantities.measure(replies, grip_force, self._position, frame, height - self._lift_base)
+        quantities = self._quantities.measure(
+            replies, grip_force, self._position, self._orientation, frame, height - self._lift_base
+        )
         if frame is not None:
             quantities |= self._probes.measure(frame, self._near.model, self.scene.regions.default)
         header, sides = self._last_header(), self._sides
@@ -328,15 +331,18 @@ class Simulation:
 
     def _command(self, velocities: Mapping[str, Sequence[float]] | None) -> Floats:
         if velocities is None:
-            return self._program.velocities(self._progress, self._position)
-        command = np.zeros((len(self.tools.names), 3))
+            return self._program.velocities(self._progress, self._position, self._orientation)
+        command = np.zeros((len(self.tools.names), 6))
         for name, velocity in velocities.items():
             if name not in self.tools.names:
                 raise ValueError(f"no tool is called {name!r}; the scene has: {', '.join(self.tools.names) or 'none'}")
             value = np.asarray(velocity, dtype=np.float64)
-            if value.shape != (3,) or not np.isfinite(value).all():
-                raise ValueError(f"the velocity of {name!r} must be three finite numbers [m/s], not {velocity!r}")
-            command[self.tools.names.index(name)] = value
+            if value.shape not in ((3,), (6,)) or not np.isfinite(value).all():
+                raise ValueError(
+                    f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
+                    f"not {velocity!r}"
+                )
+            command[self.tools.names.index(name), : len(value)] = value
         return command
 
     def _follow_lift(self, command: Floats, height: float) -> None:

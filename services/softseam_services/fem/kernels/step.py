@@ -19,7 +19,7 @@ from softseam_services.fem.kernels.contact import (
     point_position,
 )
 from softseam_services.fem.kernels.newton import CONVERGED, farthest, newton, seam_pull
-from softseam_services.tools.kernels import cell_distances
+from softseam_services.tools.kernels import cell_distances, tool_travel
 
 # entries of `out`
 KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, MOMENTUM, ANGULAR = 0, 1, 2, 3, 4, 5, 8
@@ -29,19 +29,6 @@ N_OUT = 21
 _MOST_AUGMENTATIONS = 4
 # Points deeper than this after the iteration get their multipliers updated within the step [m].
 _DEEP = 20e-6
-
-
-@njit(cache=True, error_model="numpy")
-def _tool_travel(tools):
-    """Longest way of a tool's position in the step [m]."""
-    longest = 0.0
-    for tool in range(len(tools.kind)):
-        square = 0.0
-        for i in range(3):
-            d = tools.position_next[tool, i] - tools.position[tool, i]
-            square += d * d
-        longest = max(longest, square)
-    return np.sqrt(longest)
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,7 +119,10 @@ def advance(x0, v0, contact0, dt, seam_force, model, tree, tools, tolerance, mos
     for s in range(len(model.seam)):
         for i in range(3):
             work.force[model.seam[s], i] += seam_force[s, i]
-    reach = 0.25 * model.edge + _tool_travel(tools) + 2.0 * dt * fastest
+    travel = tool_travel(
+        tools.kind, tools.shape, tools.position, tools.orientation, tools.position_next, tools.orientation_next, x0
+    )
+    reach = 0.25 * model.edge + travel + 2.0 * dt * fastest
     out[N_ITERATIONS] = 0.0
     augmentations = 0
     search = True

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.tools.kernels import cell_distances, tool_gap
+from softseam_services.tools.kernels import cell_distances, tool_gap, tool_travel
 
 from .contact import carry_point, find_pairs, place_points
 from .relax import relax
@@ -228,12 +228,7 @@ def advance_step(
         square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
         fastest = max(fastest, square)
     reach = margin + 2.0 * dt * np.sqrt(fastest)
-    travel = 0.0
-    for tool in range(len(kind)):
-        square = 0.0
-        for c in range(3):
-            square += (position_next[tool, c] - position[tool, c]) ** 2
-        travel = max(travel, np.sqrt(square))
+    travel = tool_travel(kind, shape, position, orientation, position_next, orientation_next, x)
     find_pairs(
         kind, shape, position, orientation, point_x, active, force, reach + 2.0 * travel, pair_start, pair_point, depth
     )

@@ -8,6 +8,16 @@ from softseam_services.tools.kernels.gap import (
     rotate_back,
     tool_gap,
     tool_reach,
+    tool_travel,
 )
 
-__all__ = ["all_finite", "cell_distances", "least_gaps", "rotate", "rotate_back", "tool_gap", "tool_reach"]
+__all__ = [
+    "all_finite",
+    "cell_distances",
+    "least_gaps",
+    "rotate",
+    "rotate_back",
+    "tool_gap",
+    "tool_reach",
+    "tool_travel",
+]

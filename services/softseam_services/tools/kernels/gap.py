@@ -91,6 +91,36 @@ def tool_reach(kind, shape):
 
 
 @njit(cache=True, error_model="numpy")
+def tool_travel(kind, shape, position, orientation, position_next, orientation_next, x):
+    """Longest way that any point of a tool goes in a step [m]; of a plane, any point as far away as nodes x (n, 3) are.
+
+    A turn by an angle a moves a point at distance R by 2 R sin(a/2), and sin(a/2)^2 = 1 - (q . q_next)^2.
+    """
+    longest = 0.0
+    for tool in range(len(kind)):
+        square = 0.0
+        for i in range(3):
+            square += (position_next[tool, i] - position[tool, i]) ** 2
+        way = np.sqrt(square)
+        dot = 0.0
+        for i in range(4):
+            dot += orientation[tool, i] * orientation_next[tool, i]
+        if dot * dot < 1.0:
+            reach = tool_reach(kind[tool], shape[tool])
+            if kind[tool] == PLANE:
+                reach = 0.0
+                for node in range(len(x)):
+                    square = 0.0
+                    for i in range(3):
+                        square += (x[node, i] - position[tool, i]) ** 2
+                    reach = max(reach, square)
+                reach = np.sqrt(reach)
+            way += 2.0 * reach * np.sqrt(1.0 - dot * dot)
+        longest = max(longest, way)
+    return longest
+
+
+@njit(cache=True, error_model="numpy")
 def cell_distances(x, cell_nodes, kind, shape, position, orientation, near, node_gap, distance):
     """Least gap of each cell's 27 nodes to any near tool [m]; infinite without a near tool.
 
