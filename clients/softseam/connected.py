@@ -28,6 +28,7 @@ from softseam_protocol.messages import (
     Header,
     Load,
     Observation,
+    Observations,
     Open,
     Recorded,
     Reset,
@@ -37,7 +38,9 @@ from softseam_protocol.messages import (
     Vector3,
 )
 
-Reply = TypeVar("Reply", Observation, Saved, Closed)
+Reply = TypeVar("Reply", Observation, Observations, Saved, Closed)
+_MOST = 1000
+"""steps asked for at once; the orchestrator answers after a tenth of a second"""
 _CONNECT_TIMEOUT = 5.0
 _CLOSE_TIMEOUT = 10.0
 
@@ -67,6 +70,7 @@ class ConnectedBackend:
         except errors.BusError as error:
             raise NoConnection(str(error)) from None
         try:
+            self._asker = self._bus.asker(self._key, timeout)
             self._first: Observation | None = self._ask(Open(self._header(), bundle, record), Observation, SceneRefused)
         except BaseException:
             self._bus.close()
@@ -83,6 +87,10 @@ class ConnectedBackend:
                 turns[name] = velocity[3:].copy()
         request = Step(self._header(), count, velocities is None, ways, fields, turns)
         return self._ask(request, Observation, SimulationFailed)
+
+    def follow(self, most: int | None) -> list[Observation]:
+        request = Step(self._header(), _MOST if most is None else min(most, _MOST), True, {}, fields=False, each=True)
+        return self._ask(request, Observations, SimulationFailed).steps
 
     def save(self) -> bytes:
         return self._ask(Save(self._header()), Saved, SimulationFailed).state
@@ -113,9 +121,14 @@ class ConnectedBackend:
     ) -> Reply:
         """Send a request, repeat it while its answer gets lost, and translate what goes wrong."""
         end = time.monotonic() + self._timeout
+        repeated = False
         while True:
             try:
-                reply: Reply = self._bus.call(self._key, request, kind, max(0.1, end - time.monotonic()))
+                reply: Reply
+                if repeated or isinstance(request, Close):
+                    reply = self._bus.call(self._key, request, kind, max(0.1, end - time.monotonic()))
+                else:
+                    reply = self._asker.call(request, kind)
                 return reply
             except errors.Refused as error:
                 raise _refusal(error.failure, invalid) from None
@@ -128,6 +141,7 @@ class ConnectedBackend:
                         f"no orchestrator answers at {self._endpoint} ({error}): start one with `softseam up`"
                     ) from None
                 self._wait_for_orchestrator(end)
+                repeated = True
             except (errors.BusTimeout, errors.BusError) as error:
                 raise NoConnection(f"{self._endpoint}: {error}") from None
             except errors.EncodeError as error:

@@ -64,6 +64,9 @@ class EmbeddedBackend:
                 self._last = self.simulation.step(command, fields=recording or (fields and remaining == 1))
         return self._observation(fields)
 
+    def follow(self, most: int | None) -> list[Observation]:
+        return [self.step(1, None, fields=False)]
+
     def save(self) -> bytes:
         from softseam_services.orchestrator.client_view import snapshot
 

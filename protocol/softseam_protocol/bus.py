@@ -20,27 +20,17 @@ from typing import Any, Self
 
 import zenoh
 
+from softseam_protocol.bus_client import Asker, Pending, understood
 from softseam_protocol.bus_server import Handler, Server
-from softseam_protocol.codec import decode, encode
-from softseam_protocol.errors import (
-    BusError,
-    BusTimeout,
-    DecodeError,
-    ForkedBus,
-    NoReply,
-    NoRouter,
-    PortBusy,
-    ProtocolError,
-    Refused,
-)
+from softseam_protocol.codec import encode
+from softseam_protocol.errors import BusError, ForkedBus, NoRouter, PortBusy, ProtocolError
 from softseam_protocol.inbox import Inbox, LiveChange, Received
-from softseam_protocol.messages import Failure
+from softseam_protocol.live_tokens import LiveTokens
 from softseam_protocol.topics import DEFAULT_ENDPOINT
 
 LEASE = 1.0
 """time after which a frozen or unreachable process counts as gone [s]"""
 
-_TIMEOUT_REPLY = b"Timeout"
 _PROTOBUF = zenoh.Encoding.APPLICATION_PROTOBUF
 
 
@@ -134,33 +124,6 @@ class Router(_Closing):
             raise BusError(f"cannot listen at {where}: {_first_sentence(error)}") from None
 
 
-class Pending:
-    """A request under way."""
-
-    def __init__(self, key: str, timeout: float, replies: Any) -> None:
-        self._key, self._timeout, self._replies = key, timeout, replies
-
-    def collect(self) -> bytes:
-        """Wait for the reply. Raises NoReply, BusTimeout, or Refused with the Failure of the other side."""
-        for reply in self._replies:
-            if reply.ok is not None:
-                return bytes(reply.ok.payload.to_bytes())
-            raw = reply.err.payload.to_bytes()
-            if raw == _TIMEOUT_REPLY:
-                raise BusTimeout(
-                    f"{self._key}: no answer within {self._timeout:g} s: the server hangs or is overloaded"
-                )
-            raise _refusal(self._key, raw)
-        raise NoReply(f"{self._key}: nobody serves it, or its server died: start the service and repeat the request")
-
-
-def _refusal(key: str, raw: bytes) -> ProtocolError:
-    try:
-        return Refused(decode(raw, Failure))
-    except ProtocolError:
-        return DecodeError(f"{key}: an error reply of {len(raw)} bytes that is not a Failure")
-
-
 class Bus(_Closing):
     """A client's session on the bus."""
 
@@ -175,7 +138,10 @@ class Bus(_Closing):
         self._publishers: dict[tuple[str, bool], Any] = {}
         self._publishing = threading.Lock()
         self._open: list[Server | Inbox[Any]] = []
+        self._askers: weakref.WeakSet[Asker] = weakref.WeakSet()
         self._tokens: list[Any] = []
+        self._watched: dict[str, LiveTokens] = {}
+        self._watching = threading.Lock()
         retry = {
             "connect/timeout_ms": max(1, int(connect_timeout * 1000)),
             "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
@@ -209,6 +175,18 @@ class Bus(_Closing):
         """Send a request and wait at most `timeout` [s] for its reply; errors as `Pending.collect`."""
         return self.start(key, payload, timeout).collect()
 
+    def asker(self, key: str, timeout: float) -> Asker:
+        """For requests to a key that is asked often; they wait at most `timeout` [s]."""
+        querier = self._session.declare_querier(
+            key,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
+        asker = Asker(key, timeout, querier, self.start)
+        self._askers.add(asker)
+        return asker
+
     def request_all(self, requests: Sequence[tuple[str, bytes]], timeout: float) -> list[bytes | ProtocolError]:
         """Send (key, payload) requests at once; replies in their order, an error standing for a lost one."""
         pending = [self.start(key, payload, timeout) for key, payload in requests]
@@ -225,11 +203,7 @@ class Bus(_Closing):
 
         A Failure is raised as Refused unless `allowed` names it.
         """
-        reply = self.request(key, encode(message), timeout)
-        try:
-            return decode(reply, allowed)
-        except DecodeError:
-            raise _refusal_or_foreign(key, reply) from None
+        return understood(key, self.request(key, encode(message), timeout), allowed)
 
     def serve(self, handlers: Mapping[str, Handler], name: str = "server") -> Server:
         """Answer requests to keys; call `start` or `run` on the result. Handlers run one at a time."""
@@ -280,36 +254,39 @@ class Bus(_Closing):
     def live(self, key: str, timeout: float = 2.0) -> set[str]:
         """Keys of the tokens that exist now."""
         replies = self._session.liveliness().get(key, timeout=timeout)
-        return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        # zenoh's answer may lack tokens that a watch of the same session is being told at the time
+        asked = zenoh.KeyExpr(key)
+        with self._watching:
+            watched = list(self._watched.values())
+        return found.union(*([k for k in tokens.known() if asked.intersects(zenoh.KeyExpr(k))] for tokens in watched))
 
     def watch_live(self, key: str) -> Inbox[LiveChange]:
         """Collect comings and goings of tokens, starting with those that exist."""
-        inbox: Inbox[LiveChange] = Inbox()
+        with self._watching:
+            tokens = self._watched.get(key)
+            if tokens is None:
+                tokens = self._watch(key)
+        return tokens.inbox()
+
+    def _watch(self, key: str) -> LiveTokens:
+        """Watch for as long as the bus is open (lock held)."""
+        tokens = LiveTokens()
 
         def receive(sample: zenoh.Sample) -> None:
-            inbox.put(LiveChange(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT), 0)
+            tokens.heard(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        inbox.own(self._session.liveliness().declare_subscriber(key, _direct(receive), history=True))
-        self._open.append(inbox)
-        return inbox
+        self._tokens.append(self._session.liveliness().declare_subscriber(key, _direct(receive), history=True))
+        self._watched[key] = tokens
+        return tokens
 
     def close(self) -> None:
         """Stop the servers and leave the bus; a second call does nothing."""
         opened, self._open = self._open, []
         if os.getpid() == self._pid:
-            for one in opened:
+            for one in [*opened, *self._askers, *self._watched.values()]:
                 one.close()
         super().close()
-
-
-def _refusal_or_foreign(key: str, reply: bytes) -> ProtocolError:
-    try:
-        decoded = decode(reply)
-    except ProtocolError as error:
-        return DecodeError(f"{key}: {error}")
-    if isinstance(decoded, Failure):
-        return Refused(decoded)
-    return DecodeError(f"{key}: answered with a {type(decoded).__name__}")
 
 
 def _first_sentence(error: Exception) -> str:
@@ -317,4 +294,4 @@ def _first_sentence(error: Exception) -> str:
     return str(error).split(" at /")[0].strip()
 
 
-__all__ = ["LEASE", "Bus", "Handler", "Inbox", "LiveChange", "Pending", "Received", "Router", "Server"]
+__all__ = ["LEASE", "Asker", "Bus", "Handler", "Inbox", "LiveChange", "Pending", "Received", "Router", "Server"]

@@ -416,6 +416,8 @@ class Step:
     fields: bool = True
     turning: dict[str, Vector3] = field(default_factory=dict)
     """angular velocities about the tools' positions [rad/s]"""
+    each: bool = False
+    """answer with the Observations of all steps; fewer than `count` may be taken, so that the answer comes soon"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -455,6 +457,14 @@ class Observation:
     report: StepReport
     frame: Frame | None
     events: list[Event]
+
+
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """The answer to a Step that asks for each: one Observation a step, the same as steps asked for one by one."""
+
+    header: Header
+    steps: list[Observation]
 
 
 # ---- to recorders and viewers, once a session; and back -----------------------------------------------------

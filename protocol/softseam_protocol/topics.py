@@ -2,7 +2,7 @@
 
     softseam/<deployment>/participant/<service>/request     query   Request -> Reply
     softseam/<deployment>/participant/<service>/echo        query   bytes -> the same bytes
-    softseam/<deployment>/orchestrator/request              query   Open, Reset, ... -> Observation, Saved, Closed
+    softseam/<deployment>/orchestrator/request              query   Open, Reset, ... -> Observation(s), Saved, Closed
     softseam/<deployment>/recorder/request                  query   Begin, End, Commit -> Recorded
     softseam/<deployment>/progress/<role>/<service>         put     Progress, a few a second
     softseam/<deployment>/session/<session>/<topic>         put     SessionTopic below
@@ -33,6 +33,7 @@ from softseam_protocol.messages import (
     Frame,
     Load,
     Observation,
+    Observations,
     Open,
     Recorded,
     Released,
@@ -51,7 +52,7 @@ DEFAULT_DEPLOYMENT = "local"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
 ClientRequest = Open | Reset | Step | Save | Load | Close
-ClientReply = Observation | Saved | Closed | Failure
+ClientReply = Observation | Observations | Saved | Closed | Failure
 RecorderRequest = Begin | End | Commit
 RecorderReply = Recorded | Failure
 ParticipantReply = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored | Released | Failure
@@ -178,7 +179,7 @@ def table() -> Iterator[tuple[str, str, str, bool]]:
     keys = Keys("DEPLOYMENT")
     yield keys.participant("SERVICE"), "query", "Request -> Reply", False
     yield keys.echo("SERVICE"), "query", "bytes -> the same bytes", False
-    yield keys.orchestrator, "query", "Open, Reset, Step, Save, Load, Close -> Observation, Saved, Closed", False
+    yield keys.orchestrator, "query", "Open, Reset, Step, Save, Load, Close -> Observation(s), Saved, Closed", False
     yield keys.recorder, "query", "Begin, End, Commit -> Recorded", False
     yield keys.progress("participant", "SERVICE"), "put", "Progress", False
     for topic in SESSION_TOPICS:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from real_services import Services, free_port, squeezed_bar
+from trajectory import bits
 
 import softseam
 from softseam import connected
@@ -39,6 +40,22 @@ def test_same_bits_as_embedded(services: Services) -> None:
                     obs.seam.gap,
                 )
             )
+    assert seen[0] == seen[1]
+
+
+def test_every_step_of_a_run_is_seen(services: Services) -> None:
+    """Observations that come several at a time over the bus: all of them, in order, with the bits of single steps."""
+    services.wait_well()
+    seen = []
+    for endpoint in (None, services.endpoint):
+        with softseam.open(squeezed_bar(), endpoint) as sim:
+            steps: list[softseam.Observation] = []
+            sim.run(steps.append, max_steps=7)
+            assert sim.last is steps[-1] and sim.last.step == 7
+            last = sim.run(steps.append)
+            assert last.done and last.step == 60
+            seen.append([(o.step, o.time, o.done, bits(o.report), [e.message for e in o.events]) for o in steps])
+    assert [entry[0] for entry in seen[1]] == list(range(1, 61))
     assert seen[0] == seen[1]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from statistics import median
 from time import perf_counter
 
-from softseam_protocol.bus import Bus, Pending
+from softseam_protocol.bus import Asker, Bus, Pending
 from softseam_protocol.codec import decode, encode
 from softseam_protocol.errors import BusTimeout, NoReply, ProtocolError, Refused
 from softseam_protocol.messages import Advanced, Configure, Failure, Reply, Request
@@ -65,7 +65,7 @@ class BusTransport:
         self._bus, self._keys, self._timeout = bus, keys, timeout
         self._services = SERVICES | dict(services or {})
         self._service_of: dict[str, str] = {}
-        self._key_of: dict[str, str] = {}
+        self._askers: dict[str, Asker] = {}
         self.times = BusTimes()
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
@@ -76,11 +76,11 @@ class BusTransport:
         for name, request in requests.items():
             if isinstance(request, Configure):
                 self._route(name, request.model)
-            elif name not in self._key_of:
+            elif name not in self._service_of:
                 raise ParticipantFailed(name, Failure("not_configured", f"no participant {name!r} was configured"))
             payload = encode(request)
             size += len(payload)
-            pending.append(self._bus.start(self._key_of[name], payload, self._timeout))
+            pending.append(self._asker(self._keys.participant(self._service_of[name])).start(payload))
         replies: dict[str, Reply] = {}
         slowest = 0.0
         advanced = True
@@ -117,16 +117,20 @@ class BusTransport:
         if not self._service_of:
             return 0.0
         payload = bytes(max(1, size // 2))
-        requests = [(self._keys.echo(service), payload) for service in self._service_of.values()]
+        askers = [self._asker(self._keys.echo(service)) for service in self._service_of.values()]
         trips = []
         for _ in range(count):
             began = perf_counter()
-            self._bus.request_all(requests, 1.0)
+            for one in [asker.start(payload) for asker in askers]:
+                one.collect()
             trips.append(perf_counter() - began)
         return median(trips)
 
     def close(self) -> None:
-        """Nothing to close: the bus belongs to the service."""
+        """Ask no more; the bus belongs to the service."""
+        for asker in self._askers.values():
+            asker.close()
+        self._askers.clear()
 
     def _route(self, participant: str, model: str) -> None:
         service = self._services.get(participant) or self._services.get(model)
@@ -135,9 +139,14 @@ class BusTransport:
         if self._service_of.get(participant) == service:
             return
         self._service_of[participant] = service
-        self._key_of[participant] = self._keys.participant(service)
         # the first request may be sent before the router has introduced the two
         self.wait_alive(participant, FIRST)
+
+    def _asker(self, key: str) -> Asker:
+        asker = self._askers.get(key)
+        if asker is None:
+            asker = self._askers[key] = self._bus.asker(key, self._timeout)
+        return asker
 
     def _collect(self, name: str, pending: Pending) -> bytes:
         try:

@@ -18,6 +18,7 @@ from softseam_protocol.messages import (
     Frame,
     Header,
     Observation,
+    Observations,
     Step,
     StepReport,
 )
@@ -25,11 +26,14 @@ from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.bus_transport import BusTransport
 from softseam_services.orchestrator.client_view import observation, restore, snapshot
 from softseam_services.orchestrator.recorder_feed import RecorderFeed
-from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.orchestrator.simulation import Simulation, StepFailed
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.recorder.begin import begin
 
 FRAME_PERIOD = 0.04
 """simulated time between recorded frames [s]"""
+_TURN = 0.1
+"""wall time after which a request for each step's observation is answered [s]: its asker shows progress"""
 _MOST_EVENTS = 1000
 
 
@@ -62,6 +66,8 @@ class Desk:
         self._simulation: Simulation | None = None
         self._last: StepReport | None = None
         self._events: list[Event] = []
+        self._trouble: StepFailed | ParticipantFailed | ParticipantLost | None = None
+        """what ended the last request for each step's observation; the next one is told"""
 
     @property
     def opened(self) -> bool:
@@ -89,38 +95,59 @@ class Desk:
     def reset(self, seed: int) -> Observation:
         self._feed.end("reset")
         self.simulation.reset(seed)
-        self._seed, self._last, self.steps = seed, None, 0
+        self._seed, self._last, self._trouble, self.steps = seed, None, None, 0
         self._events.clear()
         self._feed.begin(self._begin())
         return self._observe(fields=True)
 
-    def step(self, request: Step) -> Observation:
+    def step(self, request: Step) -> Observation | Observations:
         """Take `count` steps, fewer where the scene's motion ends before."""
-        velocities = None
-        if not request.program:
-            still = np.zeros(3)
-            velocities = {
-                name: [*request.velocities.get(name, still).tolist(), *request.turning.get(name, still).tolist()]
-                for name in (request.velocities | request.turning)
-            }
+        trouble, self._trouble = self._trouble, None
+        if trouble is not None:
+            raise trouble
+        return self._each(request) if request.each else self._steps(request)
+
+    def _steps(self, request: Step) -> Observation:
+        for remaining in range(request.count, 0, -1):
+            if not self._step(request, fields=request.fields and remaining == 1):
+                break
+        return self._observe(request.fields)
+
+    def _each(self, request: Step) -> Observations:
+        """Take as many steps as fit into a turn, one at least."""
+        began = time.monotonic()
+        taken: list[Observation] = []
+        while len(taken) < request.count and time.monotonic() - began < _TURN:
+            try:
+                if not self._step(request, request.fields):
+                    break
+            except (StepFailed, ParticipantFailed, ParticipantLost) as error:
+                if not taken:
+                    raise
+                self._trouble = error
+                break
+            taken.append(self._observe(request.fields))
+        return Observations(request.header, taken or [self._observe(request.fields)])
+
+    def _step(self, request: Step, fields: bool) -> bool:
+        """Take a step, unless the scene's motion is over."""
         if not self._feed.begun:
             self._feed.begin(self._begin())
-        for remaining in range(request.count, 0, -1):
-            if self.cancelled or self._stopping():
-                raise Stopped("the session is being closed: the steps left were not taken")
-            if request.program and self.simulation.done:
-                break
-            due = self._record and (self.steps + 1) % self._frame_every == 0
-            self._last = self.simulation.step(velocities, fields=due or (request.fields and remaining == 1))
-            self.steps += 1
-            self.used = time.monotonic()
-        return self._observe(request.fields)
+        if self.cancelled or self._stopping():
+            raise Stopped("the session is being closed: the steps left were not taken")
+        if request.program and self.simulation.done:
+            return False
+        due = self._record and (self.steps + 1) % self._frame_every == 0
+        self._last = self.simulation.step(_commands(request), fields=due or fields)
+        self.steps += 1
+        self.used = time.monotonic()
+        return True
 
     def save(self) -> bytes:
         return snapshot(self.simulation, self._last)
 
     def load(self, state: bytes) -> Observation:
-        self._last = restore(self.simulation, state)
+        self._last, self._trouble = restore(self.simulation, state), None
         self._warn("restored", f"the state of step {round(self.simulation.time / self.simulation.scene.step)} is back")
         return self._observe(fields=True)
 
@@ -166,3 +193,14 @@ class Desk:
                 f"an echo of the same {times.size} B to the same processes takes {1e6 * echo:.0f} us "
                 f"({times.overhead / echo:.2f} times)",
             )
+
+
+def _commands(request: Step) -> dict[str, list[float]] | None:
+    """Velocity and angular velocity of each tool (6,) [m/s, rad/s], or None for the scene's motion."""
+    if request.program:
+        return None
+    still = np.zeros(3)
+    return {
+        name: [*request.velocities.get(name, still).tolist(), *request.turning.get(name, still).tolist()]
+        for name in (request.velocities | request.turning)
+    }

@@ -8,7 +8,9 @@ gets the same reply, so a client may repeat what it got no answer to; a lower nu
     Reset   -> Observation at rest; ends the recording at hand and begins another
     Step    `count` steps -> Observation after the last one, with `fields` only then. With `program` the scene's own
             motion is followed and ends the request early where it is over; a StepReport is published for every step
-            meanwhile (`Keys.session`), so one request may cover many steps and progress is still seen
+            meanwhile (`Keys.session`), so one request may cover many steps and progress is still seen. With `each`
+            -> Observations of the steps that fit into a tenth of a second, one at least; where a step fails after
+            others were taken, these are the answer, and the next Step is told of the failure
     Save    -> Saved: state of the whole simulation
     Load    -> Observation: continues from Saved, bit for bit
     Close   -> Closed; interrupts a Step under way; closing a session that is not there is no error
