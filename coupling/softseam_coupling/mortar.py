@@ -19,6 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.inverse import invert_definite
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -55,25 +57,30 @@ class SeamTie:
 
     def compliance(self, near: Floats, far: Floats) -> Floats:
         """H_near + P H_far P^T (3 s, 3 s) [m/N]."""
-        return near + self._far_compliance(far)
+        return near + self.far_compliance(far)
 
-    def far_stiffness(self, far: Floats) -> Floats:
-        """S = (P H_far P^T)^-1, symmetric (3 s, 3 s) [N/m]: how the far side resists motion of the near side's nodes.
-
-        Directions in which it hardly yields (eigenvalues below 1e-6 of the largest) are held no stiffer than that.
-        """
-        h = self._far_compliance(far)
-        values, vectors = np.linalg.eigh(0.5 * (h + h.T))
-        values = np.maximum(values, _LEAST_COMPLIANCE * values[-1])
-        return np.ascontiguousarray((vectors / values) @ vectors.T)
-
-    def _far_compliance(self, far: Floats) -> Floats:
+    def far_compliance(self, far: Floats) -> Floats:
+        """P H_far P^T (3 s, 3 s) [m/N]: how the far side's image on the near side's nodes yields."""
         if self.p is None:
             return far
-        s = len(self.p)
-        half = np.einsum("ab,bicj->aicj", self.p, far.reshape(s, 3, s, 3), optimize=True)
-        whole = np.einsum("aicj,dc->aidj", half, self.p, optimize=True)
-        return np.asarray(whole.reshape(3 * s, 3 * s))
+        n = far.shape[0]
+        half = (self.p @ far.reshape(n // 3, 3 * n)).reshape(n, n)
+        whole = self.p @ np.ascontiguousarray(half.T).reshape(n // 3, 3 * n)
+        return np.ascontiguousarray(whole.reshape(n, n).T)
+
+
+def stiffness_of(compliance: Floats) -> Floats:
+    """The inverse of a compliance's symmetric part (n, n) [N/m], symmetric.
+
+    Directions that hardly yield (eigenvalues below 1e-6 of the largest) are held no stiffer than that.
+    """
+    h = 0.5 * (compliance + compliance.T)
+    inverse = invert_definite(h, _LEAST_COMPLIANCE)
+    if inverse is not None:
+        return inverse
+    values, vectors = np.linalg.eigh(h)
+    values = np.maximum(values, _LEAST_COMPLIANCE * values[-1])
+    return np.ascontiguousarray((vectors / values) @ vectors.T)
 
 
 def identity_tie(n_nodes: int) -> SeamTie:

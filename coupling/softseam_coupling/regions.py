@@ -2,8 +2,8 @@
 
 A cell has a *reason* to be near when it lies in a static box, when a tool is (or, at its approach speed, soon will be)
 closer than `within`, or when it is near and a tool is closer than `release * within`. It stays near for `patience`
-steps after its last reason. Cells are lowered in batches, at most once in `patience` steps, because every switch
-rebuilds both regions; they are raised at once.
+steps after its last reason. Every switch rebuilds both regions: so cells are lowered in batches, at most once in
+`patience` steps; they are raised at once, but together with those that a tool will soon be close to.
 
 `RegionRule` is the configuration, `CellGrid` the model, `RegionState` what evolves, `RegionChoice` the answer.
 Deterministic: no choice depends on anything but the arguments, ties go to the lower cell id.
@@ -124,6 +124,8 @@ class RegionRule:
     """steps a cell stays near after its last reason"""
     min_patch: int = 4
     """far patches beside the near region with fewer cells (or fewer than a sixth of a small body's) become near"""
+    batch: float = 1.3
+    """where a cell is raised, so are all up to batch * within, which a tool on its way would raise one step later"""
     max_cells: int | None = None
     """most cells raised in one switch, closest first, before patches are cleaned; None for all"""
 
@@ -157,6 +159,9 @@ class RegionRule:
         if state.whole and not moves:
             return RegionChoice(state.near, 0, 0, 0, "")
         raised = wanted & ~state.near
+        if raised.any():
+            wanted |= ahead < min(self.batch, self.release) * self.within
+            raised = wanted & ~state.near
         if self.max_cells is not None and np.count_nonzero(raised) > self.max_cells:
             order = np.argsort(np.where(raised, ahead, np.inf), kind="stable")
             raised[order[self.max_cells :]] = False

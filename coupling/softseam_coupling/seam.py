@@ -32,14 +32,28 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
-from softseam_coupling.kernels.extrapolate import INERTIA, LENGTHS, N_CLOSING, NAMES, WEIGHTS, extrapolate, remember
+from softseam_coupling.inverse import invert_definite
+from softseam_coupling.kernels.extrapolate import (
+    FITTED,
+    INERTIA,
+    LENGTHS,
+    N_CLOSING,
+    N_FIT,
+    NAMES,
+    WEIGHTS,
+    extrapolate,
+    remember,
+)
 from softseam_coupling.kernels.quasi_newton import exchange_round
 
 Floats = NDArray[np.float64]
 
 __all__ = ["Outcome", "SeamRound", "SeamSolver", "SeamState"]
+
+
+_UNSEEN = 0.005
+"""gap, in tolerances, below which a change of the multiplier teaches its prediction nothing [1]"""
 
 
 class Outcome(Enum):
@@ -79,7 +93,11 @@ class SeamState:
     scale: Floats
     """diagonal of the compliance (n,) [m/N]"""
     errors: Floats
-    """mean square error of each way to predict (15,) [m^2]"""
+    """mean square error of each way to predict (16,) [m^2]"""
+    weights: Floats
+    """of each way to predict, the last row as fitted so far (16, 10) [1]"""
+    moments: Floats
+    """of that fit (7, 8) [m^2]"""
     n_history: int = 0
     n_tried: int = 0
     """rounds of this step since the last reset"""
@@ -103,7 +121,9 @@ class SeamState:
 
     @property
     def predictor_name(self) -> str:
-        return NAMES[self.predictor // len(INERTIA)] if self.predictor >= 0 else "zero"
+        if self.predictor < 0:
+            return "zero"
+        return "fitted" if self.predictor == FITTED else NAMES[self.predictor // len(INERTIA)]
 
     def to_arrays(self) -> dict[str, Floats]:
         """Copies for a checkpoint; `from_arrays` restores them bit for bit."""
@@ -115,6 +135,8 @@ class SeamState:
             "closing": self.closing.copy(),
             "scale": self.scale.copy(),
             "errors": self.errors.copy(),
+            "weights": self.weights.copy(),
+            "moments": self.moments.copy(),
             "numbers": np.array(numbers, dtype=np.float64),
         }
 
@@ -129,6 +151,8 @@ class SeamState:
             closing=np.array(arrays["closing"], order="C"),
             scale=np.array(arrays["scale"], order="C"),
             errors=np.array(arrays["errors"], order="C"),
+            weights=np.array(arrays["weights"], order="C"),
+            moments=np.array(arrays["moments"], order="C"),
             n_history=int(n_history),
             n_tried=int(n_tried),
             rank=int(rank),
@@ -181,6 +205,8 @@ class SeamSolver:
             closing=np.zeros(n),
             scale=np.ones(n),
             errors=np.full(len(LENGTHS), np.inf),
+            weights=WEIGHTS.copy(),
+            moments=np.zeros((N_FIT, N_FIT + 1)),
             _work=np.zeros((4, n)),
         )
         if lambda_ is not None:
@@ -221,7 +247,9 @@ class SeamSolver:
         if self.predictor != "auto":
             first = len(INERTIA) * NAMES.index(self.predictor)
             last = first + len(INERTIA)
-        state.predictor = extrapolate(state.history, state.n_history, WEIGHTS, LENGTHS, state.errors, first, last, out)
+        state.predictor = extrapolate(
+            state.history, state.n_history, state.weights, LENGTHS, state.errors, first, last, out
+        )
         state.n_tried = 0
         state.spring = 0.0
         if self.regularisation > 0.0 and out.size:
@@ -263,8 +291,9 @@ class SeamSolver:
         tried = state.n_tried > 0 and np.array_equal(flat, state.tried[0])
         closing = state.closing if tried else flat  # a multiplier found in another way is taken at its word
         state.n_history = remember(
-            state.history, state.n_history, WEIGHTS, LENGTHS, state.scale, flat, closing, state.errors
-        )
+            state.history, state.n_history, state.weights, LENGTHS, state.scale, flat, closing, state.errors,
+            state.moments, _UNSEEN * self.tolerance,
+        )  # fmt: skip
         state.n_tried = 0
 
 
@@ -273,17 +302,10 @@ def _invert(h: Floats, truncation: float, out: Floats) -> int:
 
     Cholesky where LAPACK's condition estimate allows it; else the eigenvectors, about twenty times dearer.
     """
-    n = len(h)
-    norm = float(np.abs(h).sum(axis=0).max())
-    factor, info = lapack.dpotrf(h, lower=1, clean=1)
-    if info == 0:
-        rcond, _ = lapack.dpocon(factor, norm, uplo="L")
-        if rcond > truncation:
-            lower, _ = lapack.dpotri(factor, lower=1)
-            out[:] = lower
-            upper = np.triu_indices(n, 1)
-            out[upper] = out.T[upper]
-            return n
+    inverse = invert_definite(h, truncation)
+    if inverse is not None:
+        out[:] = inverse
+        return len(h)
     values, vectors = np.linalg.eigh(h)
     kept = values > truncation * values[-1]
     out[:] = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T

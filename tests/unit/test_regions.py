@@ -91,6 +91,23 @@ def test_approach_speed_raises_cells_early_and_never_keeps_them() -> None:
     assert not rule.choose(state, grid, distance, np.full(4, -2.0)).switches
 
 
+def test_cells_are_raised_in_batches() -> None:
+    """A tool that comes 0.05 closer a step to cells 0.1 apart raises four at a time; far ones alone are no reason."""
+    _, grid = block(12, 1, 1)
+    rule = RegionRule(within=1.0, release=1.5, patience=20, min_patch=1)
+    state = rule.init(grid, np.full(12, 9.0))
+    raised = []
+    for step in range(40):
+        choice = rule.choose(state, grid, 1.29 + 0.1 * np.arange(12) - 0.05 * step)
+        if choice.switches:
+            raised.append((step, choice.n_raised))
+            rule.accept(state, choice)
+    assert raised == [(6, 4), (14, 4), (22, 4)]
+    kept = RegionRule(within=1.0, release=1.1, min_patch=1)
+    state = kept.init(grid, np.full(12, 9.0))
+    assert kept.choose(state, grid, 0.95 + 0.1 * np.arange(12)).n_raised == 2  # never what the rule would let go
+
+
 def test_cells_are_lowered_in_batches() -> None:
     """Cells that lose their reason one a step leave together, at most once in `patience` steps."""
     _, grid = block(12, 1, 1)

@@ -9,6 +9,14 @@ moves the gap by H d in its step and by H d more in each later one (u(n+1) - 2 u
 with xi = 1 where inertia rules the seam and xi = 0 where the step is long for its stiffness, which forgets. Candidates
 extrapolate smooth_n with weights w for each xi, and are scored on closing_n.
 
+The last candidate is fitted. Eq. (1) knows one inertia and no more; substeps, sweeps that lag, and the bodies' own
+modes make the miss return otherwise (a cube held between two plates: -4.5, 7.7, -4.3 and 1.7 times in the next four
+steps, where eq. (1) has -2 and 1). So w and c of
+
+    closing_n - closing_(n-1) = sum_j w_j (closing_(n-j) - closing_(n-j-1)) + sum_j c_j q_(n-j)        (2)
+
+with three w and four c are kept at the least squares of all past steps and components, older steps weighing less.
+
 Rows of EXTRAPOLATION are exact for polynomials in time up to their degree. The damped ones also have
 sum_j (-1)^j w_j = 0: a sawtooth of period two steps, which position continuity with a constant multiplier leaves in
 lambda (rows 1 and 3 amplify it 3 and 7 times), does not pass. Three points: w = (2 + a, -1 - 2 a, a) has sawtooth gain
@@ -37,6 +45,11 @@ INERTIA = (0.0, 0.5, 1.0)
 N_CLOSING, N_MISS = 4, 6
 FORGET = 0.3
 """weight of the newest step in each candidate's mean square error [1]"""
+N_CHANGES, N_ECHOES = 3, 4
+"""terms of eq. (2)"""
+N_FIT = N_CHANGES + N_ECHOES
+FIT_FORGET = 0.2
+"""weight of the newest step in the fit of eq. (2) [1]"""
 
 
 def _weights():
@@ -54,17 +67,10 @@ def _weights():
     return np.array(rows)
 
 
-WEIGHTS = _weights()
-LENGTHS = np.repeat(np.array(REACH), len(INERTIA))
-
-
-@njit(cache=True, error_model="numpy")
-def _candidate(history, weights, i):
-    value = 0.0
-    for j in range(weights.shape[0]):
-        if weights[j] != 0.0:
-            value += weights[j] * history[j, i]
-    return value
+WEIGHTS = np.vstack((_weights(), np.eye(1, N_CLOSING + N_MISS)))
+"""of all candidates; the last row, the fitted one, is each seam's own and begins as constant extrapolation"""
+LENGTHS = np.append(np.repeat(np.array(REACH), len(INERTIA)), N_CLOSING)
+FITTED = len(WEIGHTS) - 1
 
 
 @njit(cache=True, error_model="numpy")
@@ -83,29 +89,97 @@ def extrapolate(history, n_history, weights, lengths, errors, first, last, out):
         if lengths[k] <= n_history and errors[k] < errors[chosen]:
             chosen = k
     for i in range(out.shape[0]):
-        out[i] = _candidate(history, weights[chosen], i) if chosen >= 0 else 0.0
+        out[i] = 0.0
+    if chosen >= 0:
+        for j in range(weights.shape[1]):
+            for i in range(out.shape[0]):
+                out[i] += weights[chosen, j] * history[j, i]
     return chosen
 
 
 @njit(cache=True, error_model="numpy")
-def remember(history, n_history, weights, lengths, scale, lambda_, closing, errors):
-    """Score every candidate against the closing multiplier, then push it and the miss; returns the new length.
+def _fit(moments, ridge, weights):
+    """Weights (10,) of eq. (2) out of its normal equations: moments (7, 8), the last column the right-hand side."""
+    factor = np.empty((N_FIT, N_FIT))
+    w = np.empty(N_FIT)
+    for i in range(N_FIT):
+        w[i] = moments[i, N_FIT]
+        for j in range(i + 1):
+            value = moments[i, j] + (ridge if i == j else 0.0)
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            if i > j:
+                factor[i, j] = value / factor[j, j]
+            elif value > 0.0:
+                factor[i, i] = np.sqrt(value)
+            else:
+                return False
+    for i in range(N_FIT):
+        for k in range(i):
+            w[i] -= factor[i, k] * w[k]
+        w[i] /= factor[i, i]
+    for i in range(N_FIT - 1, -1, -1):
+        for k in range(i + 1, N_FIT):
+            w[i] -= factor[k, i] * w[k]
+        w[i] /= factor[i, i]
+    weights[:] = 0.0
+    weights[0] = 1.0
+    for j in range(N_CHANGES):
+        weights[j] += w[j]
+        weights[j + 1] -= w[j]
+    for j in range(N_ECHOES):
+        weights[N_CLOSING + j] = w[N_CHANGES + j]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def remember(history, n_history, weights, lengths, scale, lambda_, closing, errors, moments, noise):
+    """Score every candidate against the closing multiplier, fit the last one, push the step; returns the new length.
 
     Error of a candidate: sum_i (scale_i (predicted_i - closing_i))^2; with scale the diagonal of the compliance that is
     about the gap [m^2] the prediction would have left.
 
-    history, errors   updated in place
+    history, errors   updated in place, as are the last row of weights and moments
     scale             (n,)  [m/N]
     lambda_, closing  (n,)  committed multiplier and the one that would have closed the gap [N]
+    moments           (7, 8) of the fit so far [m^2]
+    noise             gap that says nothing: what the fit takes changes of the multiplier to be worth at most [m]
     """
     n = lambda_.shape[0]
-    for k in range(lengths.shape[0]):
-        if lengths[k] > n_history:
-            continue
-        total = 0.0
-        for i in range(n):
-            total += (scale[i] * (_candidate(history, weights[k], i) - closing[i])) ** 2
-        errors[k] = (1.0 - FORGET) * errors[k] + FORGET * total if np.isfinite(errors[k]) else total
+    n_ways, n_past = weights.shape
+    missed = np.empty(n_ways)
+    total = np.zeros(n_ways)
+    terms = np.empty(N_FIT + 1)
+    fits = n_history >= N_CLOSING
+    if fits:
+        for i in range(N_FIT):
+            for j in range(N_FIT + 1):
+                moments[i, j] *= 1.0 - FIT_FORGET
+    by_way = weights.T.copy()
+    for i in range(n):
+        for k in range(n_ways):
+            missed[k] = -closing[i]
+        for j in range(n_past):
+            value = history[j, i]
+            for k in range(n_ways):
+                missed[k] += by_way[j, k] * value
+        weight = scale[i] * scale[i]
+        for k in range(n_ways):
+            total[k] += weight * missed[k] * missed[k]
+        if fits:
+            for j in range(N_CHANGES):
+                terms[j] = history[j, i] - history[j + 1, i]
+            for j in range(N_ECHOES):
+                terms[N_CHANGES + j] = history[N_CLOSING + j, i]
+            terms[N_FIT] = closing[i] - history[0, i]
+            for row in range(N_FIT):
+                for column in range(N_FIT + 1):
+                    moments[row, column] += weight * terms[row] * terms[column]
+    for k in range(n_ways):
+        if lengths[k] <= n_history:
+            errors[k] = (1.0 - FORGET) * errors[k] + FORGET * total[k] if np.isfinite(errors[k]) else total[k]
+    if fits:
+        _fit(moments, n * noise * noise, weights[n_ways - 1])
     for j in range(history.shape[0] - 1, 0, -1):
         if j != N_CLOSING:  # where the newest miss goes
             history[j] = history[j - 1]

@@ -11,7 +11,8 @@ far side then feels the force that the near side found:
 
 The gap is what the linear model misses, however rough the near side's contact is, and both sides feel the same force.
 Each round teaches the model (BFGS on S with the far side's answer to the change of lambda), so that it learns where
-points of the far side slip.
+points of the far side slip. A condensed step asks the near side once and the far side twice, a direct one that needs
+two exchanges both sides twice, and the near side is the dearer: so in contact two such steps in a row are enough.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.mortar import SeamTie
+from softseam_coupling.kernels.stiffness import learn_stiffness
+from softseam_coupling.mortar import SeamTie, stiffness_of
 from softseam_coupling.seam import Outcome, SeamSolver, SeamState
 from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.sides import FAR, NEAR
@@ -34,18 +36,22 @@ _DIRECT_EXCHANGES = 2
 """least number tried before the near side is condensed"""
 _SLOW = 0.3
 """share of the gap that an exchange may leave without the near side being condensed [1]"""
-_MOST_PATIENCE = 16
-"""most condensed steps before both sides are tried at once again; doubled from 1 with every failure"""
-_TOIL, _TOIL_PATIENCE = 60, 100
-"""iterations of the near side alone after which it is condensed at once, and for how many steps: held by friction only
-it may need hundreds, where a handful is enough with the far side's stiffness"""
+_REPEATS = 2
+"""steps in a row that took more than one exchange after which the near side is condensed: it is then asked once a step
+where the far side, the cheaper one, is asked twice"""
+_PATIENCE = 64
+"""condensed steps before both sides are tried at once again"""
+_TOIL = 60
+"""iterations of the near side alone after which it is condensed at once: held by friction only it may need hundreds,
+where a handful is enough with the far side's stiffness"""
+_CALM, _CALM_STEPS = 1e-3, 3
+"""share of the tolerance that so many condensed steps in a row left in their first round, after which both sides are
+tried at once again before the wait is over: one exchange is then enough for a while [1]"""
 _WORSE = 1.5
 """growth of the gap after which the model is stiffened and the best round so far taken up again [1]"""
 _WORTH = 0.25
 """share of what a round moved that it may leave before the near side is given what was learned: it then has to factor
 anew [1]"""
-_CURVATURE = 1e-3
-"""least stiffness that a pair may teach, relative to the model's [1]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,22 +93,13 @@ class _Round:
     image: Floats
 
 
-def learn_stiffness(stiffness: Floats, moved: Floats, resisted: Floats) -> None:
-    """BFGS: make stiffness (n, n), updated in place, map `moved` (n,) [m] to `resisted` (n,) [N]; it stays positive.
-
-    S <- S - S s s^T S / (s^T S s) + y y^T / (y^T s), left alone where the pair says nothing (Nocedal & Wright,
-    Numerical Optimization, 2006, eq. 6.19).
-    """
-    expected = stiffness @ moved
-    energy, seen = float(moved @ expected), float(moved @ resisted)
-    if seen > _CURVATURE * energy and energy > 0.0:
-        stiffness -= np.outer(expected, expected / energy)
-        stiffness += np.outer(resisted, resisted / seen)
-
-
 def largest(vectors: Floats) -> float:
     """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
     return math.sqrt(np.einsum("si,si->s", vectors, vectors).max(initial=0.0))
+
+
+def _touches(replies: dict[str, Advanced]) -> bool:
+    return replies[NEAR].n_contacts + replies[FAR].n_contacts > 0
 
 
 class SeamDiverged(RuntimeError):
@@ -127,7 +124,8 @@ class SeamLoop:
         self.state: SeamState = solver.init(n_nodes, first)
         self._condensable = condensable
         self._condensed = False
-        self._wait, self._patience = 0, 1
+        self._wait = 0
+        self._repeated = 0  # steps in a row that took more than one exchange or, condensed, were calm
         self._fresh = True
         self._stiffness: Floats | None = None
         self._base: Floats | None = None
@@ -171,21 +169,26 @@ class SeamLoop:
             if answer.outcome is Outcome.NOT_FINITE:
                 raise SeamDiverged(answer.outcome.value)
             if answer.outcome is Outcome.ACCEPT:
-                self._patience = 1
+                self._repeated = self._repeated + 1 if exchange > 1 else 0
+                if self._repeated == _REPEATS and _touches(replies):
+                    self._condense_on()
                 return self._agree(replies, lambda_, answer.gap, exchange, "")
             # without contact the answers are smooth, and the solver's corrections learn them faster
-            rough = replies[NEAR].n_contacts + replies[FAR].n_contacts > 0
+            rough = _touches(replies)
             slow = rough and exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
             toil = rough and replies[NEAR].iterations > _TOIL
             if (slow or toil) and self._condensable and self._stiffness is not None:
-                self._condensed = True
-                self._patience = min(2 * self._patience, _MOST_PATIENCE)
-                self._wait = _TOIL_PATIENCE if toil else self._patience
+                self._condense_on()
                 return self._condense(ask, lambda_, replies[FAR], exchange)
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
                 lambda_ = answer.lambda_
         return self._agree(replies, lambda_, answer.gap, self._most, "the sides' exchanges did not converge")
+
+    def _condense_on(self) -> None:
+        """Condense the near side in the steps to come, if it can be."""
+        if self._condensable and self._stiffness is not None:
+            self._condensed, self._wait, self._repeated = True, _PATIENCE, 0
 
     def _condense(self, ask: Ask, lambda_: Floats, far: Advanced, exchanges: int) -> SeamSolution:
         assert self._stiffness is not None and self._base is not None and self._used is not None
@@ -214,6 +217,12 @@ class SeamLoop:
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
             if gap <= tolerance:
+                calm = best is None and gap <= _CALM * tolerance
+                self._repeated = self._repeated + 1 if calm else 0
+                if self._condensed and self._repeated == _CALM_STEPS:
+                    self._condensed, self._resumed = False, True
+                if not self._condensed:
+                    self._repeated = 0
                 return self._agree({NEAR: near, FAR: far}, found, gap, exchanges, "")
             if best is None or gap < best.gap:
                 best = _Round(gap, lambda_, anchor, self._used, found, image)
@@ -245,7 +254,7 @@ class SeamLoop:
     def change_step(self) -> None:
         """The steps to come have another length: the far side's compliance is asked for again."""
         self._stale = self._condensed = True
-        self._wait = self._patience = _MOST_PATIENCE
+        self._wait = _PATIENCE
 
     def _settle(
         self, ask: Ask, best: _Round, gap: float, replies: dict[str, Advanced], found: Floats, exchanges: int
@@ -265,7 +274,7 @@ class SeamLoop:
         """Keep the far side's answer to a request for its compliance."""
         if far.compliance.size:
             self._far_compliance = far.compliance
-            self._base = self._tie.far_stiffness(far.compliance)
+            self._base = stiffness_of(self._tie.far_compliance(far.compliance))
             self._stiffness, self._used = self._base.copy(), self._base
             self._touched = far.n_contacts > 0
             self._stale = False
@@ -298,7 +307,7 @@ class SeamLoop:
         flags = [
             self._condensed,
             self._wait,
-            self._patience,
+            self._repeated,
             self._fresh,
             self._resumed,
             self._touched,
@@ -319,7 +328,7 @@ class SeamLoop:
         base = arrays["base"]
         self._base = np.array(base) if base.size else None
         self._far_compliance = np.array(arrays["far_compliance"])
-        condensed, wait, patience, fresh, resumed, touched, n_contacts, stale = arrays["flags"]
-        self._condensed, self._wait, self._patience = bool(condensed), int(wait), int(patience)
+        condensed, wait, repeated, fresh, resumed, touched, n_contacts, stale = arrays["flags"]
+        self._condensed, self._wait, self._repeated = bool(condensed), int(wait), int(repeated)
         self._fresh, self._resumed = bool(fresh), bool(resumed)
         self._touched, self._n_contacts, self._stale = bool(touched), int(n_contacts), bool(stale)

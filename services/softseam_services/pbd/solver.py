@@ -166,7 +166,7 @@ class PbdSolver:
         return Advanced(
             request.header,
             fault.value,
-            work.x[self.model.region.seam],
+            work.x.take(self.model.region.seam, axis=0),
             compliance,
             self._wrench.copy(),
             numbers[k.KINETIC],
