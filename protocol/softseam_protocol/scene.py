@@ -161,33 +161,38 @@ class PlaneTool(Spec):
         return self
 
 
-class BoxTool(Spec):
+class _Solid(Spec):
+    """What all tools but planes have alike."""
+
+    position: Vector = Field(description="centre at time 0 (of a mesh, the centre of its bounding box) [m]")
+    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
+    mass: NonNegative = Field(default=0.0, description="what its drive has to move [kg]")
+    force_limit: Positive | None = Field(
+        default=None, description="most that its drive presses with, along its closing, else its move [N]"
+    )
+
+
+class BoxTool(_Solid):
     """A rigid box."""
 
     kind: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
-    position: Vector = Field(description="centre at time 0 [m]")
     rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
-    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
 
-class SphereTool(Spec):
+class SphereTool(_Solid):
     """A rigid sphere."""
 
     kind: Literal["sphere"] = "sphere"
     radius: Positive = Field(description="[m]")
-    position: Vector = Field(description="centre at time 0 [m]")
-    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
 
-class _LongTool(Spec):
+class _LongTool(_Solid):
     """What a capsule and a cylinder have alike."""
 
     radius: Positive = Field(description="[m]")
     length: Positive = Field(description="[m]")
-    position: Vector = Field(description="centre at time 0 [m]")
     axis: Vector = Field(default=(0.0, 0.0, 1.0), description="along its length at time 0; any length")
-    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
 
     @model_validator(mode="after")
     def _direction(self) -> _LongTool:
@@ -210,16 +215,14 @@ class CylinderTool(_LongTool):
     length: Positive = Field(description="between its flat ends [m]")
 
 
-class MeshTool(Spec):
+class MeshTool(_Solid):
     """A rigid solid from a file: a closed surface, or the boundary of a tetrahedral mesh."""
 
     kind: Literal["mesh"] = "mesh"
     path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
     up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
-    position: Vector = Field(description="centre of its bounding box at time 0 [m]")
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn about it at time 0: axis times angle [rad]")
-    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
+    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
 
 
 ToolSpec = Annotated[
@@ -244,16 +247,25 @@ class Until(Spec):
 
 
 class ClosePhase(Spec):
-    """Two tools approach each other at `close` [m/s] each."""
+    """Two tools approach each other at `close` [m/s] each; with `force`, they hold that force from then on."""
 
     tools: tuple[str, str] = Field(description="the two tools, by name")
-    close: Positive = Field(description="speed of each tool [m/s]")
+    close: Positive = Field(description="speed of each tool [m/s]; with `force`, the highest")
     until: Until
+    force: Positive | None = Field(
+        default=None, description="what each presses with, also in later phases, until the two close again [N]"
+    )
 
     @model_validator(mode="after")
     def _two(self) -> ClosePhase:
         if self.tools[0] == self.tools[1]:
             raise _wrong(f"{self.tools[0]!r} cannot close on itself: name two tools", "tools", 1)
+        if self.force is not None and self.until.force is not None and self.until.force > 0.99 * self.force:
+            raise _wrong(
+                f"{self.until.force:g} N is not reached where {self.force:g} N is held: at most 99 % of it",
+                "until",
+                "force",
+            )
         return self
 
 

@@ -95,6 +95,10 @@ class Program:
         }
         """ways of moves [m] and angles of turns [rad], by phase"""
 
+    def grip_of(self, phase: int) -> Grip:
+        """The grip of a closing phase."""
+        return self._grips[phase]
+
     def done(self, progress: Progress) -> bool:
         return progress.phase >= len(self._phases)
 

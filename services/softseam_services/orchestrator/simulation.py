@@ -33,6 +33,7 @@ from softseam_protocol.messages import (
 )
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
+from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.near_cells import NearCells
@@ -87,6 +88,7 @@ class Simulation:
             transport.adopt(bundle, setup)
         self._transport = RecoveringTransport(transport, on_event=self._event)
         self._program = Program(self.scene, self.tools, self.body.x_rest)
+        self._drives = Drives(self.scene, self.body, self._program)
         self._quantities = Quantities(self.body, self._program, self.scene.quantities)
         self._probes = Probes(self.body, self.scene.probes)
         self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
@@ -133,6 +135,7 @@ class Simulation:
         self._n_asked = -1
         self._ask_fields = False
         self._progress = Progress()
+        self._drives.reset()
         self._position = self.tools.position.copy()
         self._orientation = self.tools.orientation.copy()
         self._lift_base = 0.0
@@ -168,6 +171,7 @@ class Simulation:
         self._step += 1
         grip_force = self._quantities.grip_force(wrench, self._orientation)
         if velocities is None:
+            self._drives.measured(wrench, self._orientation)
             self._progress = self._program.after(self._progress, self._position, self._orientation, grip_force)
         height = self._quantities.height(replies)
         self._follow_lift(command, height)
@@ -225,6 +229,7 @@ class Simulation:
             "position": self._position,
             "orientation": self._orientation,
             "ledger": self._accounts.to_array(),
+            "drives": self._drives.state,
         }
         entries.update({f"regions.{k}": v for k, v in self._near.to_arrays().items()})
         if self._loop is not None:
@@ -243,6 +248,7 @@ class Simulation:
             seam = {k[5:]: v.astype(np.float64) for k, v in entries.items() if k.startswith("seam.")}
             position, orientation = entries["position"], entries["orientation"]
             ledger = entries["ledger"]
+            drives = entries["drives"].reshape(self._drives.state.shape)
         except (KeyError, ValueError, IndexError) as error:
             if isinstance(error, ArchiveError):
                 raise
@@ -252,6 +258,7 @@ class Simulation:
         self._progress = Progress(phase, float(numbers[2]))
         self._lift_base, self._lifting, self._seed = float(numbers[3]), bool(numbers[4]), int(numbers[5])
         self._position, self._orientation = np.array(position), np.array(orientation)
+        self._drives.state[:] = drives
         self._near.take(masks)
         self._report, self._frame = None, None
         self._accounts.from_array(ledger)
@@ -331,7 +338,9 @@ class Simulation:
 
     def _command(self, velocities: Mapping[str, Sequence[float]] | None) -> Floats:
         if velocities is None:
-            return self._program.velocities(self._progress, self._position, self._orientation)
+            command = self._program.velocities(self._progress, self._position, self._orientation)
+            self._drives.apply(command, self._progress, self._orientation)
+            return command
         command = np.zeros((len(self.tools.names), 6))
         for name, velocity in velocities.items():
             if name not in self.tools.names:

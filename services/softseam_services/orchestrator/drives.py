@@ -1,0 +1,198 @@
+"""What drives tools that press with a force: their speed gives way where the body resists.
+
+Each step the drive of a tool (or of the two tools of a grip, which are linked and stay centred) picks the speed v of
+the coming step. With the mass m, the speed v_0 and the resistance f_0 of the step before, the stiffness k with which
+the body is expected to resist more, and a damping c that keeps m from swinging on k,
+  m (v - v_0)/dt = u - f,   f = f_0 + k dt v,   u = F - c v,   c = 2 sqrt(k m)                                    (1)
+  v = (m v_0/dt + F - f_0)/(m/dt + c + k dt), and no more than the speed asked for.                             (2)
+It is implicit in the resistance: while k is more than half of the true stiffness it is stable, and at rest f_0 = F
+whatever k is. Free tools (f_0 = 0) have c = k = 0. k begins as what the whole cross-section A = volume/width of the
+body can resist with, at once and at rest: k_0 = rho c_p A/dt + 2 (lambda + 2 mu) A/width; then it follows the ratio of
+the last changes of force and way, where these tell something, falling by no more than a fifth a step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.scene import ClosePhase, MovePhase, PlaneTool, Scene, ToolSpec
+from softseam_services.body.body import Body
+from softseam_services.orchestrator.program import Grip, Program, Progress
+
+Floats = NDArray[np.float64]
+
+SPEED, STIFFNESS, RESISTANCE, WAY = 0, 1, 2, 3
+"""columns of the state: [m/s], [N/m], [N], way of the last step [m]"""
+_FALL = 0.8
+_LEAST = 0.02
+"""of k_0: below it a resistance that does not grow is not believed"""
+_MOST = 4.0
+"""of k_0: points that stick after a reversal resist with up to three times what they do in the long run"""
+_TOLD = 0.01
+"""changes of the resistance below this part of it tell nothing of k"""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One degree of freedom: a tool along its move, or two tools along the line between them."""
+
+    phase: int
+    """that began it"""
+    tools: tuple[int, ...]
+    grip: Grip | None
+    way: Floats
+    """unit vector of a move (3,)"""
+    asked: float
+    """speed that is asked for after the phase [m/s]"""
+    force: float
+    """held, or inf where only a limit is [N]"""
+    limit: float
+    """[N], or inf"""
+    mass: float
+    """of one tool [kg]"""
+    stiffness: float
+    """k_0 [N/m]"""
+
+    def direction(self, orientation: Floats) -> Floats:
+        """Unit vector along which the first tool closes (3,)."""
+        return self.way if self.grip is None else self.grip.axis_now(orientation)
+
+
+class Drives:
+    """All drives of a scene's motion and their state, one row a drive."""
+
+    def __init__(self, scene: Scene, body: Body, program: Program) -> None:
+        self._dt = scene.step
+        self._drives = _drives(scene, body, program)
+        self._last = _last_phases(scene, self._drives)
+        self.state = np.zeros((len(self._drives), 4))
+        self._chosen = np.zeros(len(self._drives))
+        self.reset()
+
+    def reset(self) -> None:
+        self.state[:] = 0.0
+        self.state[:, STIFFNESS] = [drive.stiffness for drive in self._drives]
+
+    def apply(self, command: Floats, progress: Progress, orientation: Floats) -> None:
+        """Let the drives at work in this phase have their say: command (t, 6) [m/s, rad/s] updated in place."""
+        for row, drive in enumerate(self._drives):
+            if not drive.phase <= progress.phase < self._last[row]:
+                self._chosen[row] = 0.0
+                continue
+            way = drive.direction(orientation)
+            asked = drive.asked
+            if drive.phase == progress.phase:
+                asked = float(command[drive.tools[0], :3] @ way)
+            speed = self._speed(row, drive, asked)
+            self._chosen[row] = speed
+            change = speed - (asked if drive.phase == progress.phase else 0.0)
+            command[drive.tools[0], :3] += change * way
+            for other in drive.tools[1:]:
+                command[other, :3] -= change * way
+
+    def _speed(self, row: int, drive: Drive, asked: float) -> float:
+        """Eq. (2) for the force that is held and for the limit; the slower counts."""
+        before, k, resistance, _ = self.state[row].tolist()
+        speed = asked
+        touches = resistance > 0.0
+        k = k if touches else 0.0
+        damping = 2.0 * math.sqrt(k * drive.mass)
+        inertia = drive.mass / self._dt
+        for force in (drive.force, drive.limit):
+            needed = inertia * (asked - before) + resistance + k * self._dt * asked
+            if needed > force:
+                give = inertia + damping + k * self._dt
+                speed = min(speed, (inertia * before + force - resistance) / give)
+        return speed
+
+    def measured(self, wrench: Floats, orientation: Floats) -> None:
+        """Take in what the body did to the tools (t, 6) [N, N m] in a step that `apply` was called for."""
+        for row, drive in enumerate(self._drives):
+            way = drive.direction(orientation)
+            felt = [-float(wrench[drive.tools[0], :3] @ way)]
+            felt += [float(wrench[other, :3] @ way) for other in drive.tools[1:]]
+            # a force is held on average, a limit is one for each
+            resistance = max(0.0, sum(felt) / len(felt) if math.isfinite(drive.force) else max(felt))
+            state = self.state[row]
+            moved = self._chosen[row] * self._dt
+            k = float(state[STIFFNESS])
+            change = resistance - float(state[RESISTANCE])
+            if resistance == 0.0:
+                k = drive.stiffness
+            elif state[RESISTANCE] > 0.0 and moved != 0.0 and abs(change) > _TOLD * resistance:
+                k = min(_MOST * drive.stiffness, max(change / moved, _FALL * k, _LEAST * drive.stiffness))
+            state[:] = self._chosen[row], k, resistance, moved
+
+
+def _drives(scene: Scene, body: Body, program: Program) -> list[Drive]:
+    names = list(scene.tools)
+    closing = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
+    found = []
+    for number, phase in enumerate(scene.motion):
+        if isinstance(phase, ClosePhase):
+            specs = [scene.tools[name] for name in phase.tools]
+            limit = min(_limit(spec) for spec in specs)
+            force = math.inf if phase.force is None else phase.force
+            if not math.isfinite(min(force, limit)):
+                continue
+            grip = program.grip_of(number)
+            found.append(
+                Drive(
+                    phase=number,
+                    tools=(grip.first, grip.second),
+                    grip=grip,
+                    way=grip.axis,
+                    asked=0.0 if phase.force is None else phase.close,
+                    force=force,
+                    limit=limit,
+                    mass=0.5 * sum(_mass(spec) for spec in specs),
+                    stiffness=_stiffness(body, grip.width, scene.step),
+                )
+            )
+        elif isinstance(phase, MovePhase):
+            way = np.array(phase.move) / np.linalg.norm(phase.move)
+            for name in phase.tools:
+                spec = scene.tools[name]
+                if name in closing or not math.isfinite(_limit(spec)):
+                    continue
+                width = float(np.ptp(body.x_rest @ way))
+                stiffness = _stiffness(body, width, scene.step)
+                tool = (names.index(name),)
+                found.append(Drive(number, tool, None, way, 0.0, math.inf, _limit(spec), _mass(spec), stiffness))
+    return found
+
+
+def _last_phases(scene: Scene, drives: list[Drive]) -> list[int]:
+    """The phase before which each drive ends: the next that closes or moves one of its tools anew; none for a grip."""
+    names = list(scene.tools)
+    ends = []
+    for drive in drives:
+        kinds = ClosePhase if drive.grip is not None else (ClosePhase, MovePhase)
+        mine = {names[tool] for tool in drive.tools}
+        later = (
+            number
+            for number, phase in enumerate(scene.motion)
+            if number > drive.phase and isinstance(phase, kinds) and mine & set(phase.tools)
+        )
+        ends.append(next(later, len(scene.motion) + 1))
+    return ends
+
+
+def _limit(spec: ToolSpec) -> float:
+    return math.inf if isinstance(spec, PlaneTool) or spec.force_limit is None else spec.force_limit
+
+
+def _mass(spec: ToolSpec) -> float:
+    return 0.0 if isinstance(spec, PlaneTool) else spec.mass
+
+
+def _stiffness(body: Body, width: float, dt: float) -> float:
+    """k_0 of a body of this width [N/m]."""
+    material = body.material
+    modulus = material.lambda_ + 2.0 * material.mu
+    area = float(body.cell_mass.sum()) / (material.density * width)
+    return material.density * material.wave_speed * area / dt + 2.0 * modulus * area / width

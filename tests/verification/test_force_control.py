@@ -1,0 +1,165 @@
+"""Grips that hold a force, drives that give way: steady force, bounded collisions, and the same bits again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softseam_protocol.messages import Bundle, StepReport
+from softseam_protocol.scene import Scene
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+
+NEAR = {"default": "pbd", "near": {"model": "fem", "within": 0.012, "tools": ["left", "right"]}}
+SPEED, STEP = 0.02, 0.005
+
+
+def scene(
+    motion: Sequence[Any], regions: Any, finger: dict[str, Any] | None = None, gravity: float = -9.81, **other: Any
+) -> Scene:
+    """A cube of 5 cm on the ground between two plates, 0.5 mm clear of them."""
+    plate = {"kind": "box", "size": [0.01, 0.08, 0.08], "friction": 0.6, **(finger or {})}
+    material = {"young": 2e4, "poisson": 0.4, "density": 1050.0}
+    return Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "force",
+            "step": STEP,
+            "gravity": [0, 0, gravity],
+            "body": {"shape": {"kind": "block", "size": [0.05] * 3}, "cell": 0.025, "material": material},
+            "tools": {
+                "ground": {"kind": "plane", "friction": 0.6},
+                "left": {**plate, "position": [-0.0305, 0, 0.03]},
+                "right": {**plate, "position": [0.0305, 0, 0.03]},
+            },
+            "motion": motion,
+            "regions": regions,
+            **other,
+        }
+    )
+
+
+def close(**rest: Any) -> dict[str, Any]:
+    return {"tools": ["left", "right"], "close": SPEED, **rest}
+
+
+def simulate(spec: Scene) -> tuple[list[StepReport], Simulation]:
+    simulation = Simulation(Bundle(spec.model_dump_json(), {}), EmbeddedTransport())
+    reports = [simulation.step()]
+    while not reports[-1].done:
+        reports.append(simulation.step())
+    return reports, simulation
+
+
+def forces(reports: Sequence[StepReport]) -> np.ndarray:
+    """Forces of the two plates on the body along x, each positive where it presses (n, 2) [N]."""
+    return np.array([[-r.wrench[1, 0], r.wrench[2, 0]] for r in reports])
+
+
+@pytest.mark.parametrize("regions", [{"default": "fem"}, {"default": "pbd"}, NEAR], ids=["fem", "pbd", "hybrid"])
+@pytest.mark.parametrize("mass", [0.0, 0.5])
+def test_a_grip_holds_its_force(regions: Any, mass: float) -> None:
+    """Within 1 % a third of a second after the touch, and to 0.1 % at the end; the plates stay centred."""
+    force = 5.0
+    reports, _ = simulate(scene([close(force=force, until={"time": 0.5}), {"hold": 0.3}], regions, {"mass": mass}))
+    grip = np.array([r.quantities["grip_force"] for r in reports])
+    touched = int(np.argmax(grip > 0.0))
+    settled = touched + round(0.33 / STEP)
+    assert np.abs(grip[settled:] / force - 1.0).max() < 0.01
+    assert grip[-1] == pytest.approx(force, rel=1e-3)
+    positions = np.array([r.tool_position[1:, 0].sum() for r in reports])
+    assert np.abs(positions).max() < 1e-12
+    rates = np.array([r.command[1, 0] for r in reports])
+    assert rates.max() <= SPEED * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("regions", [{"default": "fem"}, {"default": "pbd"}], ids=["fem", "pbd"])
+def test_the_force_is_held_while_the_grip_lifts_and_turns(regions: Any) -> None:
+    motion = [
+        close(force=5.0, until={"force": 4.9, "time": 1.0}),
+        {"tools": ["left", "right"], "move": [0, 0, 0.02], "speed": 0.05},
+        {"tools": ["left", "right"], "turn": [0, 0.6, 0], "speed": 2.0},
+        {"hold": 0.4},
+    ]
+    reports, simulation = simulate(scene(motion, regions))
+    grip = np.array([r.quantities["grip_force"] for r in reports])
+    begun = next(i for i, r in enumerate(reports) if r.phase == 1)
+    assert begun < 100
+    # a lift that begins at once shakes the cube
+    assert np.abs(grip[begun + 1 :] / 5.0 - 1.0).max() < 0.08
+    assert grip[-1] == pytest.approx(5.0, rel=2e-3)
+    # the block hangs between the plates, tilted with them
+    assert simulation.frame().x[:, 2].min() > 0.005
+    # a tilted grip carries weight along its line: the two plates feel different forces, their mean is held
+    line = np.array([np.cos(0.6), 0.0, -np.sin(0.6)])
+    last = reports[-1].wrench[1:, :3] @ line
+    weight = 1050.0 * 0.05**3 * 9.81
+    assert last.sum() == pytest.approx(weight * np.sin(0.6), rel=0.02)
+
+
+@pytest.mark.parametrize("regions", [{"default": "fem"}, {"default": "pbd"}], ids=["fem", "pbd"])
+@pytest.mark.parametrize("mass", [0.0, 0.5])
+def test_a_collision_exceeds_the_limit_by_a_bounded_impact(regions: Any, mass: float) -> None:
+    """Fast fingers meet the cube: at most limit + v (k_0 dt + sqrt(k_0 m)); then the limit, to 1 %. Without the limit
+    the same motion presses with 27 N."""
+    limit, speed = 2.0, 0.1
+    motion = [{"tools": ["left", "right"], "close": speed, "until": {"compression": 0.3, "time": 0.6}}, {"hold": 0.2}]
+    reports, _ = simulate(scene(motion, regions, {"mass": mass, "force_limit": limit}))
+    found = forces(reports)
+    width, density = 0.05, 1050.0
+    modulus = 2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4))
+    stiffness = np.sqrt(modulus * density) * width**2 / STEP + 2 * modulus * width
+    bound = limit + speed * (stiffness * STEP + np.sqrt(stiffness * mass))
+    assert limit < found.max() < bound
+    assert found[-1].max() == pytest.approx(limit, rel=0.01)
+    assert reports[-1].quantities["compression"] < 0.15
+    free, _ = simulate(scene(motion, regions))
+    assert forces(free).max() > 20.0
+    assert free[-1].quantities["compression"] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_a_tool_that_moves_gives_way_at_its_limit() -> None:
+    """A ball that is told to press 10 mm deep stops where the cube resists with its limit; one without a limit goes on."""
+    motion = [{"tools": ["ball"], "move": [0, 0, -0.012], "speed": 0.05}, {"hold": 0.3}]
+    spec = scene([{"hold": 0.1}], {"default": "fem"})
+    pressed = {}
+    for limit in (None, 0.5):
+        ball = {"kind": "sphere", "radius": 0.015, "position": [0, 0, 0.067], "mass": 0.05, "force_limit": limit}
+        tools = {"ground": {"kind": "plane", "friction": 0.6}, "ball": ball}
+        reports, _ = simulate(Scene.model_validate({**spec.model_dump(), "tools": tools, "motion": motion}))
+        pressed[limit] = reports[-1].wrench[1, 2], reports[-1].tool_position[1, 2]
+    assert pressed[None][1] == pytest.approx(0.055) and pressed[None][0] > 1.0
+    assert pressed[0.5][0] == pytest.approx(0.5, rel=0.01)
+    assert pressed[0.5][1] > 0.058
+
+
+def test_a_snapshot_knows_what_the_drives_know() -> None:
+    """Restored in the middle of a hold, the future is the same to the last bit."""
+    spec = scene([close(force=5.0, until={"time": 0.2}), {"hold": 0.2}], {"default": "fem"}, {"mass": 0.2})
+    simulation = Simulation(Bundle(spec.model_dump_json(), {}), EmbeddedTransport())
+    for _ in range(20):
+        simulation.step()
+    state = simulation.save()
+    first = [simulation.step() for _ in range(20)]
+    simulation.load(state)
+    again = [simulation.step() for _ in range(20)]
+    for a, b in zip(first, again, strict=True):
+        assert a.wrench.tobytes() == b.wrench.tobytes() and a.tool_position.tobytes() == b.tool_position.tobytes()
+    simulation.reset()
+    assert simulation.step().tool_position[1, 0] == pytest.approx(-0.0305 + SPEED * STEP)
+
+
+def test_without_forces_and_limits_nothing_changes() -> None:
+    """Closing, moving and holding as told: mass alone does nothing."""
+    motion = [close(until={"compression": 0.1}), {"tools": ["left", "right"], "move": [0, 0, 0.01], "speed": 0.1}]
+    plain, _ = simulate(scene(motion, {"default": "fem"}))
+    heavy, _ = simulate(scene(motion, {"default": "fem"}, {"mass": 3.0}))
+    assert plain[-1].wrench.tobytes() == heavy[-1].wrench.tobytes()
+
+
+def test_a_force_that_is_never_reached_is_refused() -> None:
+    with pytest.raises(ValueError, match="5 N is not reached where 5 N is held"):
+        scene([close(force=5.0, until={"force": 5.0})], {"default": "fem"})
