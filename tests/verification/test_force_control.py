@@ -122,7 +122,7 @@ def test_a_collision_exceeds_the_limit_by_a_bounded_impact(regions: Any, mass: f
 
 
 def test_a_tool_that_moves_gives_way_at_its_limit() -> None:
-    """A ball that is told to press 10 mm deep stops where the cube resists with its limit; one without a limit goes on."""
+    """A ball told to press 10 mm deep stops where the cube resists with its limit; one without a limit goes on."""
     motion = [{"tools": ["ball"], "move": [0, 0, -0.012], "speed": 0.05}, {"hold": 0.3}]
     spec = scene([{"hold": 0.1}], {"default": "fem"})
     pressed = {}
