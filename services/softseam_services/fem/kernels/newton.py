@@ -27,9 +27,9 @@ CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 FACTORED, FACTOR_DT, LEAST_J, WORST_CELL, N_FACTORS = 0, 1, 2, 3, 4
 N_MEMO = 5
 
-# A kept factor costs iterations, a new one about as much as eight of them; its rate shows after a few.
-_PATIENCE = 8.0
-_TRIALS = 3
+# A kept factor costs iterations, a new one about as much as twelve of them; its rate shows after a few.
+_PATIENCE = 12.0
+_TRIALS = 4
 # A step moves no node by more than this share of a cell edge, so that elements do not turn over on the way.
 _LIMIT = 0.3
 _CAREFUL_LIMIT = 0.1
