@@ -145,15 +145,20 @@ def add_contact_forces(model, count, work, r):
 
 
 @njit(cache=True, error_model="numpy")
-def add_contact_tangents(model, tools, tree, count, work):
-    """Add eq. (2) for every touching candidate to the front of the point's cell in work.values, updated in place."""
+def add_contact_tangents(model, tools, tree, count, ahead, work):
+    """Add eq. (2) for every touching candidate to work.values, updated in place.
+
+    ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch
+    """
     block = np.empty((3, 3))
     for c in range(count):
         row = work.contact[c]
         point, tool = work.pair[c, 0], work.pair[c, 1]
         work.factored_state[point, tool] = work.state[c]
         if work.state[c] == OPEN:
-            continue
+            if row[GAP] > ahead:
+                continue
+            work.factored_state[point, tool] = STICK
         stiffness = model.point_stiffness[point]
         tangential = stiffness
         relaxed = 0.0

@@ -36,6 +36,8 @@ _CAREFUL_LIMIT = 0.1
 # A first guess closer to the start of the step than this share of a cell edge is not worth a doubt.
 _FAR = 1e-3
 _FIRST = 0.1
+# Points closer to a tool than this share of a cell edge are in a new factor as if they touched.
+_AHEAD = 1e-3
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,10 +75,11 @@ def residual(x, model, tools, count, dt, work, memo):
 
 
 @njit(cache=True, error_model="numpy")
-def refactor(x, model, tree, tools, count, dt, safe, work, memo):
+def refactor(x, model, tree, tools, count, dt, safe, ahead, work, memo):
     """Assemble and factor M/dt^2 + K at x; residual(x) came before. Returns True where that succeeded.
 
-    Where the matrix is indefinite, or `safe` is set, cells use their positive semi-definite tangents.
+    Points closer to a tool than `ahead` [m] count as touching. Where the matrix is indefinite, or `safe` is set, cells
+    use their positive semi-definite tangents.
     """
     memo[FACTORED] = 0.0
     for attempt in range(1 if safe else 0, 2):
@@ -84,7 +87,7 @@ def refactor(x, model, tree, tools, count, dt, safe, work, memo):
             work.values[i] = 0.0
         add_diagonal(tree, work.values, model.mass, 1.0 / (dt * dt))
         add_cell_tangents(x, model, tree, work, attempt == 1)
-        add_contact_tangents(model, tools, tree, count, work)
+        add_contact_tangents(model, tools, tree, count, ahead, work)
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
@@ -216,6 +219,7 @@ def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work,
     slope = -1.0
     guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
+    closer = -np.inf if careful else _AHEAD * model.edge
     for iteration in range(1, most + 1):
         missing = residual(x, model, tools, count, dt, work, memo)
         if careful and slope > 0.0:
@@ -229,7 +233,7 @@ def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work,
         largest = 0.0
         for attempt in range(2):
             if renew:
-                if not refactor(x, model, tree, tools, count, dt, careful, work, memo):
+                if not refactor(x, model, tree, tools, count, dt, careful, closer, work, memo):
                     return INDEFINITE, iteration
                 since = 0
             for i in range(len(work.r)):
@@ -280,7 +284,7 @@ def seam_compliance(x0, v0, contact0, dt, x, model, tree, tools, work, memo, inv
     for c in range(count):
         # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)
         work.contact[c, RELAXED] = 1.0
-    good = refactor(x, model, tree, tools, count, dt, False, work, memo)
+    good = refactor(x, model, tree, tools, count, dt, False, -np.inf, work, memo)
     if good:
         seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
     return good
