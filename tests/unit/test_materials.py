@@ -8,7 +8,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from softseam_protocol.scene import KNOWN_MATERIALS, MaterialKind, MaterialSpec
+from softseam_protocol.kinds import KNOWN_MATERIALS, MaterialKind
+from softseam_protocol.scene import MaterialSpec
 from softseam_services.body.body import Material
 from softseam_services.body.materials import MATERIALS, build_material, mooney_rivlin, neo_hookean, point
 from softseam_services.body.materials.invariants import invariants

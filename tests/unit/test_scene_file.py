@@ -48,6 +48,7 @@ quantities: [grip_force, slip]
 
 SHAPE = "{kind: block, size: [0.05, 0.05, 0.05]}"
 MATERIAL = "young: 2e4, poisson: 0.45, density: 1050"
+FEM = "models: {fem: "
 CLOSE = "{tools: [left, right], close: 0.02, until: {compression: 0.15}}"
 
 
@@ -156,6 +157,9 @@ BAD = [
     ("density: 1050", "density: 1050, ratio: 0.2", 9, "body.material.ratio", "neo_hookean has no ratio"),
     ("density: 1050", "density: 1050, ratio: 2", 9, "body.material.ratio", "less than or equal to 1"),
     ("neo_hookean", "corotated", 9, "body.material.kind", "the model pbd cannot take corotated: use neo_hookean or"),
+    ("quant", f"{FEM}{{integrator: bdf2}}}}\nquant", 21, "models.fem.integrator", "bdf2 cannot meet a seam, a mult"),
+    ("quant", f"{FEM}{{integrator: symplectic_euler}}}}\nquant", 21, "models.fem.integrator", "solves no equations"),
+    ("quant", f"{FEM}{{radius: 0.5}}}}\nquant", 21, "models.fem.radius", "implicit_euler has no radius"),
     ("softseam: 1\n", "", 2, "softseam", "the key 'softseam' is missing"),
     ("softseam: 1", "softseam: 2", 2, "softseam", "2 is not known here (allowed: 1)"),
     ("name: cube", "name: my cube", 3, "name", "'my cube' is not a name"),
@@ -249,6 +253,17 @@ def test_a_thin_plate_with_default_cells_is_refused() -> None:
     )
     with pytest.raises(SceneError, match=r"body\.shape: .* cells, more than 200,000"):
         parse_scene(text)
+
+
+def test_newmark_may_not_meet_tools_nor_others_a_seam() -> None:
+    whole = GOOD.replace("  default: pbd\n  near: {model: fem, within: 0.012}\n", "  default: fem\n")
+    for kind in ("midpoint", "bdf2", "generalised_alpha"):
+        parse_scene(whole + f"models: {{fem: {{integrator: {kind}}}}}\n")
+    with pytest.raises(SceneError, match=r"newmark cannot meet tools, .*: use one of implicit_euler, midpoint, bdf2"):
+        parse_scene(whole + "models: {fem: {integrator: newmark}}\n")
+    parse_scene(GOOD + "models: {fem: {integrator: midpoint, radius: 0.5}}\n")
+    # settings of a model that the scene does not use say nothing
+    parse_scene(GOOD.replace("model: fem", "model: pbd") + "models: {fem: {integrator: newmark}}\n")
 
 
 def test_a_missing_scene_names_its_neighbours(tmp_path: Path) -> None:

@@ -134,6 +134,8 @@ class Work(NamedTuple):
     factored_state: NDArray[np.int8]
     """contact states that the factor holds (p, t)"""
     x_hat: Floats
+    inside: Floats
+    """where internal forces are taken (n, 3) [m]"""
     force: Floats
     node_gap: Floats
     seam_block: Floats
@@ -237,6 +239,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),
         x_hat=np.zeros((n_nodes, 3)),
+        inside=np.zeros((n_nodes, 3)),
         force=np.zeros((n_nodes, 3)),
         node_gap=np.zeros(n_nodes),
         seam_block=np.empty((2, 9 * len(model.seam) ** 2)),

@@ -1,4 +1,4 @@
-"""The FEM participant's solver: implicit Euler on hex27 cells, contact by augmented Lagrangian."""
+"""The FEM participant's solver: implicit steps of hex27 cells, contact by augmented Lagrangian."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ToolMotion
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.fem.integrators.table import build_scheme
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.cells import cauchy_stress
 from softseam_services.fem.kernels.newton import (
@@ -50,9 +51,13 @@ class FemState:
     """(n, 3) [m/s]"""
     contact: Floats
     """per point and tool: force on the body [N], slip since contact began [m] (p, t, 6)"""
+    history: Floats
+    """what the integrator keeps of the steps before (k, n, 3)"""
+    past: float = 0.0
+    """length of the step that made the history, 0 where there is none [s]"""
 
     def copy(self) -> FemState:
-        return FemState(self.x.copy(), self.v.copy(), self.contact.copy())
+        return FemState(self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy(), self.past)
 
 
 class FemSolver:
@@ -61,12 +66,16 @@ class FemSolver:
     def __init__(
         self, scene: Scene, body: Body, region: Region, tools: ToolSet, state: BodyState | None = None
     ) -> None:
-        """state: of the whole body, taken over at a region switch; None is rest with the initial velocities."""
+        """state: of the whole body, taken over at a region switch; None is rest with the initial velocities.
+
+        Neither has an integrator's history, so one that needs it begins with a step of midpoint.
+        """
         self._body, self._region, self._tools = body, region, tools
         self._spec = scene.models.fem
         n_tools = len(tools.names)
         self._model, self._tree = build_model(body, region)
         self._work = build_work(self._model, self._tree, n_tools)
+        self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0)
         self._memo = np.zeros(N_MEMO)
         shape = (len(region.points), n_tools, 6)
         if state is None:
@@ -77,7 +86,10 @@ class FemSolver:
             tool = state.contact_tool[region.points[touching]]
             contact[touching, tool, :3] = state.contact_force[region.points[touching]]
         self._committed = FemState(
-            np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(v, dtype=np.float64), contact
+            np.ascontiguousarray(x, dtype=np.float64),
+            np.ascontiguousarray(v, dtype=np.float64),
+            contact,
+            np.zeros((self._scheme.n_history, len(region.nodes), 3)),
         )
         self._next = self._committed.copy()
         self._tentative = False
@@ -146,8 +158,8 @@ class FemSolver:
                 return self._failed(request, self._why(status), began)
         self._tentative = True
         if request.compliance and not seam_compliance(
-            now.x, now.v, now.contact, request.dt, end.x, self._model, self._tree, whole, self._work, self._memo,
-            self._inverse,
+            self._scheme, now.x, now.v, now.past, now.history, now.contact, request.dt, end.x, self._model,
+            self._tree, whole, self._work, self._memo, self._inverse,
         ):  # fmt: skip
             return self._failed(request, self._why(INDEFINITE), began)
         return self._reply(request, "converged", began)
@@ -157,10 +169,11 @@ class FemSolver:
     ) -> int:
         """One step from `now` into `end`, whose x is the first guess; returns a status of `kernels.newton`."""
         status: int = kernel.advance(
-            now.x, now.v, now.contact, dt, force, self._model, self._tree, tools,
+            self._scheme, now.x, now.v, now.past, now.history, now.contact, dt, force, self._model, self._tree, tools,
             self._spec.tolerance * self._model.edge, most, careful, self._work, self._memo,
-            end.x, end.v, end.contact, self._wrench, self._out, self._seam_x, self._distance,
+            end.x, end.v, end.history, end.contact, self._wrench, self._out, self._seam_x, self._distance,
         )  # fmt: skip
+        end.past = dt
         return status
 
     def _insist(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:
@@ -246,6 +259,7 @@ class FemSolver:
     def _failed(self, request: Advance, text: str, began: float) -> Advanced:
         now, end = self._committed, self._next
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
+        end.history[:], end.past = now.history, now.past
         self._tentative = False
         self._wrench[:] = 0.0
         self._out[:] = 0.0
@@ -310,13 +324,16 @@ class FemSolver:
         """Commit, drop the factor and the first guess, and return the state."""
         self.commit()
         self._forget()
-        return pack(self._committed.x, self._committed.v, self._committed.contact)
+        now = self._committed
+        return pack(now.x, now.v, now.contact, now.history, np.array([now.past]))
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
         now = self._committed
-        x, v, contact = unpack(state, now.x.shape, now.v.shape, now.contact.shape)
-        self._committed = FemState(x, v, contact)
+        x, v, contact, history, past = unpack(
+            state, now.x.shape, now.v.shape, now.contact.shape, now.history.shape, (1,)
+        )
+        self._committed = FemState(x, v, contact, history, float(past[0]))
         self._next = self._committed.copy()
         self._forget()
 

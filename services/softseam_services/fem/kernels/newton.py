@@ -1,9 +1,10 @@
-"""One implicit Euler step: Newton's method with a factor that is kept as long as it serves.
+"""One implicit step: Newton's method with a factor that is kept as long as it serves.
 
-With x_hat = x0 + dt v0 the step's end x makes the residual vanish:
-  r(x) = f_ext - f(x) + f_contact(x) - M (x - x_hat)/dt^2                                                       (1)
-The matrix M/dt^2 + K has columns whose sum is M/dt^2 alone on a free body, so a full Newton step, with an old factor
-or a new one, leaves the sum of r zero: momentum is exact to rounding however early the iteration ends.
+With the integrator's share_M = `inertia` [1/s^2] and x_hat (`integrators.scheme`) the step's end x makes the residual
+vanish, where x_t = x0 + share (x - x0):
+  r(x) = f_ext - f(x_t) + f_contact(x) - inertia M (x - x_hat)                                                  (1)
+The matrix inertia M + share K has columns whose sum is inertia M alone on a free body, so a full Newton step, with an
+old factor or a new one, leaves the sum of r zero: momentum is exact to rounding however early the iteration ends.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from softseam_services.fem.integrators.scheme import begin
 from softseam_services.fem.kernels.cells import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.contact import (
     RELAXED,
@@ -24,7 +26,7 @@ from softseam_services.fem.kernels.lapack import multiply
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
-FACTORED, FACTOR_DT, LEAST_J, WORST_CELL, N_FACTORS = 0, 1, 2, 3, 4
+FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS = 0, 1, 2, 3, 4
 N_MEMO = 5
 
 # A kept factor costs iterations, a new one about as much as twelve of them; its rate shows after a few.
@@ -53,30 +55,40 @@ def seam_pull(x, model, work):
 
 
 @njit(cache=True, error_model="numpy")
-def residual(x, model, tools, count, dt, work, memo):
+def _inside(x, x0, share, work):
+    """x_t (n, 3) of eq. (1): x itself, or work.inside."""
+    if share == 1.0:
+        return x
+    for node in range(len(x)):
+        for i in range(3):
+            work.inside[node, i] = x0[node, i] + share * (x[node, i] - x0[node, i])
+    return work.inside
+
+
+@njit(cache=True, error_model="numpy")
+def residual(x, x0, model, tools, count, inertia, share, work, memo):
     """Eq. (1) into work.r (3 n_free,), elimination order; returns how many contacts the factor lacks."""
     r = work.r
-    inverse_square = 1.0 / (dt * dt)
     for node in range(len(model.mass)):
         place = model.order[node]
         if place >= 0:
-            inertia = model.mass[node] * inverse_square
+            mass = model.mass[node] * inertia
             for i in range(3):
-                r[3 * place + i] = work.force[node, i] - inertia * (x[node, i] - work.x_hat[node, i])
+                r[3 * place + i] = work.force[node, i] - mass * (x[node, i] - work.x_hat[node, i])
     if work.seam_coupled[0]:
         seam_pull(x, model, work)
         for s in range(len(model.seam)):
             for i in range(3):
                 r[3 * model.order[model.seam[s]] + i] += work.seam_actual[s, i]
-    memo[LEAST_J], memo[WORST_CELL] = subtract_forces(x, model, work, r)
+    memo[LEAST_J], memo[WORST_CELL] = subtract_forces(_inside(x, x0, share, work), model, work, r)
     missing = evaluate_contacts(x, model, tools, count, work)
     add_contact_forces(model, count, work, r)
     return missing
 
 
 @njit(cache=True, error_model="numpy")
-def refactor(x, model, tree, tools, count, dt, safe, ahead, work, memo):
-    """Assemble and factor M/dt^2 + K at x; residual(x) came before. Returns True where that succeeded.
+def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work, memo):
+    """Assemble and factor inertia M + share K at x; residual(x) came before. Returns True where that succeeded.
 
     Points closer to a tool than `ahead` [m] count as touching. Where the matrix is indefinite, or `safe` is set, cells
     use their positive semi-definite tangents.
@@ -85,15 +97,18 @@ def refactor(x, model, tree, tools, count, dt, safe, ahead, work, memo):
     for attempt in range(1 if safe else 0, 2):
         for i in range(len(work.values)):
             work.values[i] = 0.0
-        add_diagonal(tree, work.values, model.mass, 1.0 / (dt * dt))
-        add_cell_tangents(x, model, tree, work, attempt == 1)
+        add_diagonal(tree, work.values, model.mass, inertia / share)
+        add_cell_tangents(_inside(x, x0, share, work), model, tree, work, attempt == 1)
+        if share != 1.0:
+            for i in range(len(work.values)):
+                work.values[i] *= share
         add_contact_tangents(model, tools, tree, count, ahead, work)
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
         if factor(tree, work.values, work.factoring) == 0:
             memo[FACTORED] = 1.0
-            memo[FACTOR_DT] = dt
+            memo[FACTOR_INERTIA] = inertia
             return True
     return False
 
@@ -207,7 +222,7 @@ def _too_slow(largest, first, tolerance, since):
 
 
 @njit(cache=True, error_model="numpy")
-def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work, memo):
+def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, work, memo):
     """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
 
     The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
@@ -221,7 +236,7 @@ def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work,
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
     closer = -np.inf if careful else _AHEAD * model.edge
     for iteration in range(1, most + 1):
-        missing = residual(x, model, tools, count, dt, work, memo)
+        missing = residual(x, x0, model, tools, count, inertia, share, work, memo)
         if careful and slope > 0.0:
             # where the residual along the last step changed sign by much, go part of the way back
             ahead = _dot(work.r, work.dx)
@@ -229,11 +244,11 @@ def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work,
                 _move(x, model.order, work.dx, slope / (slope - ahead) - 1.0)
                 slope = -1.0
                 continue
-        renew = careful or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_DT] != dt
+        renew = careful or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         largest = 0.0
         for attempt in range(2):
             if renew:
-                if not refactor(x, model, tree, tools, count, dt, careful, closer, work, memo):
+                if not refactor(x, x0, model, tree, tools, count, inertia, share, careful, closer, work, memo):
                     return INDEFINITE, iteration
                 since = 0
             for i in range(len(work.r)):
@@ -271,20 +286,18 @@ def newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work,
 
 
 @njit(cache=True, error_model="numpy")
-def seam_compliance(x0, v0, contact0, dt, x, model, tree, tools, work, memo, inverse):
+def seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree, tools, work, memo, inverse):
     """d(seam_x)/d(seam_force) at the end x of a step from x0, v0, contact0, contacts included.
 
     inverse (3s, 3s) [m/N] updated in place; returns whether the matrix could be factored.
     """
-    for node in range(len(x0)):
-        for i in range(3):
-            work.x_hat[node, i] = x0[node, i] + dt * v0[node, i]
+    inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
     count = find_candidates(x0, model, tools, contact0, model.edge, work)
-    residual(x, model, tools, count, dt, work, memo)
+    residual(x, x0, model, tools, count, inertia, share, work, memo)
     for c in range(count):
         # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)
         work.contact[c, RELAXED] = 1.0
-    good = refactor(x, model, tree, tools, count, dt, False, -np.inf, work, memo)
+    good = refactor(x, x0, model, tree, tools, count, inertia, share, False, -np.inf, work, memo)
     if good:
         seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
     return good

@@ -1,10 +1,12 @@
-"""One implicit Euler step of a region, and everything that the reply reports."""
+"""One step of a region, and everything that the reply reports."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
+from softseam_services.fem.integrators.scheme import SYMPLECTIC_EULER, begin, finish
+from softseam_services.fem.integrators.symplectic_euler import march
 from softseam_services.fem.kernels.cells import strain_energy
 from softseam_services.fem.kernels.contact import (
     GAP,
@@ -103,38 +105,30 @@ def _summarise(x0, x, v, seam_force, model, work, out):
 
 
 @njit(cache=True, error_model="numpy")
-def advance(x0, v0, contact0, dt, seam_force, model, tree, tools, tolerance, most, careful, work, memo,
-            x, v, contact, wrench, out, seam_x, distance):  # fmt: skip
-    """One implicit Euler step from x0, v0, contact0 over dt; returns a status of `newton`.
-
-    x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
-    CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
-    """
+def _implicit(scheme, x0, v0, past, history, contact0, dt, model, tree, tools, tolerance, most, careful,
+              work, memo, x, v, history_next):  # fmt: skip
+    """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""
+    inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
     fastest = 0.0
     for node in range(len(x0)):
         for i in range(3):
-            work.force[node, i] = model.mass[node] * model.acceleration[i]
-            work.x_hat[node, i] = x0[node, i] + dt * v0[node, i]
             fastest = max(fastest, abs(v0[node, i]))
-    for s in range(len(model.seam)):
-        for i in range(3):
-            work.force[model.seam[s], i] += seam_force[s, i]
     travel = tool_travel(
         tools.kind, tools.shape, tools.position, tools.orientation, tools.position_next, tools.orientation_next, x0
     )
     reach = 0.25 * model.edge + travel + 2.0 * dt * fastest
-    out[N_ITERATIONS] = 0.0
-    augmentations = 0
+    total = augmentations = count = 0
     search = True
-    count = 0
     while True:
         if search:
             count = find_candidates(x0, model, tools, contact0, reach, work)
             search = False
-        status, iterations = newton(x, x0, model, tree, tools, count, dt, tolerance, most, careful, work, memo)
-        out[N_ITERATIONS] += iterations
+        status, iterations = newton(
+            x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, work, memo
+        )
+        total += iterations
         if status != CONVERGED:
-            return status
+            return status, total, count
         way = farthest(x0, x)
         if way > reach:
             # a node went farther than the search for contacts looked
@@ -149,9 +143,35 @@ def advance(x0, v0, contact0, dt, seam_force, model, tree, tools, tolerance, mos
             break
         augmentations += 1
         augment(count, work)
+    finish(scheme, dt, past, x0, v0, history, x, v, history_next)
+    return CONVERGED, total, count
+
+
+@njit(cache=True, error_model="numpy")
+def advance(scheme, x0, v0, past, history, contact0, dt, seam_force, model, tree, tools, tolerance, most, careful,
+            work, memo, x, v, history_next, contact, wrench, out, seam_x, distance):  # fmt: skip
+    """One step from x0, v0, history, contact0 over dt; returns a status of `newton`.
+
+    x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
+    CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
+    """
     for node in range(len(x0)):
         for i in range(3):
-            v[node, i] = (x[node, i] - x0[node, i]) / dt
+            work.force[node, i] = model.mass[node] * model.acceleration[i]
+    for s in range(len(model.seam)):
+        for i in range(3):
+            work.force[model.seam[s], i] += seam_force[s, i]
+    count = 0
+    if scheme.kind == SYMPLECTIC_EULER:
+        status, iterations = march(scheme.parameters[1], x0, v0, dt, model, work, memo, x, v)
+    else:
+        status, iterations, count = _implicit(
+            scheme, x0, v0, past, history, contact0, dt, model, tree, tools, tolerance, most, careful,
+            work, memo, x, v, history_next,
+        )  # fmt: skip
+    out[N_ITERATIONS] = iterations
+    if status != CONVERGED:
+        return status
     _record_contacts(x, count, contact0, model, tools, work, contact, wrench, out)
     _summarise(x0, x, v, seam_force, model, work, out)
     for s in range(len(model.seam)):

@@ -1,0 +1,46 @@
+"""Models, materials and integrators by name, and which of them may meet."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Literal
+
+ModelKind = Literal["fem", "pbd"]
+MaterialKind = Literal[
+    "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
+]
+IntegratorKind = Literal["implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler"]
+
+KNOWN_MATERIALS: dict[ModelKind, tuple[MaterialKind, ...]] = {
+    "fem": ("neo_hookean", "linear"),
+    "pbd": ("neo_hookean", "linear"),
+}
+"""the materials that each model can take"""
+SEAM_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint")
+"""those that a seam's multiplier, constant over the step, gives no energy (docs/verification.md)"""
+CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint", "bdf2", "generalised_alpha")
+"""those under which a point that hits a tool comes to rest"""
+
+
+def material_problem(kind: MaterialKind, models: Collection[ModelKind]) -> str:
+    """Why one of a scene's models cannot take its material, and what to do; '' where all can."""
+    for model in models:
+        known = KNOWN_MATERIALS[model]
+        if kind not in known:
+            able = [other for other in KNOWN_MATERIALS if kind in KNOWN_MATERIALS[other]]
+            remedy = f"use {' or '.join(known)}" + "".join(f", or give all cells to {other}" for other in able)
+            return f"the model {model} cannot take {kind}: {remedy}"
+    return ""
+
+
+def integrator_problem(name: IntegratorKind, seam: bool, tools: bool) -> str:
+    """Why FEM's integrator cannot meet the scene's seam or tools, and what to do; '' where it can."""
+    explicit = name == "symplectic_euler"
+    if seam and name not in SEAM_INTEGRATORS:
+        why = "it solves no equations" if explicit else "a multiplier that is constant over the step gives it energy"
+        use = " or ".join(SEAM_INTEGRATORS)
+        return f"{name} cannot meet a seam, {why}: use {use}, or give all cells to fem without regions.near"
+    if tools and name not in CONTACT_INTEGRATORS:
+        why = "it solves no equations" if explicit else "points that hit one gain energy"
+        return f"{name} cannot meet tools, {why}: use one of {', '.join(CONTACT_INTEGRATORS)}"
+    return ""

@@ -1,0 +1,38 @@
+"""Integrators by their names in the scene file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_protocol.scene import FemSpec
+from softseam_services.fem.integrators import bdf2, generalised_alpha, midpoint, newmark
+from softseam_services.fem.integrators.scheme import (
+    BDF2,
+    GENERALISED_ALPHA,
+    IMPLICIT_EULER,
+    MIDPOINT,
+    SYMPLECTIC_EULER,
+    Scheme,
+)
+from softseam_services.fem.integrators.symplectic_euler import longest_substep
+from softseam_services.fem.model import FemModel, Work
+
+# Where tools touch, oscillations of the held points must die out within a few steps; elsewhere they should live.
+_RADIUS = {"midpoint": (1.0, 0.5), "generalised_alpha": (0.8, 0.0)}
+
+
+def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool) -> Scheme:
+    """The kernels' view of a scene's integrator; touched: there are tools."""
+    name = spec.integrator
+    if name == "symplectic_euler":
+        return Scheme(SYMPLECTIC_EULER, np.array([1.0, longest_substep(model, work)]), 0)
+    if name == "bdf2":
+        return Scheme(BDF2, np.ones(1), bdf2.N_HISTORY)
+    if name == "newmark":
+        return Scheme(GENERALISED_ALPHA, newmark.parameters(), generalised_alpha.N_HISTORY)
+    if name == "implicit_euler":
+        return Scheme(IMPLICIT_EULER, np.ones(1), 0)
+    radius = _RADIUS[name][touched] if spec.radius is None else spec.radius
+    if name == "midpoint":
+        return Scheme(MIDPOINT, np.array([midpoint.theta(radius)]), 0)
+    return Scheme(GENERALISED_ALPHA, generalised_alpha.parameters(radius), generalised_alpha.N_HISTORY)
