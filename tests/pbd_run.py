@@ -12,6 +12,7 @@ from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, BodySt
 from softseam_protocol.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
+from softseam_services.pbd.kernels.block import N_STRESS
 from softseam_services.pbd.kernels.sweep import block_forces, exact_stress, new_workspace, strain_energy
 from softseam_services.pbd.solver import PbdSolver
 from softseam_services.tools.build import build_tools
@@ -163,7 +164,7 @@ class Energy:
         self._xw = np.zeros((self._n + 8, 4))
         self._xw[self._n :, :3] = self._blocks.padding_x
         self._ws = new_workspace()
-        self._stress = np.zeros((self._blocks.n_batches, 168))
+        self._stress = np.zeros((self._blocks.n_batches, N_STRESS))
 
     def value(self, x: Floats) -> float:
         b = self._blocks
@@ -174,9 +175,9 @@ class Energy:
         b = self._blocks
         self._xw[: self._n, :3] = x
         exact_stress(self._ws, self._xw, b.nodes, b.volume, self._stress, b.constants, b.linear)
-        force = np.zeros((self._n + 8, 3))
-        block_forces(b.nodes, self._stress, b.constants, force)
-        return force[: self._n]
+        force = np.zeros((self._n + 8, 4))
+        block_forces(self._ws, b.nodes, self._stress, b.constants, force)
+        return force[: self._n, :3].copy()
 
 
 def static_solution(run: PbdRun, load: Floats) -> Floats:

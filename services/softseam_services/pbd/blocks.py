@@ -10,23 +10,23 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import OCTANT_NODES
 
 from .hourglass import block_constants
-from .kernels.block import LANES
+from .kernels.lanes import LANES
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks in batches of 8 that share no node, colour after colour (n_batches * 8 = padded blocks).
+    """Blocks in batches of 4 that share no node, colour after colour (n_batches * 4 = padded blocks).
 
     Octants of a lattice take 8 colours by the parity of their place, in a fixed order, so a sweep is deterministic.
     The last batch of a colour is filled up with an empty block on 8 nodes of its own, which never move.
     """
 
     nodes: Ints
-    """local node ids, n .. n + 7 for padding (n_batches, 8 nodes, 8 lanes)"""
+    """local node ids, n .. n + 7 for padding (n_batches, 8 nodes, 4 lanes)"""
     volume: Floats
-    """fill times volume, 0 for padding (n_batches, 8 lanes) [m^3]"""
+    """fill times volume, 0 for padding (n_batches, 4 lanes) [m^3]"""
     octant: Ints
-    """8 cell + octant of each lane, -1 for padding (n_batches, 8 lanes)"""
+    """8 cell + octant of each lane, -1 for padding (n_batches, 4 lanes)"""
     edges: Floats
     """(3,) [m]"""
     constants: Floats

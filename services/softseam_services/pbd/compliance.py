@@ -8,8 +8,8 @@ from softseam_protocol.messages import ToolMotion
 from softseam_services.body.body import Floats
 
 from .blocks import build_blocks
+from .kernels.block import new_workspace
 from .kernels.probe import probe_seam
-from .kernels.sweep import new_workspace
 from .model import KAPPA, PbdModel
 
 REACH = 0.45

@@ -13,6 +13,7 @@ from softseam_services.body.interpolate import point_weights
 from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks, build_blocks
+from .kernels.block import new_workspace
 from .kernels.frequency import highest_frequency
 
 KAPPA = 0.5
@@ -37,7 +38,7 @@ class PbdModel:
     inverse_mass: Floats
     """0 for clamped nodes and nodes without mass (n,) [1/kg]"""
     softness: Floats
-    """8 times the largest inverse mass of each block's nodes (n_batches, 8) [1/kg]"""
+    """8 times the largest inverse mass of each block's nodes (n_batches, 4) [1/kg]"""
     x_rest: Floats
     indptr: Ints
     node: Ints
@@ -98,6 +99,13 @@ def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> Pbd
         point_softness=np.add.reduceat(weight**2 * inverse_mass[node], indptr[:-1]) if len(node) else np.zeros(0),
         active=body.surface.area[region.points] > 0.0,
         frequency=highest_frequency(
-            x_rest, inverse_mass, blocks.nodes, blocks.volume, blocks.constants, blocks.linear, blocks.padding_x
+            new_workspace(),
+            x_rest,
+            inverse_mass,
+            blocks.nodes,
+            blocks.volume,
+            blocks.constants,
+            blocks.linear,
+            blocks.padding_x,
         ),
     )

@@ -15,10 +15,14 @@ from softseam_services.tools.kernels import all_finite
 from softseam_services.tools.tool_set import ToolSet
 
 from .compliance import SeamProbe
-from .kernels import substep as k
-from .kernels.contact import place_points, split_forces
+from .kernels import summary as k
+from .kernels.block import new_workspace
+from .kernels.lanes import aligned
+from .kernels.pairs import N_COLUMNS, place_points
+from .kernels.split import split_forces
 from .kernels.stress import octant_stress
-from .kernels.sweep import block_forces, exact_stress, new_workspace, strain_energy
+from .kernels.substep import advance_step
+from .kernels.sweep import block_forces, exact_stress, strain_energy
 from .model import KAPPA, build_model
 from .state import decode_state, encode_state, new_state
 
@@ -61,7 +65,7 @@ class PbdSolver:
         self._tentative = False
         self._probe: SeamProbe | None = None
         self._ws = new_workspace()
-        self._xw = np.zeros((n + 8, 4))
+        self._xw = aligned(n + 8, 4)
         self._xw[:n, 3] = model.inverse_mass
         self._xw[n:, :3] = model.blocks.padding_x
         self._scratch = (
@@ -69,11 +73,11 @@ class PbdSolver:
             self._xw,
             np.zeros((n, 3)),
             np.zeros((n, 3)),
+            aligned(n + 8, 4),
             np.zeros((p, 3)),
             np.zeros(t + 1, dtype=np.int32),
-            np.zeros(p * t, dtype=np.int32),
-            np.zeros(p * t),
-            np.zeros((p, t, 3)),
+            np.zeros((p * t, 3), dtype=np.int32),
+            np.zeros((p * t, N_COLUMNS)),
             np.zeros((2, t, 3)),
             np.zeros((2, t, 4)),
             np.zeros(n),
@@ -123,11 +127,11 @@ class PbdSolver:
         n = model.n_nodes
         self._xw[:n, :3] = state.x
         exact_stress(self._ws, self._xw, blocks.nodes, blocks.volume, state.stress, blocks.constants, blocks.linear)
-        force = np.zeros((n + 8, 3))
-        block_forces(blocks.nodes, state.stress, blocks.constants, force)
+        force = np.zeros((n + 8, 4))
+        block_forces(self._ws, blocks.nodes, state.stress, blocks.constants, force)
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
-        np.add.at(force, model.node, model.weight[:, None] * state.force.sum(axis=1)[rows])
-        state.a[:] = model.inverse_mass[:, None] * force[:n]
+        np.add.at(force[:, :3], model.node, model.weight[:, None] * state.force.sum(axis=1)[rows])
+        state.a[:] = model.inverse_mass[:, None] * force[:n, :3]
         strain, least_j = strain_energy(
             self._ws, self._xw, blocks.nodes, blocks.volume, blocks.constants, blocks.linear
         )
@@ -222,7 +226,7 @@ class PbdSolver:
         n_sweeps = self.model.spec.sweeps + attempt
         if work.monitor[0] < CRUSHED:
             n_sweeps = max(n_sweeps, 2)
-        k.advance_step(
+        advance_step(
             work.x,
             work.v,
             work.a,

@@ -8,6 +8,8 @@ import numpy as np
 
 from softseam_services.body.body import Floats
 
+from .kernels.block import N_STRESS
+
 
 @dataclass(frozen=True)
 class PbdState:
@@ -21,7 +23,7 @@ class PbdState:
     a: Floats
     """accelerations from blocks and contacts (n, 3) [m/s^2]"""
     stress: Floats
-    """Lambda of each block: P (3, 3) [N m] then T (4, 3) [N], each entry for 8 lanes (b, 168)"""
+    """Lambda of each block: P (3, 3) [N m] then T (4, 3) [N], each entry for 4 lanes (b, 84)"""
     force: Floats
     """contact force of each tool on each point (p, t, 3) [N]"""
     slip: Floats
@@ -35,7 +37,7 @@ class PbdState:
 
 def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     """A zero state for n nodes, b batches, p points and t tools."""
-    shapes = ((n, 3), (n, 3), (n, 3), (b, 168), (p, t, 3), (p, t, 3), (p, t, 3), (5,))
+    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 3), (5,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)
@@ -43,7 +45,7 @@ def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     return PbdState(buffer, *views)
 
 
-MAGIC = b"softseam pbd 1\n"
+MAGIC = b"softseam pbd 2\n"
 
 
 def encode_state(state: PbdState) -> bytes:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .sweep import block_forces, exact_stress, new_workspace
+from .block import N_STRESS
+from .sweep import block_forces, exact_stress
 
 ITERATIONS = 40
 # The power method approaches from below; after 40 rounds it lacked at most 2 % on the bodies tried.
@@ -13,17 +14,16 @@ MARGIN = 1.03
 
 
 @njit(cache=True, error_model="numpy")
-def highest_frequency(x_rest, inverse_mass, nodes, volume, constants, linear, padding_x):
+def highest_frequency(ws, x_rest, inverse_mass, nodes, volume, constants, linear, padding_x):
     """Square root of the largest eigenvalue of M^-1 K by the power method [rad/s]; K from the blocks' own forces.
 
     x_rest (n, 3) [m], inverse_mass (n,) [1/kg], padding_x (8, 3) [m]; the rest as in `sweep`
     """
     n = len(x_rest)
-    ws = new_workspace()
     xw = np.zeros((n + 8, 4))
     xw[n:, :3] = padding_x
-    stress = np.zeros((len(nodes), 168))
-    force = np.zeros((n + 8, 3))
+    stress = np.zeros((len(nodes), N_STRESS))
+    force = np.zeros((n + 8, 4))
     u = np.empty((n, 3))
     # A fixed pseudo-random start (a linear congruential generator): no direction of the lattice is left out.
     seed = 12345
@@ -43,7 +43,7 @@ def highest_frequency(x_rest, inverse_mass, nodes, volume, constants, linear, pa
                 xw[i, c] = x_rest[i, c] + scale * u[i, c]
         exact_stress(ws, xw, nodes, volume, stress, constants, linear)
         force[:] = 0.0
-        block_forces(nodes, stress, constants, force)
+        block_forces(ws, nodes, stress, constants, force)
         square = 0.0
         for i in range(n):
             for c in range(3):

@@ -1,147 +1,127 @@
-"""Stress and local solve of the block constraint for small strain; rows as in `block`."""
+"""Energy, stress and local solve of the block constraint for small strain; rows as in `block`."""
 
 from __future__ import annotations
 
-from numba import njit
-
-from .block import BOUND, LAM, MU, ROWS, G, hourglass
-
-
-@njit(cache=True, error_model="numpy")
-def stress_lanes_linear(ws, k):
-    """P and T of eight blocks of small strain: P = V (mu (F + F^T - 2 I) + lambda tr(F - I) I), T = K q."""
-    for lane in range(len(ws) // ROWS):
-        f00, f01, f02 = ws[lane + 464], ws[lane + 472], ws[lane + 480]
-        f10, f11, f12 = ws[lane + 488], ws[lane + 496], ws[lane + 504]
-        f20, f21, f22 = ws[lane + 512], ws[lane + 520], ws[lane + 528]
-        V = ws[lane + 432]
-        mu = V * k[MU]
-        bulk = V * k[LAM] * (f00 + f11 + f22 - 3.0) - 2.0 * mu
-        ws[lane + 632] = 2.0 * mu * f00 + bulk
-        ws[lane + 640] = mu * (f01 + f10)
-        ws[lane + 648] = mu * (f02 + f20)
-        ws[lane + 656] = mu * (f10 + f01)
-        ws[lane + 664] = 2.0 * mu * f11 + bulk
-        ws[lane + 672] = mu * (f12 + f21)
-        ws[lane + 680] = mu * (f20 + f02)
-        ws[lane + 688] = mu * (f21 + f12)
-        ws[lane + 696] = 2.0 * mu * f22 + bulk
-        q = (
-            ws[lane + 536],
-            ws[lane + 544],
-            ws[lane + 552],
-            ws[lane + 560],
-            ws[lane + 568],
-            ws[lane + 576],
-            ws[lane + 584],
-            ws[lane + 592],
-            ws[lane + 600],
-            ws[lane + 608],
-            ws[lane + 616],
-            ws[lane + 624],
-        )
-        t = hourglass(k, q, V)
-        ws[lane + 704] = t[0]
-        ws[lane + 712] = t[1]
-        ws[lane + 720] = t[2]
-        ws[lane + 728] = t[3]
-        ws[lane + 736] = t[4]
-        ws[lane + 744] = t[5]
-        ws[lane + 752] = t[6]
-        ws[lane + 760] = t[7]
-        ws[lane + 768] = t[8]
-        ws[lane + 776] = t[9]
-        ws[lane + 784] = t[10]
-        ws[lane + 792] = t[11]
+from .block import (
+    BOUND,
+    ENERGY,
+    LAM,
+    MU,
+    RATIO,
+    SOFTNESS,
+    VOLUME,
+    WANTED,
+    G,
+    answer,
+    bending_energy,
+    hoist,
+    hourglass,
+    node_softness,
+    residual,
+    shape,
+    write_row,
+)
+from .lanes import LANES, batch_kernel, lane_kernel
+from .neo_hookean import cofactors
 
 
-@njit(cache=True, error_model="numpy")
-def solve_lanes_linear(ws, k):
-    """As `solve_lanes`; P is linear, so dL_P solves (1 + V C G) dL_P = R exactly: 2 x 2 for shear, rank one for tr."""
-    for lane in range(len(ws) // ROWS):
-        g, V = ws[lane + 424], ws[lane + 432]
+@lane_kernel
+def _stress(k, f):
+    """sigma = mu (F + F^T - 2 I) + lambda tr(F - I) I: xx yy zz yz xz xy."""
+    mu = k[MU]
+    bulk = k[LAM] * (f[0] + f[4] + f[8] - 3.0) - 2.0 * mu
+    return (
+        2.0 * mu * f[0] + bulk,
+        2.0 * mu * f[4] + bulk,
+        2.0 * mu * f[8] + bulk,
+        mu * (f[5] + f[7]),
+        mu * (f[2] + f[6]),
+        mu * (f[1] + f[3]),
+    )
+
+
+@lane_kernel
+def _rows(k, f, q, V):
+    """The three rows of P = V sigma and T = V K q (7 values each)."""
+    xx, yy, zz, yz, xz, xy = _stress(k, f)
+    t = hourglass(k, q)
+    return (
+        (V * xx, V * xy, V * xz, V * t[0], V * t[3], V * t[6], V * t[9]),
+        (V * xy, V * yy, V * yz, V * t[1], V * t[4], V * t[7], V * t[10]),
+        (V * xz, V * yz, V * zz, V * t[2], V * t[5], V * t[8], V * t[11]),
+    )
+
+
+@batch_kernel
+def project_lanes_linear(ws, constants, kappa, hh):
+    """Solve four blocks once.
+
+    P is linear, so dL_P solves (1 + V C G) dL_P = R exactly: 2 x 2 for shear, rank one for the trace.
+    """
+    k = hoist(constants)
+    for lane in range(LANES):
+        V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
+        f, q = shape(ws, lane, k)
+        w0, w1, w2 = _rows(k, f, q, V)
+        r0, r1, r2 = residual(ws, lane, 0, w0), residual(ws, lane, 1, w1), residual(ws, lane, 2, w2)
         mu, bulk = V * k[MU], V * k[LAM]
-        g0 = g * k[G + 0]
-        g1 = g * k[G + 1]
-        g2 = g * k[G + 2]
-        r00 = ws[lane + 632] - ws[lane + 256]
-        r01 = ws[lane + 640] - ws[lane + 264]
-        r02 = ws[lane + 648] - ws[lane + 272]
-        r10 = ws[lane + 656] - ws[lane + 280]
-        r11 = ws[lane + 664] - ws[lane + 288]
-        r12 = ws[lane + 672] - ws[lane + 296]
-        r20 = ws[lane + 680] - ws[lane + 304]
-        r21 = ws[lane + 688] - ws[lane + 312]
-        r22 = ws[lane + 696] - ws[lane + 320]
-        d0 = 1.0 / (1.0 + 2.0 * mu * g0)
-        d1 = 1.0 / (1.0 + 2.0 * mu * g1)
-        d2 = 1.0 / (1.0 + 2.0 * mu * g2)
-        z = bulk * (g0 * d0 * r00 + g1 * d1 * r11 + g2 * d2 * r22) / (1.0 + bulk * (g0 * d0 + g1 * d1 + g2 * d2))
-        p00 = d0 * (r00 - z)
-        p11 = d1 * (r11 - z)
-        p22 = d2 * (r22 - z)
-        z = mu * (g1 * r01 + g0 * r10) / (1.0 + mu * (g0 + g1))
-        p01, p10 = r01 - z, r10 - z
-        z = mu * (g2 * r02 + g0 * r20) / (1.0 + mu * (g0 + g2))
-        p02, p20 = r02 - z, r20 - z
-        z = mu * (g2 * r12 + g1 * r21) / (1.0 + mu * (g1 + g2))
-        p12, p21 = r12 - z, r21 - z
-        g = g * V * 0.015625
-        n0 = 1.0 / (1.0 + g * k[BOUND + 0])
-        n1 = 1.0 / (1.0 + g * k[BOUND + 1])
-        n2 = 1.0 / (1.0 + g * k[BOUND + 2])
-        n3 = 1.0 / (1.0 + g * k[BOUND + 3])
-        m0 = n0 * (ws[lane + 704] - ws[lane + 328])
-        m1 = n1 * (ws[lane + 728] - ws[lane + 352])
-        m2 = n2 * (ws[lane + 752] - ws[lane + 376])
-        m3 = n3 * (ws[lane + 776] - ws[lane + 400])
-        ws[lane + 256] += p00
-        ws[lane + 632] = p00
-        ws[lane + 264] += p01
-        ws[lane + 640] = p01
-        ws[lane + 272] += p02
-        ws[lane + 648] = p02
-        ws[lane + 328] += m0
-        ws[lane + 704] = m0
-        ws[lane + 352] += m1
-        ws[lane + 728] = m1
-        ws[lane + 376] += m2
-        ws[lane + 752] = m2
-        ws[lane + 400] += m3
-        ws[lane + 776] = m3
-        m0 = n0 * (ws[lane + 712] - ws[lane + 336])
-        m1 = n1 * (ws[lane + 736] - ws[lane + 360])
-        m2 = n2 * (ws[lane + 760] - ws[lane + 384])
-        m3 = n3 * (ws[lane + 784] - ws[lane + 408])
-        ws[lane + 280] += p10
-        ws[lane + 656] = p10
-        ws[lane + 288] += p11
-        ws[lane + 664] = p11
-        ws[lane + 296] += p12
-        ws[lane + 672] = p12
-        ws[lane + 336] += m0
-        ws[lane + 712] = m0
-        ws[lane + 360] += m1
-        ws[lane + 736] = m1
-        ws[lane + 384] += m2
-        ws[lane + 760] = m2
-        ws[lane + 408] += m3
-        ws[lane + 784] = m3
-        m0 = n0 * (ws[lane + 720] - ws[lane + 344])
-        m1 = n1 * (ws[lane + 744] - ws[lane + 368])
-        m2 = n2 * (ws[lane + 768] - ws[lane + 392])
-        m3 = n3 * (ws[lane + 792] - ws[lane + 416])
-        ws[lane + 304] += p20
-        ws[lane + 680] = p20
-        ws[lane + 312] += p21
-        ws[lane + 688] = p21
-        ws[lane + 320] += p22
-        ws[lane + 696] = p22
-        ws[lane + 344] += m0
-        ws[lane + 720] = m0
-        ws[lane + 368] += m1
-        ws[lane + 744] = m1
-        ws[lane + 392] += m2
-        ws[lane + 768] = m2
-        ws[lane + 416] += m3
-        ws[lane + 792] = m3
+        g0, g1, g2 = g * k[G], g * k[G + 1], g * k[G + 2]
+        d0, d1, d2 = 1.0 / (1.0 + 2.0 * mu * g0), 1.0 / (1.0 + 2.0 * mu * g1), 1.0 / (1.0 + 2.0 * mu * g2)
+        z = bulk * (g0 * d0 * r0[0] + g1 * d1 * r1[1] + g2 * d2 * r2[2])
+        z = z / (1.0 + bulk * (g0 * d0 + g1 * d1 + g2 * d2))
+        z01 = mu * (g1 * r0[1] + g0 * r1[0]) / (1.0 + mu * (g0 + g1))
+        z02 = mu * (g2 * r0[2] + g0 * r2[0]) / (1.0 + mu * (g0 + g2))
+        z12 = mu * (g2 * r1[2] + g1 * r2[1]) / (1.0 + mu * (g1 + g2))
+        g = g * V
+        n0, n1 = 1.0 / (1.0 + g * k[BOUND]), 1.0 / (1.0 + g * k[BOUND + 1])
+        n2, n3 = 1.0 / (1.0 + g * k[BOUND + 2]), 1.0 / (1.0 + g * k[BOUND + 3])
+        move = node_softness(ws, lane, hh)
+        p = d0 * (r0[0] - z), r0[1] - z01, r0[2] - z02
+        answer(ws, lane, 0, k, move, (p[0], p[1], p[2], n0 * r0[3], n1 * r0[4], n2 * r0[5], n3 * r0[6]))
+        p = r1[0] - z01, d1 * (r1[1] - z), r1[2] - z12
+        answer(ws, lane, 1, k, move, (p[0], p[1], p[2], n0 * r1[3], n1 * r1[4], n2 * r1[5], n3 * r1[6]))
+        p = r2[0] - z02, r2[1] - z12, d2 * (r2[2] - z)
+        answer(ws, lane, 2, k, move, (p[0], p[1], p[2], n0 * r2[3], n1 * r2[4], n2 * r2[5], n3 * r2[6]))
+
+
+@batch_kernel
+def stress_lanes_linear(ws, constants):
+    """Rows WANTED of four blocks: P and T that their shapes ask for."""
+    k = hoist(constants)
+    for lane in range(LANES):
+        f, q = shape(ws, lane, k)
+        w0, w1, w2 = _rows(k, f, q, ws[lane + LANES * VOLUME])
+        write_row(ws, lane, WANTED, 0, w0)
+        write_row(ws, lane, WANTED, 1, w1)
+        write_row(ws, lane, WANTED, 2, w2)
+
+
+@batch_kernel
+def energy_lanes_linear(ws, constants):
+    """Rows RATIO, ENERGY of four blocks: J and U = V (mu e:e + lambda/2 tr(e)^2 + 1/2 q^T K q)."""
+    k = hoist(constants)
+    for lane in range(LANES):
+        f, q = shape(ws, lane, k)
+        _, J = cofactors(f)
+        xx, yy, zz = f[0] - 1.0, f[4] - 1.0, f[8] - 1.0
+        yz, xz, xy = f[5] + f[7], f[2] + f[6], f[1] + f[3]
+        trace = xx + yy + zz
+        shear = xx * xx + yy * yy + zz * zz + 0.5 * (yz * yz + xz * xz + xy * xy)
+        energy = k[MU] * shear + 0.5 * k[LAM] * trace * trace + bending_energy(k, q)
+        ws[lane + LANES * RATIO] = J
+        ws[lane + LANES * ENERGY] = ws[lane + LANES * VOLUME] * energy
+
+
+@batch_kernel
+def cauchy_lanes_linear(ws, constants):
+    """The first six rows of WANTED: the stress at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
+    k = hoist(constants)
+    for lane in range(LANES):
+        f, _ = shape(ws, lane, k)
+        xx, yy, zz, yz, xz, xy = _stress(k, f)
+        ws[lane + LANES * WANTED] = xx
+        ws[lane + LANES * (WANTED + 1)] = yy
+        ws[lane + LANES * (WANTED + 2)] = zz
+        ws[lane + LANES * (WANTED + 3)] = yz
+        ws[lane + LANES * (WANTED + 4)] = xz
+        ws[lane + LANES * (WANTED + 5)] = xy

@@ -1,195 +1,201 @@
-"""Stress and local solve of the block constraint for the neo-Hookean energy; equations and rows as in `block`."""
+"""Energy, stress and local solve of the block constraint for the neo-Hookean energy; equations and rows as in `block`."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from softseam_services.body.materials.neo_hookean import volumetric
+from softseam_services.body.materials.neo_hookean import J_MIN
 
-from .block import BOUND, LAM, MU, ROWS, G, hourglass
+from .block import (
+    BOUND,
+    ENERGY,
+    LAM,
+    MU,
+    RATIO,
+    SOFTNESS,
+    VOLUME,
+    WANTED,
+    G,
+    answer,
+    bending_energy,
+    hoist,
+    hourglass,
+    node_softness,
+    residual,
+    shape,
+    write_row,
+)
+from .lanes import LANES, batch_kernel, lane_kernel
+from .logarithm import logarithm
 
 
-@njit(cache=True, error_model="numpy")
-def volumetric_lanes(ws, k):
-    """s and ds of eight blocks; scalar, because a logarithm is not vectorised."""
-    for lane in range(len(ws) // ROWS):
-        _, s, ds = volumetric(ws[lane + 440], k[MU], k[LAM])
-        ws[lane + 448] = s
+@lane_kernel
+def cofactors(f):
+    """cof F (9 values) and J = det F of F (9 values)."""
+    f00, f01, f02, f10, f11, f12, f20, f21, f22 = f
+    c00, c01, c02 = f11 * f22 - f12 * f21, f12 * f20 - f10 * f22, f10 * f21 - f11 * f20
+    c10, c11, c12 = f02 * f21 - f01 * f22, f00 * f22 - f02 * f20, f01 * f20 - f00 * f21
+    c20, c21, c22 = f01 * f12 - f02 * f11, f02 * f10 - f00 * f12, f00 * f11 - f01 * f10
+    return (c00, c01, c02, c10, c11, c12, c20, c21, c22), f00 * c00 + f01 * c01 + f02 * c02
+
+
+@lane_kernel
+def volumetric(J, mu, lam):
+    """psi_J, s and ds at J: `body.materials.neo_hookean.volumetric` without branches, so that it vectorises."""
+    inside = J if J > J_MIN else J_MIN
+    log = logarithm(inside)
+    over = 1.0 / inside
+    below = J - inside
+    slope = (lam * log - mu) * over
+    ds = (lam * (1.0 - log) + mu) * (over * over)
+    return log * (0.5 * lam * log - mu) + below * (slope + 0.5 * below * ds), slope + below * ds, ds
+
+
+@lane_kernel
+def turned_back(f, q):
+    """F^T q_m of the four modes (12 values)."""
+    f00, f01, f02, f10, f11, f12, f20, f21, f22 = f
+    x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3 = q
+    return (
+        f00 * x0 + f10 * y0 + f20 * z0,
+        f01 * x0 + f11 * y0 + f21 * z0,
+        f02 * x0 + f12 * y0 + f22 * z0,
+        f00 * x1 + f10 * y1 + f20 * z1,
+        f01 * x1 + f11 * y1 + f21 * z1,
+        f02 * x1 + f12 * y1 + f22 * z1,
+        f00 * x2 + f10 * y2 + f20 * z2,
+        f01 * x2 + f11 * y2 + f21 * z2,
+        f02 * x2 + f12 * y2 + f22 * z2,
+        f00 * x3 + f10 * y3 + f20 * z3,
+        f01 * x3 + f11 * y3 + f21 * z3,
+        f02 * x3 + f12 * y3 + f22 * z3,
+    )
+
+
+@lane_kernel
+def stress_row(a, f, c, q, t, mu, s, V):
+    """Row a of P and component a of T (7 values), eq. (3)."""
+    f0, f1, f2 = f[3 * a], f[3 * a + 1], f[3 * a + 2]
+    q0, q1, q2, q3 = q[a], q[3 + a], q[6 + a], q[9 + a]
+    return (
+        V * (mu * f0 + s * c[3 * a] + q0 * t[0] + q1 * t[3] + q2 * t[6] + q3 * t[9]),
+        V * (mu * f1 + s * c[3 * a + 1] + q0 * t[1] + q1 * t[4] + q2 * t[7] + q3 * t[10]),
+        V * (mu * f2 + s * c[3 * a + 2] + q0 * t[2] + q1 * t[5] + q2 * t[8] + q3 * t[11]),
+        V * (f0 * t[0] + f1 * t[1] + f2 * t[2]),
+        V * (f0 * t[3] + f1 * t[4] + f2 * t[5]),
+        V * (f0 * t[6] + f1 * t[7] + f2 * t[8]),
+        V * (f0 * t[9] + f1 * t[10] + f2 * t[11]),
+    )
+
+
+@lane_kernel
+def _change(a, c, r, z, d, n):
+    """Row a of dL_P and component a of dL_m (7 values) from the residuals r, eq. (4) and (5)."""
+    return (
+        d[0] * (r[0] - z * c[3 * a]),
+        d[1] * (r[1] - z * c[3 * a + 1]),
+        d[2] * (r[2] - z * c[3 * a + 2]),
+        n[0] * r[3],
+        n[1] * r[4],
+        n[2] * r[5],
+        n[3] * r[6],
+    )
+
+
+@batch_kernel
+def project_lanes(ws, constants, kappa, hh):
+    """Solve four blocks once: Lambda += dLambda of eq. (4) and (5), and their nodes move."""
+    k = hoist(constants)
+    mu, lam = k[MU], k[LAM]
+    for lane in range(LANES):
+        V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
+        f, q = shape(ws, lane, k)
+        c, J = cofactors(f)
+        _, s, ds = volumetric(J, mu, lam)
+        t = hourglass(k, turned_back(f, q))
+        r0 = residual(ws, lane, 0, stress_row(0, f, c, q, t, mu, s, V))
+        r1 = residual(ws, lane, 1, stress_row(1, f, c, q, t, mu, s, V))
+        r2 = residual(ws, lane, 2, stress_row(2, f, c, q, t, mu, s, V))
+        square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
+        square += f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
+        bound = max(1.0, square * (1.0 / 3.0))
+        stiffness = V * (mu + abs(s) * np.sqrt(bound))
+        g0, g1, g2 = g * k[G], g * k[G + 1], g * k[G + 2]
+        # One division for three numbers, and for four: a vector's division takes as long as ten products.
+        v0, v1, v2 = 1.0 + stiffness * g0, 1.0 + stiffness * g1, 1.0 + stiffness * g2
+        over = 1.0 / (v0 * v1 * v2)
+        d = over * (v1 * v2), over * (v0 * v2), over * (v0 * v1)
+        e0, e1, e2 = g0 * d[0], g1 * d[1], g2 * d[2]
+        along = (
+            e0 * (c[0] * r0[0] + c[3] * r1[0] + c[6] * r2[0])
+            + e1 * (c[1] * r0[1] + c[4] * r1[1] + c[7] * r2[1])
+            + e2 * (c[2] * r0[2] + c[5] * r1[2] + c[8] * r2[2])
+        )
+        length = (
+            e0 * (c[0] * c[0] + c[3] * c[3] + c[6] * c[6])
+            + e1 * (c[1] * c[1] + c[4] * c[4] + c[7] * c[7])
+            + e2 * (c[2] * c[2] + c[5] * c[5] + c[8] * c[8])
+        )
         # Past J = exp(1 + mu/lambda) psi_J is concave; the local solve stays definite without its negative curvature.
-        ws[lane + 456] = max(ds, 0.0)
+        bulk = V * max(ds, 0.0)
+        z = bulk * along / (1.0 + bulk * length)
+        g = g * V * bound
+        v0, v1, v2, v3 = 1.0 + g * k[BOUND], 1.0 + g * k[BOUND + 1], 1.0 + g * k[BOUND + 2], 1.0 + g * k[BOUND + 3]
+        v01, v23 = v0 * v1, v2 * v3
+        over = 1.0 / (v01 * v23)
+        over01, over23 = over * v23, over * v01
+        n = over01 * v1, over01 * v0, over23 * v3, over23 * v2
+        move = node_softness(ws, lane, hh)
+        answer(ws, lane, 0, k, move, _change(0, c, r0, z, d, n))
+        answer(ws, lane, 1, k, move, _change(1, c, r1, z, d, n))
+        answer(ws, lane, 2, k, move, _change(2, c, r2, z, d, n))
 
 
-@njit(cache=True, error_model="numpy")
-def stress_lanes(ws, k):
-    """P and T that the shapes of eight blocks ask for, eq. (3), and I of eq. (4)."""
-    for lane in range(len(ws) // ROWS):
-        f00, f01, f02 = ws[lane + 464], ws[lane + 472], ws[lane + 480]
-        f10, f11, f12 = ws[lane + 488], ws[lane + 496], ws[lane + 504]
-        f20, f21, f22 = ws[lane + 512], ws[lane + 520], ws[lane + 528]
-        x0, y0, z0 = ws[lane + 536], ws[lane + 544], ws[lane + 552]
-        x1, y1, z1 = ws[lane + 560], ws[lane + 568], ws[lane + 576]
-        x2, y2, z2 = ws[lane + 584], ws[lane + 592], ws[lane + 600]
-        x3, y3, z3 = ws[lane + 608], ws[lane + 616], ws[lane + 624]
-        V, s = ws[lane + 432], ws[lane + 448]
-        t = hourglass(
-            k,
-            (
-                f00 * x0 + f10 * y0 + f20 * z0,
-                f01 * x0 + f11 * y0 + f21 * z0,
-                f02 * x0 + f12 * y0 + f22 * z0,
-                f00 * x1 + f10 * y1 + f20 * z1,
-                f01 * x1 + f11 * y1 + f21 * z1,
-                f02 * x1 + f12 * y1 + f22 * z1,
-                f00 * x2 + f10 * y2 + f20 * z2,
-                f01 * x2 + f11 * y2 + f21 * z2,
-                f02 * x2 + f12 * y2 + f22 * z2,
-                f00 * x3 + f10 * y3 + f20 * z3,
-                f01 * x3 + f11 * y3 + f21 * z3,
-                f02 * x3 + f12 * y3 + f22 * z3,
-            ),
-            V,
-        )
-        mu, s = V * k[MU], V * s
-        ws[lane + 632] = mu * f00 + s * (f11 * f22 - f12 * f21) + x0 * t[0] + x1 * t[3] + x2 * t[6] + x3 * t[9]
-        ws[lane + 640] = mu * f01 + s * (f12 * f20 - f10 * f22) + x0 * t[1] + x1 * t[4] + x2 * t[7] + x3 * t[10]
-        ws[lane + 648] = mu * f02 + s * (f10 * f21 - f11 * f20) + x0 * t[2] + x1 * t[5] + x2 * t[8] + x3 * t[11]
-        ws[lane + 656] = mu * f10 + s * (f02 * f21 - f01 * f22) + y0 * t[0] + y1 * t[3] + y2 * t[6] + y3 * t[9]
-        ws[lane + 664] = mu * f11 + s * (f00 * f22 - f02 * f20) + y0 * t[1] + y1 * t[4] + y2 * t[7] + y3 * t[10]
-        ws[lane + 672] = mu * f12 + s * (f01 * f20 - f00 * f21) + y0 * t[2] + y1 * t[5] + y2 * t[8] + y3 * t[11]
-        ws[lane + 680] = mu * f20 + s * (f01 * f12 - f02 * f11) + z0 * t[0] + z1 * t[3] + z2 * t[6] + z3 * t[9]
-        ws[lane + 688] = mu * f21 + s * (f02 * f10 - f00 * f12) + z0 * t[1] + z1 * t[4] + z2 * t[7] + z3 * t[10]
-        ws[lane + 696] = mu * f22 + s * (f00 * f11 - f01 * f10) + z0 * t[2] + z1 * t[5] + z2 * t[8] + z3 * t[11]
-        ws[lane + 704] = f00 * t[0] + f01 * t[1] + f02 * t[2]
-        ws[lane + 712] = f10 * t[0] + f11 * t[1] + f12 * t[2]
-        ws[lane + 720] = f20 * t[0] + f21 * t[1] + f22 * t[2]
-        ws[lane + 728] = f00 * t[3] + f01 * t[4] + f02 * t[5]
-        ws[lane + 736] = f10 * t[3] + f11 * t[4] + f12 * t[5]
-        ws[lane + 744] = f20 * t[3] + f21 * t[4] + f22 * t[5]
-        ws[lane + 752] = f00 * t[6] + f01 * t[7] + f02 * t[8]
-        ws[lane + 760] = f10 * t[6] + f11 * t[7] + f12 * t[8]
-        ws[lane + 768] = f20 * t[6] + f21 * t[7] + f22 * t[8]
-        ws[lane + 776] = f00 * t[9] + f01 * t[10] + f02 * t[11]
-        ws[lane + 784] = f10 * t[9] + f11 * t[10] + f12 * t[11]
-        ws[lane + 792] = f20 * t[9] + f21 * t[10] + f22 * t[11]
-        square = f00 * f00 + f01 * f01 + f02 * f02 + f10 * f10 + f11 * f11 + f12 * f12
-        square += f20 * f20 + f21 * f21 + f22 * f22
-        ws[lane + 800] = max(1.0, square / 3.0)
+@batch_kernel
+def stress_lanes(ws, constants):
+    """Rows WANTED of four blocks: P and T that their shapes ask for, eq. (3)."""
+    k = hoist(constants)
+    mu, lam = k[MU], k[LAM]
+    for lane in range(LANES):
+        V = ws[lane + LANES * VOLUME]
+        f, q = shape(ws, lane, k)
+        c, J = cofactors(f)
+        _, s, _ = volumetric(J, mu, lam)
+        t = hourglass(k, turned_back(f, q))
+        write_row(ws, lane, WANTED, 0, stress_row(0, f, c, q, t, mu, s, V))
+        write_row(ws, lane, WANTED, 1, stress_row(1, f, c, q, t, mu, s, V))
+        write_row(ws, lane, WANTED, 2, stress_row(2, f, c, q, t, mu, s, V))
 
 
-@njit(cache=True, error_model="numpy")
-def solve_lanes(ws, k):
-    """Add dLambda to Lambda and leave it in the rows of P and T, eq. (4) and (5)."""
-    for lane in range(len(ws) // ROWS):
-        f00, f01, f02 = ws[lane + 464], ws[lane + 472], ws[lane + 480]
-        f10, f11, f12 = ws[lane + 488], ws[lane + 496], ws[lane + 504]
-        f20, f21, f22 = ws[lane + 512], ws[lane + 520], ws[lane + 528]
-        g, V, bound = ws[lane + 424], ws[lane + 432], ws[lane + 800]
-        c = V * (k[MU] + abs(ws[lane + 448]) * np.sqrt(bound))
-        g0 = g * k[G + 0]
-        g1 = g * k[G + 1]
-        g2 = g * k[G + 2]
-        d0 = 1.0 / (1.0 + c * g0)
-        d1 = 1.0 / (1.0 + c * g1)
-        d2 = 1.0 / (1.0 + c * g2)
-        c00 = f11 * f22 - f12 * f21
-        c01 = f12 * f20 - f10 * f22
-        c02 = f10 * f21 - f11 * f20
-        c10 = f02 * f21 - f01 * f22
-        c11 = f00 * f22 - f02 * f20
-        c12 = f01 * f20 - f00 * f21
-        c20 = f01 * f12 - f02 * f11
-        c21 = f02 * f10 - f00 * f12
-        c22 = f00 * f11 - f01 * f10
-        r00 = ws[lane + 632] - ws[lane + 256]
-        r01 = ws[lane + 640] - ws[lane + 264]
-        r02 = ws[lane + 648] - ws[lane + 272]
-        r10 = ws[lane + 656] - ws[lane + 280]
-        r11 = ws[lane + 664] - ws[lane + 288]
-        r12 = ws[lane + 672] - ws[lane + 296]
-        r20 = ws[lane + 680] - ws[lane + 304]
-        r21 = ws[lane + 688] - ws[lane + 312]
-        r22 = ws[lane + 696] - ws[lane + 320]
-        e0 = g0 * d0
-        e1 = g1 * d1
-        e2 = g2 * d2
-        over = (
-            e0 * (c00 * r00 + c10 * r10 + c20 * r20)
-            + e1 * (c01 * r01 + c11 * r11 + c21 * r21)
-            + e2 * (c02 * r02 + c12 * r12 + c22 * r22)
-        )
-        under = (
-            e0 * (c00 * c00 + c10 * c10 + c20 * c20)
-            + e1 * (c01 * c01 + c11 * c11 + c21 * c21)
-            + e2 * (c02 * c02 + c12 * c12 + c22 * c22)
-        )
-        bulk = V * ws[lane + 456]
-        z = bulk * over / (1.0 + bulk * under)
-        g = g * V * bound * 0.015625
-        n0 = 1.0 / (1.0 + g * k[BOUND + 0])
-        n1 = 1.0 / (1.0 + g * k[BOUND + 1])
-        n2 = 1.0 / (1.0 + g * k[BOUND + 2])
-        n3 = 1.0 / (1.0 + g * k[BOUND + 3])
-        p0 = d0 * (r00 - z * c00)
-        p1 = d1 * (r01 - z * c01)
-        p2 = d2 * (r02 - z * c02)
-        m0 = n0 * (ws[lane + 704] - ws[lane + 328])
-        m1 = n1 * (ws[lane + 728] - ws[lane + 352])
-        m2 = n2 * (ws[lane + 752] - ws[lane + 376])
-        m3 = n3 * (ws[lane + 776] - ws[lane + 400])
-        ws[lane + 256] += p0
-        ws[lane + 632] = p0
-        ws[lane + 264] += p1
-        ws[lane + 640] = p1
-        ws[lane + 272] += p2
-        ws[lane + 648] = p2
-        ws[lane + 328] += m0
-        ws[lane + 704] = m0
-        ws[lane + 352] += m1
-        ws[lane + 728] = m1
-        ws[lane + 376] += m2
-        ws[lane + 752] = m2
-        ws[lane + 400] += m3
-        ws[lane + 776] = m3
-        p0 = d0 * (r10 - z * c10)
-        p1 = d1 * (r11 - z * c11)
-        p2 = d2 * (r12 - z * c12)
-        m0 = n0 * (ws[lane + 712] - ws[lane + 336])
-        m1 = n1 * (ws[lane + 736] - ws[lane + 360])
-        m2 = n2 * (ws[lane + 760] - ws[lane + 384])
-        m3 = n3 * (ws[lane + 784] - ws[lane + 408])
-        ws[lane + 280] += p0
-        ws[lane + 656] = p0
-        ws[lane + 288] += p1
-        ws[lane + 664] = p1
-        ws[lane + 296] += p2
-        ws[lane + 672] = p2
-        ws[lane + 336] += m0
-        ws[lane + 712] = m0
-        ws[lane + 360] += m1
-        ws[lane + 736] = m1
-        ws[lane + 384] += m2
-        ws[lane + 760] = m2
-        ws[lane + 408] += m3
-        ws[lane + 784] = m3
-        p0 = d0 * (r20 - z * c20)
-        p1 = d1 * (r21 - z * c21)
-        p2 = d2 * (r22 - z * c22)
-        m0 = n0 * (ws[lane + 720] - ws[lane + 344])
-        m1 = n1 * (ws[lane + 744] - ws[lane + 368])
-        m2 = n2 * (ws[lane + 768] - ws[lane + 392])
-        m3 = n3 * (ws[lane + 792] - ws[lane + 416])
-        ws[lane + 304] += p0
-        ws[lane + 680] = p0
-        ws[lane + 312] += p1
-        ws[lane + 688] = p1
-        ws[lane + 320] += p2
-        ws[lane + 696] = p2
-        ws[lane + 344] += m0
-        ws[lane + 720] = m0
-        ws[lane + 368] += m1
-        ws[lane + 744] = m1
-        ws[lane + 392] += m2
-        ws[lane + 768] = m2
-        ws[lane + 416] += m3
-        ws[lane + 792] = m3
+@batch_kernel
+def energy_lanes(ws, constants):
+    """Rows RATIO, ENERGY of four blocks: J and U, eq. (2)."""
+    k = hoist(constants)
+    mu, lam = k[MU], k[LAM]
+    for lane in range(LANES):
+        f, q = shape(ws, lane, k)
+        _, J = cofactors(f)
+        energy, _, _ = volumetric(J, mu, lam)
+        square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
+        square += f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
+        energy += 0.5 * mu * (square - 3.0) + bending_energy(k, turned_back(f, q))
+        ws[lane + LANES * RATIO] = J
+        ws[lane + LANES * ENERGY] = ws[lane + LANES * VOLUME] * energy
+
+
+@batch_kernel
+def cauchy_lanes(ws, constants):
+    """The first six rows of WANTED: sigma = mu/J F F^T + s I at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
+    k = hoist(constants)
+    mu, lam = k[MU], k[LAM]
+    for lane in range(LANES):
+        f, _ = shape(ws, lane, k)
+        _, J = cofactors(f)
+        _, s, _ = volumetric(J, mu, lam)
+        scale = mu / J
+        ws[lane + LANES * WANTED] = scale * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) + s
+        ws[lane + LANES * (WANTED + 1)] = scale * (f[3] * f[3] + f[4] * f[4] + f[5] * f[5]) + s
+        ws[lane + LANES * (WANTED + 2)] = scale * (f[6] * f[6] + f[7] * f[7] + f[8] * f[8]) + s
+        ws[lane + LANES * (WANTED + 3)] = scale * (f[3] * f[6] + f[4] * f[7] + f[5] * f[8])
+        ws[lane + LANES * (WANTED + 4)] = scale * (f[0] * f[6] + f[1] * f[7] + f[2] * f[8])
+        ws[lane + LANES * (WANTED + 5)] = scale * (f[0] * f[3] + f[1] * f[4] + f[2] * f[5])

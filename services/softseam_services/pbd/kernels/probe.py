@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .contact import find_pairs, place_points
+from .block import N_STRESS
+from .pairs import N_COLUMNS, find_pairs, place_points
 from .relax import relax
 from .substep import finish, predict
 from .sweep import exact_stress
@@ -46,7 +47,7 @@ def probe_seam(
     n = len(x_start)
     n_points = len(force_start)
     h = dt / n_substeps
-    stress_start = np.zeros((len(nodes), 168))
+    stress_start = np.zeros((len(nodes), N_STRESS))
     for i in range(n):
         for c in range(3):
             xw[i, c] = x_start[i, c]
@@ -54,25 +55,40 @@ def probe_seam(
     point_x = np.zeros((n_points, 3))
     place_points(xw, indptr, node, weight, point_x)
     active = np.ones(n_points, dtype=np.bool_)
-    pair_point = np.zeros(n_points * len(kind), dtype=np.int32)
-    pair_start = np.zeros(len(kind) + 1, dtype=np.int32)
-    depth = np.zeros(n_points * len(kind))
-    find_pairs(kind, shape, position, orientation, point_x, active, force_start, 0.0, pair_start, pair_point, depth)
+    start = np.zeros(len(kind) + 1, dtype=np.int32)
+    rows = np.zeros((n_points * len(kind), 3), dtype=np.int32)
+    pairs_start = np.zeros((n_points * len(kind), N_COLUMNS))
+    find_pairs(
+        kind,
+        shape,
+        position,
+        orientation,
+        point_x,
+        active,
+        indptr,
+        point_softness,
+        force_start,
+        np.zeros_like(force_start),
+        0.0,
+        h * h,
+        start,
+        rows,
+        pairs_start,
+    )
+    pairs = np.empty_like(pairs_start)
     x = np.empty((n, 3))
     v = np.empty((n, 3))
     a = np.empty((n, 3))
     x_star = np.empty((n, 3))
     push = np.zeros((n, 3))
     stress = np.empty_like(stress_start)
-    force = np.empty_like(force_start)
-    slipped = np.zeros_like(force_start)
     base = np.zeros(3 * len(seam))
     for column in range(-1, 3 * len(seam)):
         x[:] = x_start
         v[:] = 0.0
         a[:] = 0.0
         stress[:] = stress_start
-        force[:] = force_start
+        pairs[:] = pairs_start
         if column >= 0:
             push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
         for _ in range(n_substeps):
@@ -87,13 +103,8 @@ def probe_seam(
                 stress,
                 constants,
                 linear,
-                indptr,
                 node,
                 weight,
-                point_softness,
-                pair_start,
-                pair_point,
-                depth,
                 kind,
                 shape,
                 friction,
@@ -101,8 +112,9 @@ def probe_seam(
                 orientation,
                 position,
                 orientation,
-                force,
-                slipped,
+                start,
+                rows,
+                pairs,
                 n_sweeps,
                 kappa,
                 h,

@@ -16,6 +16,8 @@ from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, PLANE, SPHE
 @njit(cache=True, error_model="numpy")
 def rotate(q, x, y, z):
     """R(q) (x, y, z): from the tool's frame to the world's. v + w t + q x t with t = 2 q x v."""
+    if q[1] == 0.0 and q[2] == 0.0 and q[3] == 0.0:
+        return x, y, z  # the same bits, sooner
     tx = 2.0 * (q[2] * z - q[3] * y)
     ty = 2.0 * (q[3] * x - q[1] * z)
     tz = 2.0 * (q[1] * y - q[2] * x)
@@ -29,6 +31,8 @@ def rotate(q, x, y, z):
 @njit(cache=True, error_model="numpy")
 def rotate_back(q, x, y, z):
     """R(q)^T (x, y, z): from the world's frame to the tool's."""
+    if q[1] == 0.0 and q[2] == 0.0 and q[3] == 0.0:
+        return x, y, z
     tx = 2.0 * (q[3] * y - q[2] * z)
     ty = 2.0 * (q[1] * z - q[3] * x)
     tz = 2.0 * (q[2] * x - q[1] * y)
@@ -39,7 +43,7 @@ def rotate_back(q, x, y, z):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def tool_gap(kind, shape, position, orientation, point):
     """Signed distance of a point to a tool and the tool's outward unit normal at the nearest point: gap, nx, ny, nz.
 
@@ -131,13 +135,15 @@ def cell_distances(x, cell_nodes, kind, shape, position, orientation, near, node
     node_gap     (n,)     workspace, overwritten
     distance     (c,)     updated in place
     """
-    for node in range(len(x)):
-        least = np.inf
-        for tool in range(len(kind)):
-            if near[tool]:
-                gap = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], x[node])[0]
-                least = min(least, gap)
-        node_gap[node] = least
+    node_gap[:] = np.inf
+    for tool in range(len(kind)):
+        if near[tool]:
+            # Tuples, because a view of a row costs as much as the distance.
+            place = position[tool, 0], position[tool, 1], position[tool, 2]
+            turn = orientation[tool, 0], orientation[tool, 1], orientation[tool, 2], orientation[tool, 3]
+            for node in range(len(x)):
+                point = x[node, 0], x[node, 1], x[node, 2]
+                node_gap[node] = min(node_gap[node], tool_gap(kind[tool], shape[tool], place, turn, point)[0])
     for cell in range(len(cell_nodes)):
         least = np.inf
         for a in range(27):

@@ -1,0 +1,102 @@
+"""Four lanes side by side: moves between nodes, which lie one by one, and rows, which hold one number of four blocks.
+
+A node is x, y, z, w; four nodes are a 4 x 4 matrix whose transpose is four rows. Written number by number, the moves cost
+more than the arithmetic between them, because a vector can not be read while the numbers that it is made of are still
+on their way to the cache; so they are told to the compiler as the vectors that they are. Arrays are float64,
+C-contiguous, and indexed as if flat; nothing checks the bounds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import ir
+from numba import config, njit, types
+from numba.extending import intrinsic
+
+LANES = 4
+LINE = 8
+"""numbers in a line of the cache"""
+
+batch_kernel = njit(cache=True, error_model="numpy", fastmath={"contract"})
+lane_kernel = njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+"""Decorate a loop over lanes, and what runs inside it. Of fastmath only that a product and a sum may be rounded once:
+nothing is assumed about NaN, nothing is reordered."""
+
+
+def aligned(*shape: int) -> np.ndarray:
+    """Zeros that begin at a line of the cache: no vector straddles two."""
+    size = int(np.prod(shape))
+    block = np.zeros(size + LINE)
+    start = (-block.ctypes.data % (8 * LINE)) // 8
+    return block[start : start + size].reshape(shape)
+
+
+_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+
+
+def _shuffle(builder, a, b, *order):
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), LANES), list(order)))
+
+
+def _transpose(builder, r):
+    even_low, odd_low = _shuffle(builder, r[0], r[1], 0, 4, 2, 6), _shuffle(builder, r[0], r[1], 1, 5, 3, 7)
+    even_high, odd_high = _shuffle(builder, r[2], r[3], 0, 4, 2, 6), _shuffle(builder, r[2], r[3], 1, 5, 3, 7)
+    return [
+        _shuffle(builder, even_low, even_high, 0, 1, 4, 5),
+        _shuffle(builder, odd_low, odd_high, 0, 1, 4, 5),
+        _shuffle(builder, even_low, even_high, 2, 3, 6, 7),
+        _shuffle(builder, odd_low, odd_high, 2, 3, 6, 7),
+    ]
+
+
+def _place(context, builder, kind, array, index):
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
+
+
+def _transposed(to, t0, t1, t2, t3, source, s0, s1, s2, s3):
+    """The intrinsic that reads four vectors at s0 .. s3 and writes the transpose at t0 .. t3."""
+
+    def generate(context, builder, signature, arguments):
+        source_kind, to_kind = signature.args[5], signature.args[0]
+        rows = [
+            builder.load(_place(context, builder, source_kind, arguments[5], index), align=8)
+            for index in arguments[6:10]
+        ]
+        for row, index in zip(_transpose(builder, rows), arguments[1:5], strict=True):
+            builder.store(row, _place(context, builder, to_kind, arguments[0], index), align=8)
+        return context.get_dummy_value()
+
+    return types.void(to, t0, t1, t2, t3, source, s0, s1, s2, s3), generate
+
+
+@intrinsic
+def _transpose_four(typing, to, t0, t1, t2, t3, source, s0, s1, s2, s3):
+    return _transposed(to, t0, t1, t2, t3, source, s0, s1, s2, s3)
+
+
+@intrinsic
+def _move_four(typing, to, t, source, s):
+    def generate(context, builder, signature, arguments):
+        vector = builder.load(_place(context, builder, signature.args[2], arguments[2], arguments[3]), align=8)
+        builder.store(vector, _place(context, builder, signature.args[0], arguments[0], arguments[1]), align=8)
+        return context.get_dummy_value()
+
+    return types.void(to, t, source, s), generate
+
+
+def _transpose_plain(to, t0, t1, t2, t3, source, s0, s1, s2, s3):
+    source, to = source.reshape(-1), to.reshape(-1)
+    rows = np.array([source[s : s + LANES] for s in (s0, s1, s2, s3)])
+    for row, t in zip(rows.T, (t0, t1, t2, t3), strict=True):
+        to[t : t + LANES] = row
+
+
+def _move_plain(to, t, source, s):
+    to.reshape(-1)[t : t + LANES] = source.reshape(-1)[s : s + LANES]
+
+
+transpose_four = _transpose_plain if config.DISABLE_JIT else _transpose_four
+"""transpose_four(to, t0, t1, t2, t3, source, s0, s1, s2, s3): to[t_i + j] = source[s_j + i], i and j = 0 .. 3"""
+move_four = _move_plain if config.DISABLE_JIT else _move_four
+"""move_four(to, t, source, s): to[t + j] = source[s + j], j = 0 .. 3"""

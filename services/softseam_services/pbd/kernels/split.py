@@ -1,0 +1,42 @@
+"""Contact forces that were handed over with one tool a point, shared out among all tools that the point touches."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softseam_services.tools.kernels import tool_gap
+
+
+@njit(cache=True, error_model="numpy")
+def split_forces(kind, shape, position, orientation, point_x, active, near_gap, force):
+    """Share out the force of points that touch several tools but were handed over with one: force updated in place.
+
+    Any shares with the same sum that lie in the friction cones balance as well. Here a further tool takes the part
+    along its normal, as far as that pushes, and the first one keeps the rest.
+
+    near_gap       a tool that is closer than this touches [m]
+    force (p, t, 3)  one tool's entry per point is not zero
+    """
+    for point in range(len(point_x)):
+        if not active[point]:
+            continue
+        first = -1
+        for tool in range(len(kind)):
+            if force[point, tool].any():
+                first = tool
+        if first < 0:
+            continue
+        f = force[point, first]
+        for tool in range(len(kind)):
+            if tool == first:
+                continue
+            gap, nx, ny, nz = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])
+            push = f[0] * nx + f[1] * ny + f[2] * nz
+            _, mx, my, mz = tool_gap(kind[first], shape[first], position[first], orientation[first], point_x[point])
+            # Only the part that the first tool does not push itself.
+            push -= max(0.0, f[0] * mx + f[1] * my + f[2] * mz) * max(0.0, nx * mx + ny * my + nz * mz)
+            if gap < near_gap and push > 0.0:
+                force[point, tool, 0], force[point, tool, 1], force[point, tool, 2] = push * nx, push * ny, push * nz
+                f[0] -= push * nx
+                f[1] -= push * ny
+                f[2] -= push * nz

@@ -1,0 +1,80 @@
+"""What a step reports: energies, momenta, bounds and contact figures at its end."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.tools.kernels import tool_gap
+
+from .pairs import DEPTH, FORCE, MEAN, SLIP_SINCE, four, three
+
+(KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
+MOMENTUM, ANGULAR, BOUNDS, N_PAIRS = 10, 13, 16, 22
+N_RESULTS = 23
+
+
+@njit(cache=True, error_model="numpy")
+def summarise(
+    x,
+    v,
+    mass,
+    x_rest,
+    gravity,
+    point_x,
+    kind,
+    shape,
+    near,
+    position,
+    orientation,
+    force,
+    pair_start,
+    rows,
+    pairs,
+    n_substeps,
+    result,
+):
+    """Energies, momenta, bounds and contact figures at the end of the step into result (N_RESULTS,)."""
+    result[:] = 0.0
+    kinetic, gravity_energy = 0.0, 0.0
+    mx, my, mz, ax, ay, az = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    low_x, low_y, low_z, high_x, high_y, high_z = np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf
+    for i in range(len(x)):
+        px, py, pz = three(x, i)
+        ux, uy, uz = three(v, i)
+        kinetic += mass[i] * (ux * ux + uy * uy + uz * uz)
+        lift = gravity[0] * (px - x_rest[i, 0]) + gravity[1] * (py - x_rest[i, 1]) + gravity[2] * (pz - x_rest[i, 2])
+        gravity_energy -= mass[i] * lift
+        ux, uy, uz = mass[i] * ux, mass[i] * uy, mass[i] * uz
+        mx, my, mz = mx + ux, my + uy, mz + uz
+        ax, ay, az = ax + (py * uz - pz * uy), ay + (pz * ux - px * uz), az + (px * uy - py * ux)
+        low_x, low_y, low_z = min(low_x, px), min(low_y, py), min(low_z, pz)
+        high_x, high_y, high_z = max(high_x, px), max(high_y, py), max(high_z, pz)
+    result[KINETIC], result[GRAVITY] = 0.5 * kinetic, gravity_energy
+    result[MOMENTUM], result[MOMENTUM + 1], result[MOMENTUM + 2] = mx, my, mz
+    result[ANGULAR], result[ANGULAR + 1], result[ANGULAR + 2] = ax, ay, az
+    result[BOUNDS], result[BOUNDS + 1], result[BOUNDS + 2] = low_x, low_y, low_z
+    result[BOUNDS + 3], result[BOUNDS + 4], result[BOUNDS + 5] = high_x, high_y, high_z
+    for tool in range(len(kind)):
+        tool_kind, tool_shape = kind[tool], shape[tool]
+        place, turn = three(position, tool), four(orientation, tool)
+        for pair in range(pair_start[tool], pair_start[tool + 1]):
+            point = rows[pair, 0]
+            gap = tool_gap(tool_kind, tool_shape, place, turn, three(point_x, point))[0]
+            result[PENETRATION] = max(result[PENETRATION], -gap)
+            fx, fy, fz = pairs[pair, FORCE], pairs[pair, FORCE + 1], pairs[pair, FORCE + 2]
+            if fx != 0.0 or fy != 0.0 or fz != 0.0:
+                # A point that touches two tools counts for the first.
+                first = True
+                for other in range(tool):
+                    for c in range(3):
+                        first = first and force[point, other, c] == 0.0
+                result[N_CONTACTS] += 1.0 if first else 0.0
+                if near[tool]:
+                    sx, sy, sz = pairs[pair, SLIP_SINCE], pairs[pair, SLIP_SINCE + 1], pairs[pair, SLIP_SINCE + 2]
+                    result[SLIP] = max(result[SLIP], np.sqrt(sx * sx + sy * sy + sz * sz))
+            if pairs[pair, DEPTH] > 0.0:
+                # A bound of the work that it took to push out a point that was inside a tool at the start.
+                fx, fy, fz = pairs[pair, MEAN], pairs[pair, MEAN + 1], pairs[pair, MEAN + 2]
+                result[PUSHED] += n_substeps * pairs[pair, DEPTH] * np.sqrt(fx * fx + fy * fy + fz * fz)
+    result[N_PAIRS] = pair_start[len(kind)]
