@@ -16,8 +16,9 @@ def block_constants(material: Material, edges: Floats, hourglass: str) -> Floats
 
     Stiffness per volume of the modes (h, component), a = 2/l: bending pairs {(xi zeta, x), (eta zeta, y)} and so on
     d E a_i^2/3 and o E a_i a_j/3; shear mu/3 v v^T with v = a_y (eta zeta, x) + a_x (xi zeta, y) and so on; twist
-    (xi eta zeta, c) E a_c^2/9; all of them for q_m = 1/8 sum h_mi x_i, so 1/64 of that for the blocks' q_m = sum h_mi x_i. Physical: d = 1/(1 - nu^2), o = nu/(1 - nu^2), exact for bending of a plate; fitted:
-    (d, o) = (0.85, 0), softer, closer for bodies two and more blocks thick, wrong for bodies one block thick.
+    (xi eta zeta, c) E a_c^2/9; all of them for q_m = 1/8 sum h_mi x_i, so 1/64 of that for the blocks' sum h_mi x_i.
+    Physical: d = 1/(1 - nu^2), o = nu/(1 - nu^2), exact for bending of a plate; fitted: (d, o) = (0.85, 0), softer,
+    closer for bodies two and more blocks thick, wrong for bodies one block thick.
     """
     mu, young = material.mu, material.young
     nu = young / (2.0 * mu) - 1.0

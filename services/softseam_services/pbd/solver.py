@@ -18,7 +18,7 @@ from .compliance import SeamProbe
 from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.lanes import aligned
-from .kernels.pairs import N_COLUMNS, place_points
+from .kernels.pairs import N_ROWS, WIDTH, place_points
 from .kernels.split import split_forces
 from .kernels.stress import octant_stress
 from .kernels.substep import advance_step
@@ -75,11 +75,13 @@ class PbdSolver:
             np.zeros((n, 3)),
             aligned(n + 8, 4),
             np.zeros((p, 3)),
+            np.zeros(n, dtype=np.int32),
             np.zeros(t + 1, dtype=np.int32),
-            np.zeros((p * t, 3), dtype=np.int32),
-            np.zeros((p * t, N_COLUMNS)),
+            np.zeros((p * t, N_ROWS), dtype=np.int32),
+            aligned(p * t, WIDTH),
             np.zeros((2, t, 3)),
             np.zeros((2, t, 4)),
+            np.zeros((2, t, 12)),
             np.zeros(n),
         )
         self._wrench = np.zeros((t, 6))

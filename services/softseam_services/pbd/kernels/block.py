@@ -9,19 +9,22 @@ U = V (psi(F) + 1/2 q^T K q),  q_m -> F^T q_m for a finite-strain material      
 P = V (mu F + s cof F + sum_m q_m t_m^T),  t = K F^T q,  T_m = V F t_m,  f_i = -(P b_i + sum_m h_mi T_m)      (3)
 
 Local solve. Moving the nodes by x_i -= h^2 w_i (dL_P b_i + sum_m h_mi dL_m) changes F by about -dL_P diag(G) and q_m
-by about -g dL_m, G_b = g/(16 l_b^2), g = kappa h^2 8 max w_i (exact for equal masses, kappa = 1). With R = P - Lambda_P,
-D_b = 1/(1 + V (mu + |s| sqrt(I)) G_b), I = max(1, F:F/3), and the rank-one term V ds cof F cof F^T kept by the
-Sherman-Morrison formula:
+by about -g dL_m, G_b = g/(16 l_b^2), g = kappa h^2 8 max w_i (exact for equal masses, kappa = 1). With
+R = P - Lambda_P, D_b = 1/(1 + V (mu + |s| sqrt(I)) G_b), I = max(1, F:F/3), and the rank-one term V ds cof F cof F^T
+kept by the Sherman-Morrison formula:
 z = V ds sum G_b D_b C_ab R_ab / (1 + V ds sum G_b D_b C_ab^2),  dL_ab = D_b (R_ab - z C_ab)                  (4)
 dL_m = (T_m - Lambda_m)/(1 + g V k_m I),  k_m = max_c sum |K_(m,c),.|                                         (5)
 Whatever the approximations of (4) and (5), the fixed point is Lambda = (P, T): statics are exact.
 
 The workspace `ws` is flat, row r of a lane at 4 r + lane, and the only array in the loops over lanes: so the compiler
-uses vector instructions. For the same reason constants come as a tuple (`hoist`), and F (row by row) and q (mode by mode)
-are tuples of scalars; stress goes by threes of rows, each with row c of P and component c of T (7 values).
+uses vector instructions. For the same reason constants come as a tuple (`hoist`), and F (row by row) and q (mode by
+mode) are tuples of scalars; stress goes by threes of rows, each with row c of P and component c of T (7 values).
 """
 
 from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .lanes import LANES, aligned, lane_kernel, move_four, transpose_four
 
@@ -37,7 +40,7 @@ MU, LAM, B, G, PAIR, SHEAR, TWIST, BOUND = 0, 1, 2, 5, 8, 17, 23, 26
 N_CONSTANTS = 30
 
 
-def new_workspace():
+def new_workspace() -> NDArray[np.float64]:
     """Workspace of the block kernels (ROWS * LANES,)."""
     return aligned(ROWS * LANES)
 

@@ -15,57 +15,201 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.tools.kernels import tool_gap
+from softseam_services.tools.kernels import box_gap, rotate, rotate_back, tool_gap
+from softseam_services.tools.tool_set import BOX, PLANE
 
-from .pairs import ALLOWED, ANCHOR, FORCE, GIVE, SLIPPED, follow, four, three
+from .lanes import batch_kernel, four, lane_kernel, three
+from .pairs import (
+    ALLOWED,
+    BEFORE,
+    CHANGE,
+    DEEP,
+    DEPTH,
+    EIGHT,
+    FORCE,
+    GAP,
+    GIVE,
+    MEAN,
+    MOMENT,
+    SLIP_SINCE,
+    SLIPPED,
+    WORK,
+    W,
+    X,
+    move_group,
+    place_group,
+)
+from .tool_motion import twelve
+
+RELEASE = 0.005
+"""time in which an old penetration falls to a third [s]"""
+
+
+@lane_kernel
+def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh):
+    """Eq. (1) for one pair at this gap and normal: FORCE, SLIPPED, CHANGE and X are updated."""
+    old_x, old_y, old_z = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
+    x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
+    c, per_c = row[lane + EIGHT * GIVE], row[lane + EIGHT * (GIVE + 1)]
+    old_n = max(0.0, old_x * nx + old_y * ny + old_z * nz)
+    p = max(0.0, old_n - (gap - row[lane + EIGHT * ALLOWED]) * per_c)
+    p = p if c > 0.0 else 0.0
+    # Where the tool's material under the point went in this substep.
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+    ux, uy = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)]
+    uz = row[lane + EIGHT * (BEFORE + 2)]
+    sx = x - (xx * ux + xy * uy + xz * uz + bx)
+    sy = y - (yx * ux + yy * uy + yz * uz + by)
+    sz = z - (zx * ux + zy * uy + zz * uz + bz)
+    sn = sx * nx + sy * ny + sz * nz
+    sx, sy, sz = sx - sn * nx, sy - sn * ny, sz - sn * nz
+    tx = old_x - old_n * nx - sx * per_c
+    ty = old_y - old_n * ny - sy * per_c
+    tz = old_z - old_n * nz - sz * per_c
+    tn = tx * nx + ty * ny + tz * nz
+    tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
+    square, bound = tx * tx + ty * ty + tz * tz, mu * p
+    sticks = square <= bound * bound
+    scale = 1.0 if sticks else bound / np.sqrt(1.0 if sticks else square)
+    fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
+    dx, dy, dz = fx - old_x, fy - old_y, fz - old_z
+    # The part of the correction along the surface changes the slip that remains.
+    dn = dx * nx + dy * ny + dz * nz
+    row[lane + EIGHT * SLIPPED] = sx + c * (dx - dn * nx)
+    row[lane + EIGHT * (SLIPPED + 1)] = sy + c * (dy - dn * ny)
+    row[lane + EIGHT * (SLIPPED + 2)] = sz + c * (dz - dn * nz)
+    row[lane + EIGHT * FORCE] = fx
+    row[lane + EIGHT * (FORCE + 1)] = fy
+    row[lane + EIGHT * (FORCE + 2)] = fz
+    row[lane + EIGHT * CHANGE] = dx
+    row[lane + EIGHT * (CHANGE + 1)] = dy
+    row[lane + EIGHT * (CHANGE + 2)] = dz
+    step = hh * row[lane + EIGHT * W]
+    row[lane] = x + step * dx
+    row[lane + EIGHT] = y + step * dy
+    row[lane + 2 * EIGHT] = z + step * dz
+
+
+@batch_kernel
+def solve_on_plane(row, normal, place, mu, motion, hh):
+    """The eight pairs of a group with a plane through this place."""
+    nx, ny, nz = normal
+    px, py, pz = place
+    for lane in range(EIGHT):
+        gap = (row[lane] - px) * nx + (row[lane + EIGHT] - py) * ny + (row[lane + 2 * EIGHT] - pz) * nz
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh)
+
+
+@batch_kernel
+def solve_on_box(row, a, b, c, place, turn, mu, motion, hh):
+    """The eight pairs of a group with a box of half edges a, b, c."""
+    px, py, pz = place
+    for lane in range(EIGHT):
+        x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
+        gap, nx, ny, nz = box_gap(a, b, c, x, y, z)
+        nx, ny, nz = rotate(turn, nx, ny, nz)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh)
 
 
 @njit(cache=True, error_model="numpy")
-def project_contacts(xw, node, weight, kind, shape, friction, position, orientation, hh, start, rows, pairs):
-    """Solve (1) and (2) for each pair once, in order.
+def find_gaps(row, kind, shape, place, turn):
+    """GAP of eight points to a tool of any kind."""
+    for lane in range(EIGHT):
+        gap, nx, ny, nz = tool_gap(kind, shape, place, turn, (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]))
+        row[lane + EIGHT * GAP] = gap
+        row[lane + EIGHT * (GAP + 1)] = nx
+        row[lane + EIGHT * (GAP + 2)] = ny
+        row[lane + EIGHT * (GAP + 3)] = nz
+
+
+@batch_kernel
+def solve_at_gaps(row, mu, motion, hh):
+    """The eight pairs of a group at their GAP."""
+    for lane in range(EIGHT):
+        gap, nx = row[lane + EIGHT * GAP], row[lane + EIGHT * (GAP + 1)]
+        ny, nz = row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh)
+
+
+@njit(cache=True, error_model="numpy")
+def project_contacts(
+    xw, indptr, node, weight, kind, shape, friction, position, orientation, motion, hh, start, rows, pairs
+):
+    """Solve (1) and (2) for each pair once, group by group.
 
     xw                      (n + 8, 4)      positions and inverse masses; positions updated in place
     position, orientation   (t, 3), (t, 4)  poses at the end of the substep
+    motion                  (2, t, 12)      how the tools move in the substep, see `tool_motion`
     hh                                      the substep squared [s^2]
-    start, rows, pairs                      see `pairs`; FORCE and SLIPPED are updated in place
+    start, rows, pairs                      see `pairs`, updated in place
     """
     for tool in range(len(kind)):
         tool_kind, tool_shape, mu = kind[tool], shape[tool], friction[tool]
         place, turn = three(position, tool), four(orientation, tool)
-        for pair in range(start[tool], start[tool + 1]):
-            begin, end = rows[pair, 1], rows[pair, 2]
-            x = follow(begin, end, node, weight, xw)
-            gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
-            old_x, old_y, old_z = pairs[pair, FORCE], pairs[pair, FORCE + 1], pairs[pair, FORCE + 2]
-            if gap >= 0.0 and old_x == 0.0 and old_y == 0.0 and old_z == 0.0:
-                continue
-            c, per_c = pairs[pair, GIVE], pairs[pair, GIVE + 1]
-            old_n = max(0.0, old_x * nx + old_y * ny + old_z * nz)
-            p = max(0.0, old_n - (gap - pairs[pair, ALLOWED]) * per_c) if c > 0.0 else 0.0
-            fx, fy, fz = 0.0, 0.0, 0.0
-            sx, sy, sz = 0.0, 0.0, 0.0
-            if p > 0.0:
-                sx, sy, sz = x[0] - pairs[pair, ANCHOR], x[1] - pairs[pair, ANCHOR + 1], x[2] - pairs[pair, ANCHOR + 2]
-                sn = sx * nx + sy * ny + sz * nz
-                sx, sy, sz = sx - sn * nx, sy - sn * ny, sz - sn * nz
-                tx = old_x - old_n * nx - sx * per_c
-                ty = old_y - old_n * ny - sy * per_c
-                tz = old_z - old_n * nz - sz * per_c
-                tn = tx * nx + ty * ny + tz * nz
-                tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
-                square, bound = tx * tx + ty * ty + tz * tz, mu * p
-                scale = 1.0 if square <= bound * bound else bound / np.sqrt(square)
-                fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
-            dx, dy, dz = fx - old_x, fy - old_y, fz - old_z
-            # The part of the correction along the surface changes the slip that remains.
-            dn = dx * nx + dy * ny + dz * nz
-            pairs[pair, SLIPPED] = sx + c * (dx - dn * nx)
-            pairs[pair, SLIPPED + 1] = sy + c * (dy - dn * ny)
-            pairs[pair, SLIPPED + 2] = sz + c * (dz - dn * nz)
-            pairs[pair, FORCE], pairs[pair, FORCE + 1], pairs[pair, FORCE + 2] = fx, fy, fz
-            for entry in range(begin, end):
-                i = node[entry]
-                step = hh * xw[i, 3] * weight[entry]
-                xw[i, 0] += step * dx
-                xw[i, 1] += step * dy
-                xw[i, 2] += step * dz
+        forth = twelve(motion, 0, tool)
+        normal = rotate(turn, tool_shape[0], tool_shape[1], tool_shape[2])
+        for group in range(start[tool], start[tool + 1]):
+            place_group(group, X, rows, indptr, node, weight, xw, pairs)
+            row = pairs[group]
+            if tool_kind == PLANE:
+                solve_on_plane(row, normal, place, mu, forth, hh)
+            elif tool_kind == BOX:
+                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh)
+            else:
+                find_gaps(row, tool_kind, tool_shape, place, turn)
+                solve_at_gaps(row, mu, forth, hh)
+            move_group(group, rows, indptr, node, weight, hh, pairs, xw)
+
+
+@njit(cache=True, error_model="numpy")
+def begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h, start, rows, pairs):
+    """BEFORE and ALLOWED for a substep h that starts at xw with these poses of the tools."""
+    for tool in range(len(kind)):
+        for group in range(start[tool], start[tool + 1]):
+            place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
+            if rows[group, DEEP]:
+                place_group(group, X, rows, indptr, node, weight, xw, pairs)
+                row = pairs[group]
+                find_gaps(row, kind[tool], shape[tool], three(position, tool), four(orientation, tool))
+                for lane in range(EIGHT):
+                    if row[lane + EIGHT * DEPTH] > 0.0:
+                        row[lane + EIGHT * ALLOWED] = min(0.0, row[lane + EIGHT * GAP]) / (1.0 + h / RELEASE)
+
+
+@batch_kernel
+def _account_lanes(row, place, motion, share):
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+    px, py, pz = place
+    for lane in range(EIGHT):
+        x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
+        fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
+        # Where the tool's material under the point was at the start of the substep.
+        wx = x - (xx * x + xy * y + xz * z + bx)
+        wy = y - (yx * x + yy * y + yz * z + by)
+        wz = z - (zx * x + zy * y + zz * z + bz)
+        row[lane + EIGHT * WORK] += fx * wx + fy * wy + fz * wz
+        touches = fx * fx + fy * fy + fz * fz > 0.0
+        slip = row[lane + EIGHT * SLIP_SINCE] + row[lane + EIGHT * SLIPPED]
+        row[lane + EIGHT * SLIP_SINCE] = slip if touches else 0.0
+        slip = row[lane + EIGHT * (SLIP_SINCE + 1)] + row[lane + EIGHT * (SLIPPED + 1)]
+        row[lane + EIGHT * (SLIP_SINCE + 1)] = slip if touches else 0.0
+        slip = row[lane + EIGHT * (SLIP_SINCE + 2)] + row[lane + EIGHT * (SLIPPED + 2)]
+        row[lane + EIGHT * (SLIP_SINCE + 2)] = slip if touches else 0.0
+        x, y, z = x - px, y - py, z - pz
+        fx, fy, fz = share * fx, share * fy, share * fz
+        row[lane + EIGHT * MEAN] += fx
+        row[lane + EIGHT * (MEAN + 1)] += fy
+        row[lane + EIGHT * (MEAN + 2)] += fz
+        row[lane + EIGHT * MOMENT] += y * fz - z * fy
+        row[lane + EIGHT * (MOMENT + 1)] += z * fx - x * fz
+        row[lane + EIGHT * (MOMENT + 2)] += x * fy - y * fx
+
+
+@njit(cache=True, error_model="numpy")
+def account_pairs(xw, indptr, node, weight, position, motion, share, start, rows, pairs):
+    """Add one substep to MEAN, MOMENT, WORK and SLIP_SINCE; share = 1/m, the rest as in `project_contacts`."""
+    for tool in range(len(position)):
+        place, back = three(position, tool), twelve(motion, 1, tool)
+        for group in range(start[tool], start[tool + 1]):
+            place_group(group, X, rows, indptr, node, weight, xw, pairs)
+            _account_lanes(pairs[group], place, back, share)

@@ -1,17 +1,20 @@
 """Four lanes side by side: moves between nodes, which lie one by one, and rows, which hold one number of four blocks.
 
-A node is x, y, z, w; four nodes are a 4 x 4 matrix whose transpose is four rows. Written number by number, the moves cost
-more than the arithmetic between them, because a vector can not be read while the numbers that it is made of are still
-on their way to the cache; so they are told to the compiler as the vectors that they are. Arrays are float64,
+A node is x, y, z, w; four nodes are a 4 x 4 matrix whose transpose is four rows. Written number by number, the moves
+cost more than the arithmetic between them, because a vector cannot be read while the numbers that it is made of are
+still on their way to the cache; so they are told to the compiler as the vectors that they are. Arrays are float64,
 C-contiguous, and indexed as if flat; nothing checks the bounds.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from llvmlite import ir
 from numba import config, njit, types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 LANES = 4
 LINE = 8
@@ -23,7 +26,7 @@ lane_kernel = njit(cache=True, error_model="numpy", fastmath={"contract"}, force
 nothing is assumed about NaN, nothing is reordered."""
 
 
-def aligned(*shape: int) -> np.ndarray:
+def aligned(*shape: int) -> NDArray[np.float64]:
     """Zeros that begin at a line of the cache: no vector straddles two."""
     size = int(np.prod(shape))
     block = np.zeros(size + LINE)
@@ -96,7 +99,20 @@ def _move_plain(to, t, source, s):
     to.reshape(-1)[t : t + LANES] = source.reshape(-1)[s : s + LANES]
 
 
-transpose_four = _transpose_plain if config.DISABLE_JIT else _transpose_four
+_PLAIN: bool = vars(config)["DISABLE_JIT"]
+transpose_four: Any = _transpose_plain if _PLAIN else _transpose_four
 """transpose_four(to, t0, t1, t2, t3, source, s0, s1, s2, s3): to[t_i + j] = source[s_j + i], i and j = 0 .. 3"""
-move_four = _move_plain if config.DISABLE_JIT else _move_four
+move_four: Any = _move_plain if _PLAIN else _move_four
 """move_four(to, t, source, s): to[t + j] = source[s + j], j = 0 .. 3"""
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def three(x, i):
+    """The first three numbers of row i as a tuple: a view of the row would cost as much as what is done with it."""
+    return x[i, 0], x[i, 1], x[i, 2]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def four(q, i):
+    """Row i of q (n, 4) as a tuple."""
+    return q[i, 0], q[i, 1], q[i, 2], q[i, 3]

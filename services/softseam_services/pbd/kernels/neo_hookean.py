@@ -1,4 +1,4 @@
-"""Energy, stress and local solve of the block constraint for the neo-Hookean energy; equations and rows as in `block`."""
+"""Energy, stress and local solve of the block constraint for the neo-Hookean energy; equations are those of `block`."""
 
 from __future__ import annotations
 

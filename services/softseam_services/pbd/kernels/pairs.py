@@ -1,47 +1,50 @@
-"""Pairs of a surface point and a tool that may touch in a step: found once, then carried in rows of one array.
+"""Pairs of a surface point and a tool that may touch in a step: found once, then carried by eights side by side.
 
-A row of `pairs` (k, N_COLUMNS) holds what the substeps need of a pair, so that they touch no other memory than its nodes:
+A group is eight pairs of one tool whose points share no node, so that they can be solved at once; pairs that do share
+nodes keep their order. A row of `pairs` (g, N_COLUMNS * EIGHT) holds all that the substeps need of a group, column c of
+a lane at 8 c + lane:
+X           3  position of the point [m]
+W           1  inverse mass, where the point is a node [1/kg]
+BEFORE      4  X and W at the start of the substep
 FORCE       3  force of the tool on the point [N], carried from substep to substep
-ANCHOR      3  where the tool's material under the point goes in this substep [m]
 ALLOWED     1  gap that a point which was handed over inside a tool may keep in this substep, <= 0 [m]
-GIVE        2  compliance of the point h^2 sum w_i N_i^2 [m/N], and its inverse or 0
+GIVE        2  compliance of the point h^2 sum w_i N_i^2 [m/N], and its inverse; 0 where nothing can move
 SLIPPED     3  slip in this substep [m]
 SLIP_SINCE  3  slip since the point began to touch [m]
-MEAN        3  mean force over the substeps so far [N]
+MEAN        3  force [N], mean over the step so far
+MOMENT      3  torque about the tool's position [N m], mean over the step so far
+WORK        1  work of the tool [J]
 DEPTH       1  how deep the point was inside the tool at the start of the step [m]
-`rows` (k, 3) are the point and the range of its entries in `node` and `weight`; pairs start[t] .. start[t + 1] belong to
-tool t. At the end of the step forces and slips go back to where the state keeps them, by point and tool.
+GAP         4  gap [m] and normal
+CHANGE      3  the change of FORCE in the last projection [N]
+`rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
+node, as on a block), DEEP 1 (some point was inside the tool). Groups start[t] .. start[t + 1] belong to tool t.
 """
 
 from __future__ import annotations
 
 from numba import njit
 
-from softseam_services.tools.kernels import rotate, rotate_back, tool_gap, tool_reach
+from softseam_services.tools.kernels import tool_gap, tool_reach
 
-FORCE, ANCHOR, ALLOWED, GIVE, SLIPPED, SLIP_SINCE, MEAN, DEPTH = 0, 3, 6, 7, 9, 12, 15, 18
-N_COLUMNS = 19
-RELEASE = 0.005
-"""time in which an old penetration falls to a third [s]"""
-DEEP = 1e-9
+from .lanes import LANES, four, three, transpose_four
+
+EIGHT = 2 * LANES
+"""lanes of a group: with four the compiler would write the short loops out, number by number"""
+
+X, W, BEFORE, FORCE, ALLOWED, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 17, 20, 23
+WORK, DEPTH, GAP, CHANGE = 26, 27, 28, 32
+N_COLUMNS = 35
+WIDTH = N_COLUMNS * EIGHT
+POINT, NODE, DIRECT, DEEP = 0, 8, 16, 17
+N_ROWS = 18
+DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def three(x, i):
-    """The first three numbers of row i as a tuple: a view of the row would cost as much as what is done with it."""
-    return x[i, 0], x[i, 1], x[i, 2]
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def four(q, i):
-    """Row i of q (n, 4) as a tuple."""
-    return q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
 def follow(begin, end, node, weight, x):
-    """sum of weight N_i x_i over the entries begin .. end: where a surface point is when the nodes are at x (n, >= 3)."""
+    """sum N_i x_i over the entries begin .. end: where a surface point is when the nodes are at x (n, >= 3)."""
     i, n = node[begin], weight[begin]
     px, py, pz = n * x[i, 0], n * x[i, 1], n * x[i, 2]
     for entry in range(begin + 1, end):
@@ -50,20 +53,6 @@ def follow(begin, end, node, weight, x):
         py += n * x[i, 1]
         pz += n * x[i, 2]
     return px, py, pz
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def carry_point(place, turn, place_next, turn_next, point):
-    """Where a point that is fixed to a tool moves when the tool goes from one pose to the next; all of them tuples."""
-    if turn == turn_next:
-        return (
-            point[0] + (place_next[0] - place[0]),
-            point[1] + (place_next[1] - place[1]),
-            point[2] + (place_next[2] - place[2]),
-        )
-    x, y, z = rotate_back(turn, point[0] - place[0], point[1] - place[1], point[2] - place[2])
-    x, y, z = rotate(turn_next, x, y, z)
-    return place_next[0] + x, place_next[1] + y, place_next[2] + z
 
 
 @njit(cache=True, error_model="numpy")
@@ -75,22 +64,53 @@ def place_points(xw, indptr, node, weight, point_x):
 
 
 @njit(cache=True, error_model="numpy")
+def _open(group, n_nodes, rows, pairs):
+    """An empty group: its lanes follow the padding's nodes, which nothing moves."""
+    for lane in range(EIGHT):
+        rows[group, POINT + lane], rows[group, NODE + lane] = -1, n_nodes + lane
+    rows[group, DIRECT], rows[group, DEEP] = 1, 0
+    for entry in range(WIDTH):
+        pairs[group, entry] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def find_pairs(
-    kind, shape, position, orientation, point_x, active, indptr, softness, force, slip, margin, hh, start, rows, pairs
+    kind,
+    shape,
+    position,
+    orientation,
+    point_x,
+    active,
+    indptr,
+    node,
+    weight,
+    softness,
+    force,
+    slip,
+    margin,
+    hh,
+    n_nodes,
+    newest,
+    start,
+    rows,
+    pairs,
 ):
-    """Pairs of an active point and a tool that touch or lie within margin [m], tool after tool.
+    """Pairs of an active point and a tool that touch or lie within margin [m], tool after tool, in groups.
 
     softness     (p,)       sum w_i N_i^2 of each point [1/kg]; hh is the substep squared
     force, slip  (p, t, 3)  carried contact forces [N] and slips [m]; a pair that carries a force always counts
-    start (t + 1,), rows (p t, 3) and pairs (p t, N_COLUMNS) are updated in place
+    newest       (n,)       scratch: the last group that holds a node
+    start (t + 1,), rows (p t, N_ROWS) and pairs (p t, WIDTH) are updated in place
     """
-    n_pairs = 0
+    n_groups = 0
     start[0] = 0
+    newest[:] = -1
     for tool in range(len(kind)):
         tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)
         # Cheap: outside the ball around the tool there is nothing to touch.
         reach = (margin + tool_reach(tool_kind, tool_shape)) ** 2
+        first_open = n_groups
         for point in range(len(point_x)):
             if not active[point]:
                 continue
@@ -100,83 +120,121 @@ def find_pairs(
             if square > reach and not carried:
                 continue
             gap = tool_gap(tool_kind, tool_shape, place, turn, x)[0]
-            if gap < margin or carried:
-                rows[n_pairs, 0], rows[n_pairs, 1], rows[n_pairs, 2] = point, indptr[point], indptr[point + 1]
-                give = hh * softness[point]
-                pairs[n_pairs, ALLOWED] = 0.0
-                pairs[n_pairs, GIVE] = give
-                pairs[n_pairs, GIVE + 1] = 1.0 / give if give > 0.0 else 0.0
-                pairs[n_pairs, DEPTH] = -gap if gap < -DEEP else 0.0
-                for c in range(3):
-                    pairs[n_pairs, FORCE + c] = force[point, tool, c]
-                    pairs[n_pairs, SLIPPED + c] = 0.0
-                    pairs[n_pairs, SLIP_SINCE + c] = slip[point, tool, c]
-                    pairs[n_pairs, MEAN + c] = 0.0
-                n_pairs += 1
-        start[tool + 1] = n_pairs
+            if gap >= margin and not carried:
+                continue
+            # The first group with room that comes after all groups with a node of this point.
+            group = first_open
+            for entry in range(indptr[point], indptr[point + 1]):
+                group = max(group, newest[node[entry]] + 1)
+            while group < n_groups and rows[group, POINT + EIGHT - 1] >= 0:
+                group += 1
+            if group == n_groups:
+                _open(group, n_nodes, rows, pairs)
+                n_groups += 1
+            lane = 0
+            while rows[group, POINT + lane] >= 0:
+                lane += 1
+            for entry in range(indptr[point], indptr[point + 1]):
+                newest[node[entry]] = group
+            entry = indptr[point]
+            rows[group, POINT + lane] = point
+            rows[group, NODE + lane] = node[entry]
+            if indptr[point + 1] != entry + 1 or weight[entry] != 1.0:
+                rows[group, DIRECT] = 0
+            give = hh * softness[point]
+            pairs[group, EIGHT * GIVE + lane] = give
+            pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / give if give > 0.0 else 0.0
+            if gap < -DEEPEST_ROUNDOFF:
+                pairs[group, EIGHT * DEPTH + lane] = -gap
+                rows[group, DEEP] = 1
+            for c in range(3):
+                pairs[group, EIGHT * (FORCE + c) + lane] = force[point, tool, c]
+                pairs[group, EIGHT * (SLIP_SINCE + c) + lane] = slip[point, tool, c]
+            while first_open < n_groups and rows[first_open, POINT + EIGHT - 1] >= 0:
+                first_open += 1
+        start[tool + 1] = n_groups
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def place_group(group, column, rows, indptr, node, weight, xw, pairs):
+    """X (column X, or BEFORE), and W where points are nodes, from xw (n + 8, 4)."""
+    if rows[group, DIRECT]:
+        for half in range(0, EIGHT, LANES):
+            at = WIDTH * group + EIGHT * column + half
+            transpose_four(
+                pairs,
+                at,
+                at + EIGHT,
+                at + 2 * EIGHT,
+                at + 3 * EIGHT,
+                xw,
+                4 * rows[group, NODE + half],
+                4 * rows[group, NODE + half + 1],
+                4 * rows[group, NODE + half + 2],
+                4 * rows[group, NODE + half + 3],
+            )
+        return
+    for lane in range(EIGHT):
+        point = rows[group, POINT + lane]
+        if point >= 0:
+            x, y, z = follow(indptr[point], indptr[point + 1], node, weight, xw)
+            at = EIGHT * column + lane
+            pairs[group, at], pairs[group, at + EIGHT], pairs[group, at + 2 * EIGHT] = x, y, z
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def move_group(group, rows, indptr, node, weight, hh, pairs, xw):
+    """x_i += h^2 w_i N_i CHANGE; where points are nodes, X has moved already."""
+    if rows[group, DIRECT]:
+        for half in range(0, EIGHT, LANES):
+            at = WIDTH * group + half
+            transpose_four(
+                xw,
+                4 * rows[group, NODE + half],
+                4 * rows[group, NODE + half + 1],
+                4 * rows[group, NODE + half + 2],
+                4 * rows[group, NODE + half + 3],
+                pairs,
+                at,
+                at + EIGHT,
+                at + 2 * EIGHT,
+                at + 3 * EIGHT,
+            )
+        return
+    for lane in range(EIGHT):
+        point = rows[group, POINT + lane]
+        if point >= 0:
+            dx = pairs[group, EIGHT * CHANGE + lane]
+            dy = pairs[group, EIGHT * (CHANGE + 1) + lane]
+            dz = pairs[group, EIGHT * (CHANGE + 2) + lane]
+            for entry in range(indptr[point], indptr[point + 1]):
+                i = node[entry]
+                step = hh * xw[i, 3] * weight[entry]
+                xw[i, 0] += step * dx
+                xw[i, 1] += step * dy
+                xw[i, 2] += step * dz
 
 
 @njit(cache=True, error_model="numpy")
-def anchor_pairs(
-    x, node, weight, kind, shape, position, orientation, position_prev, orientation_prev, h, start, rows, pairs
-):
-    """ANCHOR and ALLOWED for the substep h in which the tools go from the poses _prev; x (n, 3) is where it starts."""
-    for tool in range(len(kind)):
-        place, turn = three(position, tool), four(orientation, tool)
-        place_prev, turn_prev = three(position_prev, tool), four(orientation_prev, tool)
-        for pair in range(start[tool], start[tool + 1]):
-            point = follow(rows[pair, 1], rows[pair, 2], node, weight, x)
-            a = carry_point(place_prev, turn_prev, place, turn, point)
-            pairs[pair, ANCHOR], pairs[pair, ANCHOR + 1], pairs[pair, ANCHOR + 2] = a
-            if pairs[pair, DEPTH] > 0.0:
-                gap = tool_gap(kind[tool], shape[tool], place_prev, turn_prev, point)[0]
-                pairs[pair, ALLOWED] = min(0.0, gap) / (1.0 + h / RELEASE)
-
-
-@njit(cache=True, error_model="numpy")
-def account_pairs(
-    xw, node, weight, position, orientation, position_prev, orientation_prev, start, rows, pairs, share, wrench
-):
-    """Add one substep to MEAN, to SLIP_SINCE and to the mean wrenches on the tools (t, 6); share = 1/m.
+def store_pairs(start, rows, pairs, force, slip, force_mean, wrench):
+    """Forces, slips and mean forces back to (p, t, 3), mean wrenches on the tools to (t, 6), all updated in place.
 
     Returns the work of the tools [J].
     """
     work = 0.0
-    for tool in range(len(position)):
-        place, turn = three(position, tool), four(orientation, tool)
-        place_prev, turn_prev = three(position_prev, tool), four(orientation_prev, tool)
-        wx, wy, wz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for pair in range(start[tool], start[tool + 1]):
-            fx, fy, fz = pairs[pair, FORCE], pairs[pair, FORCE + 1], pairs[pair, FORCE + 2]
-            if fx == 0.0 and fy == 0.0 and fz == 0.0:
-                pairs[pair, SLIP_SINCE], pairs[pair, SLIP_SINCE + 1], pairs[pair, SLIP_SINCE + 2] = 0.0, 0.0, 0.0
-                continue
-            point = follow(rows[pair, 1], rows[pair, 2], node, weight, xw)
-            # Where the tool's material under the point was at the start of the substep.
-            bx, by, bz = carry_point(place, turn, place_prev, turn_prev, point)
-            work += fx * (point[0] - bx) + fy * (point[1] - by) + fz * (point[2] - bz)
-            for c in range(3):
-                pairs[pair, MEAN + c] += share * pairs[pair, FORCE + c]
-                pairs[pair, SLIP_SINCE + c] += pairs[pair, SLIPPED + c]
-            x, y, z = point[0] - place[0], point[1] - place[1], point[2] - place[2]
-            wx, wy, wz = wx + fx, wy + fy, wz + fz
-            mx, my, mz = mx + (y * fz - z * fy), my + (z * fx - x * fz), mz + (x * fy - y * fx)
-        wrench[tool, 0] -= share * wx
-        wrench[tool, 1] -= share * wy
-        wrench[tool, 2] -= share * wz
-        wrench[tool, 3] -= share * mx
-        wrench[tool, 4] -= share * my
-        wrench[tool, 5] -= share * mz
-    return work
-
-
-@njit(cache=True, error_model="numpy")
-def store_pairs(start, rows, pairs, force, slip, force_mean):
-    """Forces, slips and mean forces back to (p, t, 3), each updated in place."""
     for tool in range(len(start) - 1):
-        for pair in range(start[tool], start[tool + 1]):
-            point = rows[pair, 0]
-            for c in range(3):
-                force[point, tool, c] = pairs[pair, FORCE + c]
-                slip[point, tool, c] = pairs[pair, SLIP_SINCE + c]
-                force_mean[point, tool, c] = pairs[pair, MEAN + c]
+        wrench[tool] = 0.0
+        for group in range(start[tool], start[tool + 1]):
+            for lane in range(EIGHT):
+                point = rows[group, POINT + lane]
+                if point < 0:
+                    continue
+                work += pairs[group, EIGHT * WORK + lane]
+                for c in range(3):
+                    mean = pairs[group, EIGHT * (MEAN + c) + lane]
+                    force[point, tool, c] = pairs[group, EIGHT * (FORCE + c) + lane]
+                    slip[point, tool, c] = pairs[group, EIGHT * (SLIP_SINCE + c) + lane]
+                    force_mean[point, tool, c] = mean
+                    wrench[tool, c] -= mean
+                    wrench[tool, 3 + c] -= pairs[group, EIGHT * (MOMENT + c) + lane]
+    return work

@@ -6,10 +6,12 @@ import numpy as np
 from numba import njit
 
 from .block import N_STRESS
-from .pairs import N_COLUMNS, find_pairs, place_points
+from .contact import begin_pairs
+from .pairs import N_ROWS, WIDTH, find_pairs, place_points
 from .relax import relax
 from .substep import finish, predict
 from .sweep import exact_stress
+from .tool_motion import tool_motions
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -56,8 +58,8 @@ def probe_seam(
     place_points(xw, indptr, node, weight, point_x)
     active = np.ones(n_points, dtype=np.bool_)
     start = np.zeros(len(kind) + 1, dtype=np.int32)
-    rows = np.zeros((n_points * len(kind), 3), dtype=np.int32)
-    pairs_start = np.zeros((n_points * len(kind), N_COLUMNS))
+    rows = np.zeros((n_points * len(kind), N_ROWS), dtype=np.int32)
+    pairs_start = np.zeros((n_points * len(kind), WIDTH))
     find_pairs(
         kind,
         shape,
@@ -66,16 +68,22 @@ def probe_seam(
         point_x,
         active,
         indptr,
+        node,
+        weight,
         point_softness,
         force_start,
         np.zeros_like(force_start),
         0.0,
         h * h,
+        n,
+        np.empty(n, dtype=np.int32),
         start,
         rows,
         pairs_start,
     )
     pairs = np.empty_like(pairs_start)
+    motion = np.zeros((2, len(kind), 12))
+    tool_motions(position, orientation, position, orientation, motion)
     x = np.empty((n, 3))
     v = np.empty((n, 3))
     a = np.empty((n, 3))
@@ -85,6 +93,7 @@ def probe_seam(
     base = np.zeros(3 * len(seam))
     for column in range(-1, 3 * len(seam)):
         x[:] = x_start
+        xw[:n, :3] = x_start
         v[:] = 0.0
         a[:] = 0.0
         stress[:] = stress_start
@@ -92,17 +101,18 @@ def probe_seam(
         if column >= 0:
             push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
         for _ in range(n_substeps):
+            begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h, start, rows, pairs)
             predict(xw, x_star, x, v, a, push, h)
             relax(
                 ws,
                 xw,
-                x,
                 nodes,
                 volume,
                 softness,
                 stress,
                 constants,
                 linear,
+                indptr,
                 node,
                 weight,
                 kind,
@@ -110,8 +120,7 @@ def probe_seam(
                 friction,
                 position,
                 orientation,
-                position,
-                orientation,
+                motion,
                 start,
                 rows,
                 pairs,

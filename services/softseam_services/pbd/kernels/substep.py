@@ -12,30 +12,12 @@ from numba import njit
 
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
-from .pairs import account_pairs, find_pairs, place_points, store_pairs
+from .contact import account_pairs, begin_pairs
+from .pairs import find_pairs, place_points, store_pairs
 from .relax import relax
 from .summary import LEAST_J, SEAM_WORK, STRAIN, TOOL_WORK, summarise
 from .sweep import block_forces, strain_energy
-
-
-@njit(cache=True, error_model="numpy")
-def tool_pose(fraction, position, orientation, position_next, orientation_next, position_out, orientation_out):
-    """Poses at a fraction of the step: positions linear, quaternions linear and normalised; outputs in place."""
-    for tool in range(len(position)):
-        for a in range(3):
-            position_out[tool, a] = (1.0 - fraction) * position[tool, a] + fraction * position_next[tool, a]
-        dot = 0.0
-        for a in range(4):
-            dot += orientation[tool, a] * orientation_next[tool, a]
-        sign = 1.0 if dot >= 0.0 else -1.0
-        square = 0.0
-        for a in range(4):
-            q = (1.0 - fraction) * orientation[tool, a] + sign * fraction * orientation_next[tool, a]
-            orientation_out[tool, a] = q
-            square += q * q
-        scale = 1.0 / np.sqrt(square)
-        for a in range(4):
-            orientation_out[tool, a] *= scale
+from .tool_motion import tool_motions, tool_pose
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,11 +108,13 @@ def advance_step(
     push,
     pull,
     point_x,
+    newest,
     pair_start,
     pair_rows,
     pairs,
     pose,
     quaternion,
+    motion,
     node_gap,
     # results, overwritten
     force_mean,
@@ -148,8 +132,6 @@ def advance_step(
     n = len(x)
     h = dt / n_substeps
     force_mean[:] = 0.0
-    wrench[:] = 0.0
-    tool_work = 0.0
     for i in range(n):
         free = xw[i, 3] > 0.0
         for c in range(3):
@@ -179,11 +161,15 @@ def advance_step(
         point_x,
         active,
         indptr,
+        node,
+        weight,
         point_softness,
         force,
         slip,
         reach + 2.0 * travel,
         h * h,
+        n,
+        newest,
         pair_start,
         pair_rows,
         pairs,
@@ -194,17 +180,32 @@ def advance_step(
         quaternion[0] = quaternion[1]
         fraction = (substep + 1) / n_substeps
         tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
+        tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], motion)
+        begin_pairs(
+            xw,
+            indptr,
+            node,
+            weight,
+            kind,
+            shape,
+            pose[0],
+            quaternion[0],
+            h,
+            pair_start,
+            pair_rows,
+            pairs,
+        )
         predict(xw, x_star, x, v, a, push, h)
         relax(
             ws,
             xw,
-            x,
             nodes,
             volume,
             softness,
             stress,
             constants,
             linear,
+            indptr,
             node,
             weight,
             kind,
@@ -212,8 +213,7 @@ def advance_step(
             friction,
             pose[1],
             quaternion[1],
-            pose[0],
-            quaternion[0],
+            motion,
             pair_start,
             pair_rows,
             pairs,
@@ -222,21 +222,19 @@ def advance_step(
             h,
         )
         finish(xw, x_star, x, v, a, h)
-        tool_work += account_pairs(
+        account_pairs(
             xw,
+            indptr,
             node,
             weight,
             pose[1],
-            quaternion[1],
-            pose[0],
-            quaternion[0],
+            motion,
+            1.0 / n_substeps,
             pair_start,
             pair_rows,
             pairs,
-            1.0 / n_substeps,
-            wrench,
         )
-    store_pairs(pair_start, pair_rows, pairs, force, slip, force_mean)
+    tool_work = store_pairs(pair_start, pair_rows, pairs, force, slip, force_mean, wrench)
     for s in range(len(seam)):
         for c in range(3):
             seam_work += seam_force[s, c] * x[seam[s], c]

@@ -7,11 +7,20 @@ from numba import njit
 
 from softseam_services.tools.kernels import tool_gap
 
-from .pairs import DEPTH, FORCE, MEAN, SLIP_SINCE, four, three
+from .lanes import four, three
+from .pairs import DEPTH, EIGHT, MEAN, POINT, SLIP_SINCE
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
 MOMENTUM, ANGULAR, BOUNDS, N_PAIRS = 10, 13, 16, 22
 N_RESULTS = 23
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _size(pairs, group, column, lane):
+    """Length of the vector in three columns."""
+    x = pairs[group, EIGHT * column + lane]
+    y, z = pairs[group, EIGHT * (column + 1) + lane], pairs[group, EIGHT * (column + 2) + lane]
+    return np.sqrt(x * x + y * y + z * z)
 
 
 @njit(cache=True, error_model="numpy")
@@ -58,23 +67,27 @@ def summarise(
     for tool in range(len(kind)):
         tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)
-        for pair in range(pair_start[tool], pair_start[tool + 1]):
-            point = rows[pair, 0]
-            gap = tool_gap(tool_kind, tool_shape, place, turn, three(point_x, point))[0]
-            result[PENETRATION] = max(result[PENETRATION], -gap)
-            fx, fy, fz = pairs[pair, FORCE], pairs[pair, FORCE + 1], pairs[pair, FORCE + 2]
-            if fx != 0.0 or fy != 0.0 or fz != 0.0:
-                # A point that touches two tools counts for the first.
-                first = True
-                for other in range(tool):
-                    for c in range(3):
-                        first = first and force[point, other, c] == 0.0
-                result[N_CONTACTS] += 1.0 if first else 0.0
-                if near[tool]:
-                    sx, sy, sz = pairs[pair, SLIP_SINCE], pairs[pair, SLIP_SINCE + 1], pairs[pair, SLIP_SINCE + 2]
-                    result[SLIP] = max(result[SLIP], np.sqrt(sx * sx + sy * sy + sz * sz))
-            if pairs[pair, DEPTH] > 0.0:
-                # A bound of the work that it took to push out a point that was inside a tool at the start.
-                fx, fy, fz = pairs[pair, MEAN], pairs[pair, MEAN + 1], pairs[pair, MEAN + 2]
-                result[PUSHED] += n_substeps * pairs[pair, DEPTH] * np.sqrt(fx * fx + fy * fy + fz * fz)
-    result[N_PAIRS] = pair_start[len(kind)]
+        for group in range(pair_start[tool], pair_start[tool + 1]):
+            for lane in range(EIGHT):
+                point = rows[group, POINT + lane]
+                if point < 0:
+                    continue
+                result[N_PAIRS] += 1.0
+                gap = tool_gap(tool_kind, tool_shape, place, turn, three(point_x, point))[0]
+                result[PENETRATION] = max(result[PENETRATION], -gap)
+                touches = False
+                for c in range(3):
+                    touches = touches or force[point, tool, c] != 0.0
+                if touches:
+                    # A point that touches two tools counts for the first.
+                    first = True
+                    for other in range(tool):
+                        for c in range(3):
+                            first = first and force[point, other, c] == 0.0
+                    result[N_CONTACTS] += 1.0 if first else 0.0
+                    if near[tool]:
+                        result[SLIP] = max(result[SLIP], _size(pairs, group, SLIP_SINCE, lane))
+                depth = pairs[group, EIGHT * DEPTH + lane]
+                if depth > 0.0:
+                    # A bound of the work that it took to push out a point that was inside a tool at the start.
+                    result[PUSHED] += n_substeps * depth * _size(pairs, group, MEAN, lane)

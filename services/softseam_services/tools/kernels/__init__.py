@@ -10,9 +10,11 @@ from softseam_services.tools.kernels.gap import (
     tool_reach,
     tool_travel,
 )
+from softseam_services.tools.kernels.solids import box_gap
 
 __all__ = [
     "all_finite",
+    "box_gap",
     "cell_distances",
     "least_gaps",
     "rotate",

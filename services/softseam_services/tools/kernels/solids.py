@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def box_gap(a, b, c, x, y, z):
     """A box with half edges a, b, c [m]; its edges and corners are sharp."""
     ox, oy, oz = abs(x) - a, abs(y) - b, abs(z) - c
@@ -14,14 +14,15 @@ def box_gap(a, b, c, x, y, z):
     sy = 1.0 if y >= 0.0 else -1.0
     sz = 1.0 if z >= 0.0 else -1.0
     mx, my, mz = max(ox, 0.0), max(oy, 0.0), max(oz, 0.0)
-    gap = np.sqrt(mx * mx + my * my + mz * mz)
-    if gap > 0.0:
-        return gap, sx * mx / gap, sy * my / gap, sz * mz / gap
-    if ox >= oy and ox >= oz:
-        return ox, sx, 0.0, 0.0
-    if oy >= oz:
-        return oy, 0.0, sy, 0.0
-    return oz, 0.0, 0.0, sz
+    # Choices without branches, so that loops over points can use vector instructions.
+    square = mx * mx + my * my + mz * mz
+    outside = square > 0.0
+    distance = np.sqrt(square if outside else 1.0)
+    on_x = 1.0 if (ox >= oy) & (ox >= oz) else 0.0
+    on_y = (1.0 - on_x) if oy >= oz else 0.0
+    gap = distance if outside else max(ox, max(oy, oz))
+    nx, ny, nz = (mx, my, mz) if outside else (on_x, on_y, 1.0 - on_x - on_y)
+    return gap, sx * nx / distance, sy * ny / distance, sz * nz / distance
 
 
 @njit(cache=True, error_model="numpy")
