@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo results test lint types lock clean
+.PHONY: help demo results bus test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -19,6 +19,9 @@ demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recordin
 
 results: $(VENV)/.dev ## regenerate docs/results.md: accuracy and speed on this machine
 	@$(PY) tests/benchmarks/results.py
+
+bus: $(VENV)/.dev ## measure what the bus costs on this machine
+	@$(PY) tests/benchmarks/bus.py
 
 test: $(VENV)/.dev ## every gate: format, lint, types, layers, tests (fast ones first)
 	@sh .ci/gates $(PY)

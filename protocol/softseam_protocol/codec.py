@@ -28,7 +28,8 @@ from softseam_protocol.descriptors import (
     protobuf_class,
 )
 from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
-from softseam_protocol.messages import SCHEMA_VERSION, Header
+from softseam_protocol.layouts import Layouts
+from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, Header
 from softseam_protocol.wire_fields import Wrong, field_reader, field_writer, is_name
 
 __all__ = ["MAX_BYTES", "decode", "encode", "file_descriptor_set", "full_name", "is_name", "peek"]
@@ -149,6 +150,8 @@ def encode(message: Any) -> bytes:
 
 
 _BY_TYPE_NAME = {full_name(cls).encode(): cls for cls in MESSAGES.values()}
+_LAYOUTS: dict[type, Layouts] = {cls: Layouts(cls) for cls in (Advance, Advanced)}
+"""of the messages of every exchange"""
 _Probe = protobuf_class("Released")
 _VERSION = re.compile(rb"softseam\.v(\d{1,9})\.")
 
@@ -207,9 +210,15 @@ def decode(data: bytes, allowed: Any = None) -> Any:
     if allowed is not None and cls not in _classes(allowed):
         wanted = ", ".join(c.__name__ for c in _classes(allowed))
         raise DecodeError(f"a message of type {cls.__name__} where one of these belongs: {wanted}")
+    layouts = _LAYOUTS.get(cls)
+    if layouts is not None and (known := layouts.read(data)) is not None:
+        return known
     form = _form(cls)
     try:
-        return form.read(form.wire.FromString(data))
+        message = form.read(form.wire.FromString(data))
+        if layouts is not None:
+            layouts.meet(data, message)
+        return message
     except Wrong as error:
         raise DecodeError(f"{cls.__name__}: {error}") from None
     except ProtobufDecodeError:

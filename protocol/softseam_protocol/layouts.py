@@ -1,0 +1,222 @@
+"""Reads messages that are laid out like one before: same fields, shapes and texts, other numbers.
+
+A message that was decoded and found good teaches where its numbers stand. One `struct` call then takes another of the
+same length apart; the bytes in between must be those of the first. What does not fit, and what might be refused, is
+left to the codec, so that nothing is accepted here that it would not accept.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from softseam_protocol.descriptors import FIELDS, Field
+from softseam_protocol.wire_fields import suspicious
+
+Reader = Callable[[bytes], Any]
+"""the message, or None where the codec has to look"""
+
+_VARINT, _FIXED64, _BYTES = 0, 1, 2
+_LEARN_AT = 4
+"""messages of one length that are decoded before the last of them teaches"""
+_REST = 1000
+"""messages of one length that are left in peace after one that could not teach"""
+_MOST, _ALIKE = 64, 4
+"""lengths that are kept of one class, and layouts of one length"""
+_SMALL = 4096
+"""arrays up to this size are copied to be tested together [B]"""
+
+
+class Layouts:
+    """The layouts of one class of messages."""
+
+    def __init__(self, cls: type) -> None:
+        self._cls = cls
+        self._readers: dict[int, list[Reader]] = {}
+        self._met: dict[int, int] = {}
+
+    def read(self, data: bytes) -> Any:
+        """The message, or None if no layout fits."""
+        for reader in self._readers.get(len(data), ()):
+            message = reader(data)
+            if message is not None:
+                return message
+        return None
+
+    def meet(self, data: bytes, message: Any) -> None:
+        """Learn from a message that the codec had to decode."""
+        met = self._met[len(data)] = self._met.get(len(data), 0) + 1
+        if met < _LEARN_AT:
+            return
+        if len(self._readers) >= _MOST or len(self._met) >= 16 * _MOST:
+            self._readers, self._met = {}, {}
+        reader = _Lesson(data).reader(self._cls, message)
+        if reader is None:
+            self._met[len(data)] = -_REST
+        else:
+            self._met.pop(len(data), None)
+            # other sessions' messages have the same length
+            self._readers[len(data)] = [reader, *self._readers.get(len(data), ())][:_ALIKE]
+
+
+class _Unteachable(Exception):
+    """A message whose layout is not worth knowing."""
+
+
+class _Lesson:
+    """Walks one message and writes the function that reads its like."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._format = ["<"]
+        self._at = 0
+        self._n = 0
+        """values that the format gives so far"""
+        self._fixed: list[int] = []
+        self._floats: list[str] = []
+        self._small: list[str] = []
+        self._doubts: list[str] = []
+        """conditions in which the codec has to look"""
+        self._names: dict[str, Any] = {
+            "ndarray": np.ndarray,
+            "zeros": np.zeros,
+            "suspicious": suspicious,
+            "infinity": np.inf,
+        }
+
+    def reader(self, cls: type, message: Any) -> Reader | None:
+        try:
+            build = self._message(cls, message, 0, len(self._data))
+        except _Unteachable:
+            return None
+        self._keep(len(self._data))
+        unpack = struct.Struct("".join(self._format)).unpack
+        fixed = itemgetter(*self._fixed)
+        self._names |= {"unpack": unpack, "fixed": fixed, "known": fixed(unpack(self._data))}
+        if self._floats:
+            # infinite and NaN survive a sum; one that overflows is doubtful, too
+            self._doubts.append(f"not -infinity < {' + '.join(self._floats)} < infinity")
+        if self._small:
+            self._doubts.append(f"suspicious([{', '.join(self._small)}])")
+        doubts = " or ".join(["fixed(v) != known", *self._doubts])
+        source = f"def read(data):\n    v = unpack(data)\n    return None if {doubts} else {build}\n"
+        exec(source, self._names)  # every name and index in it is ours
+        read: Reader = self._names["read"]
+        return read
+
+    def _message(self, cls: type, message: Any, begin: int, end: int) -> str:
+        """The expression that builds a message from the values; its bytes are data[begin:end]."""
+        fields = {field.number: field for field in FIELDS[cls]}
+        values = {field.number: getattr(message, field.name) for field in FIELDS[cls]}
+        if any(field.container or field.of is bytes for field in FIELDS[cls]):
+            raise _Unteachable
+        # in the order of the bytes, which need not be that of the fields
+        found = {
+            number: self._field(fields[number], values[number], kind, lo, hi)
+            for number, (kind, lo, hi) in self._fields(begin, end).items()
+            if number in fields
+        }
+        absent = {
+            number: self._empty(values[number]) if field.is_array else self._constant(values[number])
+            for number, field in fields.items()
+            if number not in found
+        }
+        arguments = found | absent
+        return f"{self._constant(cls)}({', '.join(arguments[number] for number in fields)})"
+
+    def _field(self, field: Field, value: Any, kind: int, lo: int, hi: int) -> str:
+        if field.is_message:
+            return self._message(field.of, value, lo, hi)
+        if field.is_array:
+            return self._array(field, value, lo, hi)
+        if field.of is float and kind == _FIXED64:
+            self._floats.append(self._value("d", lo, hi))
+            return self._floats[-1]
+        if field.of is int and kind == _VARINT and field.name != "schema":
+            return self._integer(lo, hi)
+        return self._constant(value)  # texts, flags, the schema
+
+    def _integer(self, lo: int, hi: int) -> str:
+        """A varint of as many bytes; never negative, for that takes ten."""
+        if hi - lo > 4:
+            raise _Unteachable
+        parts = [self._value("B", at, at + 1) for at in range(lo, hi)]
+        self._doubts += [f"{part} < 128" for part in parts[:-1]]
+        self._doubts.append(f"{parts[-1]} > 127")
+        terms = [f"({part} & 127) << {7 * i}" if i else f"({part} & 127)" for i, part in enumerate(parts)]
+        return f"({' | '.join(terms)})"
+
+    def _array(self, field: Field, value: Any, lo: int, hi: int) -> str:
+        if value.size == 0:
+            return self._empty(value)
+        array = field.of
+        data = self._fields(lo, hi)
+        if 3 not in data or array.dtype.kind != "f":
+            raise _Unteachable
+        part = self._value(f"{value.nbytes}s", data[3][1], data[3][2])
+        if array.unbounded:
+            self._doubts.append(f"not ndarray({value.size}, {self._constant(array.dtype)}, {part}).min() > -infinity")
+        elif value.nbytes <= _SMALL:
+            self._small.append(part)
+        else:
+            self._doubts.append(f"suspicious([{part}])")
+        return f"ndarray({value.shape}, {self._constant(array.dtype)}, bytearray({part}))"
+
+    def _empty(self, value: Any) -> str:
+        return f"zeros({value.shape}, {self._constant(value.dtype)})"
+
+    def _constant(self, value: Any) -> str:
+        name = f"c{len(self._names)}"
+        self._names[name] = value
+        return name
+
+    def _value(self, code: str, lo: int, hi: int) -> str:
+        """A value at data[lo:hi]; what is between it and the last one stays as it is."""
+        self._keep(lo)
+        self._format.append(code)
+        self._at = hi
+        self._n += 1
+        return f"v[{self._n - 1}]"
+
+    def _keep(self, end: int) -> None:
+        if end > self._at:
+            self._format.append(f"{end - self._at}s")
+            self._fixed.append(self._n)
+            self._at = end
+            self._n += 1
+
+    def _fields(self, begin: int, end: int) -> dict[int, tuple[int, int, int]]:
+        """Number -> kind, begin and end of each field's bytes, in the order in which they come."""
+        found: dict[int, tuple[int, int, int]] = {}
+        at = begin
+        while at < end:
+            tag, at = self._varint(at)
+            number, kind = tag >> 3, tag & 7
+            if kind == _VARINT:
+                after = self._varint(at)[1]
+            elif kind == _FIXED64:
+                after = at + 8
+            elif kind == _BYTES:
+                size, at = self._varint(at)
+                after = at + size
+            else:
+                raise _Unteachable
+            if number in found:
+                raise _Unteachable  # the last one counts, or they are merged
+            found[number] = (kind, at, after)
+            at = after
+        return found
+
+    def _varint(self, at: int) -> tuple[int, int]:
+        value = shift = 0
+        while True:
+            byte = self._data[at]
+            at += 1
+            value |= (byte & 127) << shift
+            if byte < 128:
+                return value, at
+            shift += 7
