@@ -15,6 +15,7 @@ Patera (1994) call this a mortar method; the near side is the slave.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,7 @@ def mortar_tie(faces: Ints, edges: Floats, fill: Floats, near: str, far: str, no
     return SeamTie(np.ascontiguousarray(p[np.ix_(free, free)]), c)
 
 
+@cache
 def _half_products(first: str, second: str, half: int) -> Floats:
     """int N_a N_b over one half of the unit edge (3, 3), exact by three Gauss points."""
     points, weights = np.polynomial.legendre.leggauss(3)

@@ -88,8 +88,11 @@ class NearCells:
         if self._fixed:
             return ""
         distance = self._distance
-        for name, cells in sides.cells.items():
-            distance[cells] = replies[name].cell_distance
+        if len(sides.names) == 1:
+            distance = replies[sides.names[0]].cell_distance
+        else:
+            for name, cells in sides.cells.items():
+                distance.put(cells, replies[name].cell_distance)
         choice = self._rule.choose(self._state, self._grid, distance)
         if not choice.switches:
             return ""

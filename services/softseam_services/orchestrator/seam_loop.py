@@ -44,9 +44,9 @@ _PATIENCE = 64
 _TOIL = 60
 """iterations of the near side alone after which it is condensed at once: held by friction only it may need hundreds,
 where a handful is enough with the far side's stiffness"""
-_CALM, _CALM_STEPS = 1e-3, 3
-"""share of the tolerance that so many condensed steps in a row left in their first round, after which both sides are
-tried at once again before the wait is over: one exchange is then enough for a while [1]"""
+_CALM, _CALM_STEPS = 0.1, 3
+"""in so many condensed steps in a row the far side moved by no more than this share of the tolerance when it was told
+the force that the near side had found: the prediction was as good, and both sides are tried at once again [1]"""
 _WORSE = 1.5
 """growth of the gap after which the model is stiffened and the best round so far taken up again [1]"""
 _WORTH = 0.25
@@ -204,7 +204,6 @@ class SeamLoop:
                 renewed = True
                 self._take_far(far)
             near = ask({NEAR: self._coupled(lambda_, anchor, self._used)})[NEAR]
-            moved = float(np.abs(near.seam_x - anchor).max())
             if best is None:
                 self._wait -= 1
                 self._condensed = self._wait > 0
@@ -217,7 +216,7 @@ class SeamLoop:
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
             if gap <= tolerance:
-                calm = best is None and gap <= _CALM * tolerance
+                calm = best is None and largest(image - anchor) <= _CALM * tolerance
                 self._repeated = self._repeated + 1 if calm else 0
                 if self._condensed and self._repeated == _CALM_STEPS:
                     self._condensed, self._resumed = False, True
@@ -237,7 +236,7 @@ class SeamLoop:
                 self._used = self._stiffness.copy()
                 lambda_, anchor = best.found, best.image
             else:
-                if gap > _WORTH * moved:
+                if gap > _WORTH * float(np.abs(near.seam_x - anchor).max()):
                     self._used = self._stiffness.copy()
                 lambda_, anchor = found, image
 
