@@ -44,6 +44,9 @@ _PATIENCE = 64
 _TOIL = 60
 """iterations of the near side alone after which it is condensed at once: held by friction only it may need hundreds,
 where a handful is enough with the far side's stiffness"""
+_STRICT, _SLACK = 8, 3.0
+"""exchanges of a condensed step after which it may leave so many tolerances: the gap does not add up, and cutting the
+step, which is next, costs much more [1]"""
 _CALM, _CALM_STEPS = 0.1, 3
 """in so many condensed steps in a row the far side moved by no more than this share of the tolerance when it was told
 the force that the near side had found: the prediction was as good, and both sides are tried at once again [1]"""
@@ -215,7 +218,7 @@ class SeamLoop:
             gap = largest(near.seam_x - image)
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
-            if gap <= tolerance:
+            if gap <= tolerance or (exchanges > _STRICT and gap <= _SLACK * tolerance):
                 calm = best is None and largest(image - anchor) <= _CALM * tolerance
                 self._repeated = self._repeated + 1 if calm else 0
                 if self._condensed and self._repeated == _CALM_STEPS:
