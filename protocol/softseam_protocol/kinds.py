@@ -9,7 +9,9 @@ ModelKind = Literal["fem", "pbd"]
 MaterialKind = Literal[
     "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
 ]
-IntegratorKind = Literal["implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler"]
+IntegratorKind = Literal[
+    "implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler", "static"
+]
 
 KNOWN_MATERIALS: dict[ModelKind, tuple[MaterialKind, ...]] = {
     "fem": ("neo_hookean", "linear"),
@@ -18,7 +20,13 @@ KNOWN_MATERIALS: dict[ModelKind, tuple[MaterialKind, ...]] = {
 """the materials that each model can take"""
 SEAM_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint")
 """those that a seam's multiplier, constant over the step, gives no energy (docs/verification.md)"""
-CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint", "bdf2", "generalised_alpha")
+CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = (
+    "implicit_euler",
+    "midpoint",
+    "bdf2",
+    "generalised_alpha",
+    "static",
+)
 """those under which a point that hits a tool comes to rest"""
 
 
@@ -33,11 +41,15 @@ def material_problem(kind: MaterialKind, models: Collection[ModelKind]) -> str:
     return ""
 
 
-def integrator_problem(name: IntegratorKind, seam: bool, tools: bool) -> str:
-    """Why FEM's integrator cannot meet the scene's seam or tools, and what to do; '' where it can."""
+def integrator_problem(name: IntegratorKind, seam: bool, tools: bool, clamped: bool) -> str:
+    """Why FEM's integrator cannot meet the scene's seam, tools or free body, and what to do; '' where it can."""
     explicit = name == "symplectic_euler"
+    if name == "static" and not clamped:
+        return "static needs something that holds the body from the start: clamp nodes (body.fixed), or use bdf2"
     if seam and name not in SEAM_INTEGRATORS:
-        why = "it solves no equations" if explicit else "a multiplier that is constant over the step gives it energy"
+        why = {"symplectic_euler": "it solves no equations", "static": "the far side moves in time"}.get(
+            name, "a multiplier that is constant over the step gives it energy"
+        )
         use = " or ".join(SEAM_INTEGRATORS)
         return f"{name} cannot meet a seam, {why}: use {use}, or give all cells to fem without regions.near"
     if tools and name not in CONTACT_INTEGRATORS:

@@ -360,7 +360,7 @@ class FemSpec(Spec):
     element: Literal["hex27"] = "hex27"
     integrator: IntegratorKind = Field(
         default="implicit_euler",
-        description="implicit_euler damps and meets every seam and contact; the others are of second order",
+        description="implicit_euler damps and meets every seam and contact; static: no inertia; others: second order",
     )
     radius: float | None = Field(
         default=None,
@@ -460,7 +460,9 @@ class Scene(Spec):
         problem = material_problem(self.body.material.kind, models)
         if problem:
             raise _wrong(problem, "body", "material", "kind")
-        problem = integrator_problem(self.models.fem.integrator, near is not None, bool(self.tools))
+        problem = integrator_problem(
+            self.models.fem.integrator, near is not None, bool(self.tools), bool(self.body.fixed)
+        )
         if problem and "fem" in models:
             raise _wrong(problem, "models", "fem", "integrator")
 

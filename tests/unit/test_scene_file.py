@@ -159,6 +159,7 @@ BAD = [
     ("neo_hookean", "corotated", 9, "body.material.kind", "the model pbd cannot take corotated: use neo_hookean or"),
     ("quant", f"{FEM}{{integrator: bdf2}}}}\nquant", 21, "models.fem.integrator", "bdf2 cannot meet a seam, a mult"),
     ("quant", f"{FEM}{{integrator: symplectic_euler}}}}\nquant", 21, "models.fem.integrator", "solves no equations"),
+    ("quant", f"{FEM}{{integrator: static}}}}\nquant", 21, "models.fem.integrator", "static needs something"),
     ("quant", f"{FEM}{{radius: 0.5}}}}\nquant", 21, "models.fem.radius", "implicit_euler has no radius"),
     ("softseam: 1\n", "", 2, "softseam", "the key 'softseam' is missing"),
     ("softseam: 1", "softseam: 2", 2, "softseam", "2 is not known here (allowed: 1)"),

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ToolMotion
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.fem.integrators.scheme import STATIC
+from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.cells import cauchy_stress
@@ -54,7 +56,7 @@ class FemState:
     history: Floats
     """what the integrator keeps of the steps before (k, n, 3)"""
     past: float = 0.0
-    """length of the step that made the history, 0 where there is none [s]"""
+    """length of the step that made the history, 0 where there is none [s]; of statics, the share of the load borne"""
 
     def copy(self) -> FemState:
         return FemState(self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy(), self.past)
@@ -165,15 +167,28 @@ class FemSolver:
         return self._reply(request, "converged", began)
 
     def _advance(
-        self, now: FemState, end: FemState, dt: float, force: Floats, tools: Tools, most: int, careful: bool
+        self,
+        now: FemState,
+        end: FemState,
+        dt: float,
+        force: Floats,
+        tools: Tools,
+        most: int,
+        careful: bool,
+        parts_left: int = 1,
     ) -> int:
-        """One step from `now` into `end`, whose x is the first guess; returns a status of `kernels.newton`."""
+        """One step, or one of the parts left of it, from `now` into `end`, whose x is the first guess.
+
+        Returns a status of `kernels.newton`.
+        """
+        static = self._scheme.kind == STATIC
+        past = raised(now.past, parts_left) if static else now.past
         status: int = kernel.advance(
-            self._scheme, now.x, now.v, now.past, now.history, now.contact, dt, force, self._model, self._tree, tools,
+            self._scheme, now.x, now.v, past, now.history, now.contact, dt, force, self._model, self._tree, tools,
             self._spec.tolerance * self._model.edge, most, careful, self._work, self._memo,
             end.x, end.v, end.history, end.contact, self._wrench, self._out, self._seam_x, self._distance,
         )  # fmt: skip
-        end.past = dt
+        end.past = past if static else dt
         return status
 
     def _insist(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:
@@ -192,7 +207,7 @@ class FemSolver:
                         self._memo[:] = 0.0
                         end.x[:] = begin.x
                         most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
-                        status = self._advance(begin, end, dt, request.seam_force, tools, most, careful)
+                        status = self._advance(begin, end, dt, request.seam_force, tools, most, careful, pieces - piece)
                         iterations += self._out[kernel.N_ITERATIONS]
                         if status == CONVERGED:
                             break

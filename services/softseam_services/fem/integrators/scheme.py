@@ -3,7 +3,7 @@
 Every one but symplectic Euler, which marches on its own, solves for the end x of a step from x0
   share_M M (x - x_hat) = f_ext - f(x0 + share (x - x0)) + f_contact(x) + f_seam(x)                            (1)
 with M's share [1/s^2] and x_hat from `begin`; share = parameters[0] is where in the step internal forces are taken.
-past is the length of the step that made the history [s], 0 where there is none.
+past is the length of the step that made the history [s], 0 where there is none; of statics, the share of the load.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import NamedTuple
 from numba import njit
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.integrators import bdf2, generalised_alpha, implicit_euler, midpoint
+from softseam_services.fem.integrators import bdf2, generalised_alpha, implicit_euler, midpoint, static
 
-IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER = 0, 1, 2, 3, 4
+IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER, STATIC = 0, 1, 2, 3, 4, 5
 
 
 class Scheme(NamedTuple):
@@ -46,6 +46,8 @@ def begin(scheme, dt, past, x0, v0, history, x_hat):
         return bdf2.begin(dt, past, x0, v0, history, x_hat), 1.0
     if kind == GENERALISED_ALPHA:
         return generalised_alpha.begin(dt, parameters, x0, v0, history, x_hat), parameters[0]
+    if kind == STATIC:
+        return static.begin(x0, x_hat), 1.0
     return implicit_euler.begin(dt, x0, v0, x_hat), 1.0
 
 
@@ -60,6 +62,8 @@ def finish(scheme, dt, past, x0, v0, history, x, v, history_next):
         bdf2.finish(dt, past, x0, v0, history, x, v)
     elif kind == GENERALISED_ALPHA:
         generalised_alpha.finish(dt, parameters, x0, v0, history, x, v)
+    elif kind == STATIC:
+        static.finish(v)
     else:
         implicit_euler.finish(dt, x0, x, v)
     if kind == BDF2:

@@ -11,6 +11,7 @@ from softseam_services.fem.integrators.scheme import (
     GENERALISED_ALPHA,
     IMPLICIT_EULER,
     MIDPOINT,
+    STATIC,
     SYMPLECTIC_EULER,
     Scheme,
 )
@@ -30,8 +31,8 @@ def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool) -> S
         return Scheme(BDF2, np.ones(1), bdf2.N_HISTORY)
     if name == "newmark":
         return Scheme(GENERALISED_ALPHA, newmark.parameters(), generalised_alpha.N_HISTORY)
-    if name == "implicit_euler":
-        return Scheme(IMPLICIT_EULER, np.ones(1), 0)
+    if name in ("implicit_euler", "static"):
+        return Scheme(STATIC if name == "static" else IMPLICIT_EULER, np.ones(1), 0)
     radius = _RADIUS[name][touched] if spec.radius is None else spec.radius
     if name == "midpoint":
         return Scheme(MIDPOINT, np.array([midpoint.theta(radius)]), 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.fem.integrators.scheme import SYMPLECTIC_EULER, begin, finish
+from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish
 from softseam_services.fem.integrators.symplectic_euler import march
 from softseam_services.fem.kernels.cells import strain_energy
 from softseam_services.fem.kernels.contact import (
@@ -155,9 +155,10 @@ def advance(scheme, x0, v0, past, history, contact0, dt, seam_force, model, tree
     x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
     CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
     """
+    load = past if scheme.kind == STATIC else 1.0
     for node in range(len(x0)):
         for i in range(3):
-            work.force[node, i] = model.mass[node] * model.acceleration[i]
+            work.force[node, i] = load * model.mass[node] * model.acceleration[i]
     for s in range(len(model.seam)):
         for i in range(3):
             work.force[model.seam[s], i] += seam_force[s, i]
