@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import point_weights
 from softseam_services.fem.dissection import Tree, dissect
+from softseam_services.fem.face_points import SOFT, face_points
 from softseam_services.fem.hex27 import cell_tables
 from softseam_services.fem.kernels.cells import LANES
-from softseam_services.fem.kernels.contact import N_COLUMNS
+from softseam_services.fem.kernels.contact import ALONE, N_COLUMNS
 from softseam_services.fem.kernels.panel import STRIP
+from softseam_services.tools.tool_set import ToolSet
 
 # An octant that the body does not fill keeps this share of stiffness, so that its nodes stay where their cell takes
 # them and the matrix stays regular; it changes a partly filled cell by as much.
@@ -80,6 +82,13 @@ class FemModel(NamedTuple):
     """(p,)"""
     point_stiffness: Floats
     """r, 0 at points that are for display only (p,) [N/m]"""
+    point_face: Ints
+    """face that a point inside it belongs to; these come last, p counts them too. -1 at nodes of such faces, -2 at
+    other points (p,)"""
+    face_nodes: Ints
+    """as of `FacePoints` (f, 5)"""
+    edged: NDArray[np.bool_]
+    """tools that touch at points inside faces (t,)"""
 
 
 class Tools(NamedTuple):
@@ -130,6 +139,10 @@ class Work(NamedTuple):
     start: Floats
     multiplier: Floats
     contact: Floats
+    hold: Floats
+    """per pair: stiffness [N/m], and the part of the normal force that is carried over"""
+    side: NDArray[np.int8]
+    """per pair: side of the box that covers the point, -1 where the tool's gap counts"""
     state: NDArray[np.int8]
     factored_state: NDArray[np.int8]
     """contact states that the factor holds (p, t)"""
@@ -151,7 +164,7 @@ class Work(NamedTuple):
     """force on the seam nodes at the end of the step (s, 3) [N]"""
 
 
-def build_model(body: Body, region: Region) -> tuple[FemModel, Tree]:
+def build_model(body: Body, region: Region, tools: ToolSet | None = None) -> tuple[FemModel, Tree]:
     """Tables, elimination tree and point weights of a region."""
     n_nodes = len(region.nodes)
     tree = dissect(region.cell_nodes, body.cell_grid[region.cells], n_nodes, region.fixed, region.seam)
@@ -168,10 +181,14 @@ def build_model(body: Body, region: Region) -> tuple[FemModel, Tree]:
     lanes = np.zeros((24, LANES))
     lanes[:, :27] = tables.gradient_t
     pointer, node, point_weight = point_weights(body, region, "fem")
-    of_point = np.repeat(np.arange(len(region.points)), np.diff(pointer))
-    local = np.argmax(region.cell_nodes[region.point_cell[of_point]] == node[:, None], axis=1)
-    spacing = 0.5 * float(body.edges.min())
-    stiffness = PENALTY * body.material.young * body.surface.area[region.points] / spacing
+    inner = face_points(body, region, tools)
+    pointer = np.concatenate([pointer, pointer[-1] + inner.indptr[1:]])
+    node, point_weight = np.concatenate([node, inner.node]), np.concatenate([point_weight, inner.weight])
+    point_cell = np.concatenate([region.point_cell, inner.cell]).astype(np.int32)
+    of_point = np.repeat(np.arange(len(point_cell)), np.diff(pointer))
+    local = np.argmax(region.cell_nodes[point_cell[of_point]] == node[:, None], axis=1)
+    per_area = body.material.young / (0.5 * float(body.edges.min()))
+    stiffness = np.concatenate([PENALTY * per_area * body.surface.area[region.points], SOFT * per_area * inner.area])
     model = FemModel(
         x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
         mass=region.mass,
@@ -199,8 +216,11 @@ def build_model(body: Body, region: Region) -> tuple[FemModel, Tree]:
         point_place=tree.position[node],
         point_local=local.astype(np.int32),
         point_weight=point_weight,
-        point_cell=region.point_cell,
+        point_cell=point_cell,
         point_stiffness=stiffness,
+        point_face=np.concatenate([np.where(inner.alone, ALONE, -1), inner.face]).astype(np.int32),
+        face_nodes=inner.face_nodes,
+        edged=inner.edged,
     )
     return model, tree
 
@@ -236,6 +256,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         start=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
         contact=np.zeros((n_pairs, N_COLUMNS)),
+        hold=np.zeros((n_pairs, 2)),
+        side=np.zeros(n_pairs, dtype=np.int8),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),
         x_hat=np.zeros((n_nodes, 3)),

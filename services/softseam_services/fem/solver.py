@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ToolMotion
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.fem.face_forces import gathered_at_nodes, spread_over_faces
 from softseam_services.fem.integrators.scheme import STATIC
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme
@@ -75,11 +76,11 @@ class FemSolver:
         self._body, self._region, self._tools = body, region, tools
         self._spec = scene.models.fem
         n_tools = len(tools.names)
-        self._model, self._tree = build_model(body, region)
+        self._model, self._tree = build_model(body, region, tools)
         self._work = build_work(self._model, self._tree, n_tools)
         self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0)
         self._memo = np.zeros(N_MEMO)
-        shape = (len(region.points), n_tools, 6)
+        shape = (len(self._model.point_face), n_tools, 6)
         if state is None:
             x, v, contact = body.x_rest[region.nodes], body.v_initial[region.nodes], np.zeros(shape)
         else:
@@ -87,6 +88,7 @@ class FemSolver:
             touching = np.flatnonzero(state.contact_tool[region.points] >= 0)
             tool = state.contact_tool[region.points[touching]]
             contact[touching, tool, :3] = state.contact_force[region.points[touching]]
+            spread_over_faces(self._model, contact)
         self._committed = FemState(
             np.ascontiguousarray(x, dtype=np.float64),
             np.ascontiguousarray(v, dtype=np.float64),
@@ -321,7 +323,7 @@ class FemSolver:
         cauchy_stress(state.x, self._model, self._work, cauchy)
         weights = self._model.point_weight[:, None] * state.x[self._model.point_node]
         point_x = np.add.reduceat(weights, self._model.point_ptr[:-1], axis=0) if len(weights) else np.zeros((0, 3))
-        force = state.contact[:, :, :3]
+        force = gathered_at_nodes(self._model, state.contact[:, :, :3], len(region.points))
         size = np.einsum("pti,pti->pt", force, force)
         return Fields(
             header=request_header,
@@ -330,7 +332,7 @@ class FemSolver:
             v=state.v.copy(),
             cauchy=cauchy,
             points=region.points,
-            point_x=point_x,
+            point_x=point_x[: len(region.points)],
             contact_force=force.sum(axis=1),
             contact_tool=_touched(size),
         )

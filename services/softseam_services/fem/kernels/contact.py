@@ -8,6 +8,10 @@ and p n + tau is both the force on the body and the next multiplier: in a hold t
 Tangent -df/dx, symmetric and positive definite, dp/dx in the friction bound dropped:
   stick  r I,    slip  r (B/|t|)(I - n n^T - q e e^T) + r n n^T,   B = mu p,  e = t/|t|                         (2)
 with q = 1/2 where the same contact slipped the same way in the iterate before, else 0.
+
+Where the edge of a tool crosses a cell's face, no displacement of the face's nodes follows the edge, and a gap of zero
+at every covered point would flatten the whole face. There r is multiplied with the covered share of the point's patch,
+and only the part c = (covered share of the face)^8 of lambda_n is carried over: in a hold p = -r g/(1 - c).
 """
 
 from __future__ import annotations
@@ -15,10 +19,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from softseam_services.fem.kernels.cover import CARRY_POWER, covered, side_gap
 from softseam_services.fem.kernels.fronts import add_block
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
+ALONE = -2
+"""in model.point_face: a point that touches every tool; -1 a node of a face that has points of its own"""
 # columns of work.contact
 GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
 N_COLUMNS = 13
@@ -45,13 +52,28 @@ def find_candidates(x, model, tools, multiplier, reach, work):
     n_tools = len(tools.kind)
     xp = np.empty(3)
     count = 0
+    patches = np.sqrt(len(model.point_face[model.point_face >= 0]) / max(1, len(model.face_nodes)))
     for point in range(len(model.point_stiffness)):
         if model.point_stiffness[point] == 0.0:
             continue
         point_position(x, model, point, xp)
+        face = model.point_face[point]
         for tool in range(n_tools):
+            # on faces with points of their own a tool with an edge touches at these, all others at nodes
+            if face != ALONE and model.edged[tool] != (face >= 0):
+                continue
             kind, shape = tools.kind[tool], tools.shape[tool]
-            gap = tool_gap(kind, shape, tools.position_next[tool], tools.orientation_next[tool], xp)[0]
+            position, turn = tools.position_next[tool], tools.orientation_next[tool]
+            share, carry, side = 1.0, 1.0, -1
+            if face >= 0:
+                share, whole, side = covered(x, model.face_nodes[face], xp, patches, shape, position, turn)
+                if side < 0:
+                    work.factored_state[point, tool] = OPEN
+                    continue
+                carry = whole**CARRY_POWER
+                gap = side_gap(side, shape, position, turn, xp)[0]
+            else:
+                gap = tool_gap(kind, shape, position, turn, xp)[0]
             f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
             touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
@@ -63,6 +85,9 @@ def find_candidates(x, model, tools, multiplier, reach, work):
                 work.multiplier[count, 2] = f2
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
+                work.hold[count, 0] = share * model.point_stiffness[point]
+                work.hold[count, 1] = carry
+                work.side[count] = side
                 count += 1
     return count
 
@@ -80,11 +105,14 @@ def evaluate_contacts(x, model, tools, count, work):
         row = work.contact[c]
         point_position(x, model, point, xp)
         orientation = tools.orientation_next[tool]
-        gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
+        if work.side[c] < 0:
+            gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
+        else:
+            gap, nx, ny, nz = side_gap(work.side[c], tools.shape[tool], tools.position_next[tool], orientation, xp)
         f = work.multiplier[c]
-        stiffness = model.point_stiffness[point]
+        stiffness, carry = work.hold[c, 0], work.hold[c, 1]
         along = f[0] * nx + f[1] * ny + f[2] * nz
-        pressure = max(0.0, along) - stiffness * gap
+        pressure = carry * max(0.0, along) - stiffness * gap
         was = work.state[c]
         row[GAP] = gap
         if pressure <= 0.0:
@@ -159,7 +187,7 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
             if row[GAP] > ahead:
                 continue
             work.factored_state[point, tool] = STICK
-        stiffness = model.point_stiffness[point]
+        stiffness = work.hold[c, 0]
         tangential = stiffness
         relaxed = 0.0
         if work.state[c] == SLIP:
@@ -185,10 +213,12 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
 
 @njit(cache=True, error_model="numpy")
 def augment(count, work):
-    """Take the forces as multipliers; returns the deepest penetration [m]."""
+    """Take the forces as multipliers where penetration is to vanish; returns the deepest one there [m]."""
     deepest = 0.0
     for c in range(count):
         row = work.contact[c]
+        if work.hold[c, 1] < 1.0:
+            continue
         deepest = max(deepest, -row[GAP])
         for i in range(3):
             work.multiplier[c, i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]

@@ -138,7 +138,8 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, model, tree, tools, t
         evaluate_contacts(x, model, tools, count, work)
         deepest = 0.0
         for c in range(count):
-            deepest = max(deepest, -work.contact[c, GAP])
+            if work.hold[c, 1] == 1.0:
+                deepest = max(deepest, -work.contact[c, GAP])
         if deepest < _DEEP or augmentations == _MOST_AUGMENTATIONS:
             break
         augmentations += 1

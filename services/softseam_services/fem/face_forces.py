@@ -1,0 +1,53 @@
+"""Forces at points inside faces, told and taken over as forces at the nodes of these faces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.body.body import Floats
+from softseam_services.fem.model import FemModel
+
+
+def gathered_at_nodes(model: FemModel, force: Floats, n_surface: int) -> Floats:
+    """Forces (p, t, 3) of all points -> forces of the n_surface points of the surface, with the same sums."""
+    own = force[:n_surface].copy()
+    inner = np.flatnonzero(model.point_face >= 0)
+    if len(inner) == 0 or not force[inner].any():
+        return own
+    point_of = _surface_point_of_node(model, n_surface)
+    for point in inner[force[inner].any(axis=(1, 2))]:
+        entries = slice(model.point_ptr[point], model.point_ptr[point + 1])
+        np.add.at(own, point_of[model.point_node[entries]], model.point_weight[entries, None, None] * force[point])
+    return own
+
+
+def spread_over_faces(model: FemModel, contact: Floats) -> None:
+    """Give what the surface's nodes carry of tools with edges to the points around them: contact (p, t, 6) in place.
+
+    A node's force is shared among the points that follow it, by their weights and areas, so that sums stay.
+    """
+    inner = np.flatnonzero(model.point_face >= 0)
+    if len(inner) == 0:
+        return
+    n_surface = int(inner[0])
+    edged = model.edged[None, :] & (model.point_face[:n_surface, None] == -1)
+    moved = np.where(edged[:, :, None], contact[:n_surface, :, :3], 0.0)
+    point_of = _surface_point_of_node(model, n_surface)
+    begin = model.point_ptr[inner[0]]
+    rows = np.repeat(inner, np.diff(model.point_ptr)[inner])
+    columns = point_of[model.point_node[begin:]]
+    # quadratic functions have negative parts, and a share has none
+    share = np.maximum(model.point_weight[begin:], 0.0) * model.point_stiffness[rows]
+    total = np.zeros(n_surface)
+    np.add.at(total, columns, share)
+    np.add.at(contact[:, :, :3], rows, (share / total[columns])[:, None, None] * moved[columns])
+    contact[:n_surface, :, :3] -= moved
+
+
+def _surface_point_of_node(model: FemModel, n_surface: int) -> np.ndarray:
+    """Surface point at each node (n,), -1 for none; on a block each follows one node."""
+    found = np.full(len(model.mass), -1, dtype=np.int64)
+    points = np.arange(n_surface)
+    single = np.diff(model.point_ptr)[:n_surface] == 1
+    found[model.point_node[model.point_ptr[points[single]]]] = points[single]
+    return found

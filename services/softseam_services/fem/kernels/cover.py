@@ -1,0 +1,75 @@
+"""How much of a patch of a block's surface a box tool covers.
+
+The box touches with the face whose outward normal is most opposed to the patch's. Along each of the two axes beside it
+the patch, a parallelogram with half sides a and b, spans 2 (|a_i| + |b_i|); the covered fraction is the product of the
+two overlaps with the face: exact where sides are along the tool's axes, and continuous in the tool's pose always.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softseam_services.tools.kernels import rotate, rotate_back
+
+CARRY_POWER = 8
+"""of a face's covered fraction: the part of a normal force that the next step begins with"""
+
+
+@njit(cache=True, error_model="numpy")
+def overlap(middle, reach, half):
+    """Share of the interval middle -+ reach that lies within -+ half."""
+    length = min(middle + reach, half) - max(middle - reach, -half)
+    return min(max(length, 0.0) / (2.0 * reach), 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def covered(x, nodes, point, patches, shape, position, orientation):
+    """What a box covers around a point (3,): share of its patch, share of its face of a cell, side of the box.
+
+    x (n, 3), nodes (5,) as `FacePoints.face_nodes`; side is axis + 3 (outward along +axis), -1 where nothing is covered
+    """
+    u0, u1, u2 = rotate_back(
+        orientation,
+        0.5 * (x[nodes[2], 0] - x[nodes[1], 0]),
+        0.5 * (x[nodes[2], 1] - x[nodes[1], 1]),
+        0.5 * (x[nodes[2], 2] - x[nodes[1], 2]),
+    )
+    v0, v1, v2 = rotate_back(
+        orientation,
+        0.5 * (x[nodes[4], 0] - x[nodes[3], 0]),
+        0.5 * (x[nodes[4], 1] - x[nodes[3], 1]),
+        0.5 * (x[nodes[4], 2] - x[nodes[3], 2]),
+    )
+    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    axis, normal = 0, n0
+    if abs(n1) > abs(normal):
+        axis, normal = 1, n1
+    if abs(n2) > abs(normal):
+        axis, normal = 2, n2
+    p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
+    m = rotate_back(
+        orientation,
+        x[nodes[0], 0] - position[0],
+        x[nodes[0], 1] - position[1],
+        x[nodes[0], 2] - position[2],
+    )
+    # On the far half of the box the surface of the body is not what this face presses.
+    if p[axis] * normal > 0.0:
+        return 0.0, 0.0, -1
+    reach = (abs(u0) + abs(v0), abs(u1) + abs(v1), abs(u2) + abs(v2))
+    share = whole = 1.0
+    for beside in range(3):
+        if beside != axis:
+            share *= overlap(p[beside], reach[beside] / patches, shape[beside])
+            whole *= overlap(m[beside], reach[beside], shape[beside])
+    side = axis if normal > 0.0 else axis + 3
+    return share, whole, side if share > 0.0 else -1
+
+
+@njit(cache=True, error_model="numpy")
+def side_gap(side, shape, position, orientation, point):
+    """Gap to the plane of a box's side, as of `covered`, and its outward normal: gap, nx, ny, nz."""
+    axis, sign = side % 3, (1.0 if side >= 3 else -1.0)
+    nx, ny, nz = rotate(orientation, sign if axis == 0 else 0.0, sign if axis == 1 else 0.0, sign if axis == 2 else 0.0)
+    away = nx * (point[0] - position[0]) + ny * (point[1] - position[1]) + nz * (point[2] - position[2])
+    return away - shape[axis], nx, ny, nz
