@@ -66,8 +66,10 @@ def test_observation_of_a_squeeze(sim: softseam.Session) -> None:
     assert obs.von_mises.shape == (8, 8)
     assert obs.principal_stress.shape == (8, 8, 3)
     assert obs.von_mises.max() == pytest.approx(obs.quantities["peak_von_mises"])
-    touching = obs.contact_tool == list(obs.tools).index("right")
-    np.testing.assert_allclose(obs.contact_force[touching].sum(axis=0), -obs.wrench["right"][:3], rtol=1e-6, atol=1e-9)
+    # a point at the rim may touch the ground as well, so only the sum over all tools is theirs
+    total = -sum(wrench[:3] for wrench in obs.wrench.values())
+    np.testing.assert_allclose(obs.contact_force.sum(axis=0), total, rtol=1e-6, atol=1e-9)
+    assert set(obs.contact_tool.tolist()) >= {-1, list(obs.tools).index("right")}
     assert 0.0 <= obs.seam.gap < 1e-3 * 0.01
     assert obs.regions and all(region.model in ("fem", "pbd") for region in obs.regions.values())
     with pytest.raises(ValueError, match="read-only"):
