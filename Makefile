@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo results bus test lint types lock clean
+.PHONY: help demo results bus pbd test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -22,6 +22,9 @@ results: $(VENV)/.dev ## regenerate docs/results.md: accuracy and speed on this 
 
 bus: $(VENV)/.dev ## measure what the bus costs on this machine
 	@$(PY) tests/benchmarks/bus.py
+
+pbd: $(VENV)/.dev ## measure how fast the PBD participant is on this machine
+	@NUMBA_NRT_STATS=1 PYTHONPATH=tests $(PY) tests/benchmarks/pbd.py
 
 test: $(VENV)/.dev ## every gate: format, lint, types, layers, tests (fast ones first)
 	@sh .ci/gates $(PY)
