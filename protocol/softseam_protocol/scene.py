@@ -407,7 +407,10 @@ class ModelsSpec(Spec):
 class SeamSpec(Spec):
     """When the two sides of the seam agree well enough."""
 
-    tolerance: Positive = Field(default=3e-4, description="largest position gap at commit, in cell edges [1]")
+    tolerance: Positive = Field(
+        default=3e-4,
+        description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]",
+    )
     exchanges: int = Field(default=16, ge=1, description="most exchanges a step")
 
 

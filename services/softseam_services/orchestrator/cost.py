@@ -21,8 +21,8 @@ from softseam_services.orchestrator.sides import Sides
 
 CALL = 60.0
 """a call of a participant [us]"""
-EXCHANGES = 2.4
-"""exchanges a step of two sides; mean of the headline scenes"""
+EXCHANGES = 2.0
+"""solves of both sides in a step of a cut; fitted to the headline scenes"""
 ITERATIONS, ITERATION = 5.0, 4.4
 """Newton iterations an exchange; one costs so much a cell [us]"""
 FACTORS, ASSEMBLY = 0.45, 9.4
