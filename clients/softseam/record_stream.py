@@ -83,7 +83,7 @@ def _parse(opcode: int, payload: bytes) -> list[Header | Metadata | Attachment |
         return [inner for inner in breakup_chunk(record, validate_crc=True) if isinstance(inner, Channel | Message)]
     except CRCValidationError:
         raise Damage("is damaged: the checksum of a chunk is wrong") from None
-    except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError, ValueError, MemoryError):
+    except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError, ValueError, OverflowError, MemoryError):
         raise Damage("is damaged: a record cannot be parsed") from None
 
 
