@@ -29,6 +29,7 @@ def test_same_bits_as_embedded(services: Services) -> None:
         with softseam.open(squeezed_bar(), endpoint) as sim:
             sim.reset(seed=2)
             sim.step(SQUEEZE, count=5, fields=False)
+            sim.step({"front": [0.0, 0.02, 0.0, 0.1, 0.5, 1.0], "back": [0.0, -0.02, 0.0]})
             obs = sim.step(SQUEEZE)
             later = sim.run(max_steps=5, fields=True)
             seen.append(
