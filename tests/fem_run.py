@@ -27,11 +27,12 @@ def block(
     poisson: float = 0.45,
     density: float = 1050.0,
     kind: str = "neo_hookean",
+    ratio: float | None = None,
     body: Mapping[str, Any] | None = None,
     **scene: Any,
 ) -> Scene:
     """A scene with a block and the keys given; solved tightly, since tolerances are not what most tests are about."""
-    material = {"kind": kind, "young": young, "poisson": poisson, "density": density}
+    material = {"kind": kind, "young": young, "poisson": poisson, "density": density, "ratio": ratio}
     spec = {"shape": {"kind": "block", "size": size}, "cell": cell, "material": material, **(body or {})}
     models = {"fem": {"tolerance": 1e-7}}
     return Scene.model_validate(

@@ -1,4 +1,4 @@
-"""What ties two sides whose traces differ: biquadratic (FEM) against bilinear on half cells (PBD), on the same nodes.
+"""What ties two sides whose traces differ, as biquadratic (hex27) and bilinear on half cells (PBD), on the same nodes.
 
 On a cell's face both sides have the same 3 x 3 nodes, but a constant traction splits into nodal forces 1/36, 4/36,
 16/36 on a biquadratic trace and 1/16, 2/16, 4/16 on a bilinear one, so tying nodes one by one fails the patch
@@ -14,6 +14,7 @@ Patera (1994) call this a mortar method; the near side is the slave.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -25,7 +26,7 @@ from softseam_coupling.inverse import invert_definite
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-__all__ = ["SeamTie", "identity_tie", "mortar_tie"]
+__all__ = ["TRACES", "SeamTie", "identity_tie", "mortar_tie"]
 
 _LEAST_FILL = 0.05
 """share that an empty quarter of a face keeps, so that M_nn stays well conditioned [1]"""
@@ -95,7 +96,7 @@ def mortar_tie(faces: Ints, edges: Floats, fill: Floats, near: str, far: str, no
     faces   (f, 9)  global node ids of each seam face, a = i + 3 j
     edges   (f, 2)  edge lengths of each face along i and j [m]
     fill    (f, 4)  filled share of each quarter q = i + 2 j of the face [1]
-    near, far       'quadratic' or 'linear' (on half edges): the traces of the two sides
+    near, far       the traces of the two sides, see `TRACES`
     nodes   (s,)    global ids of the seam nodes that are free, ascending; the others on the faces are clamped
     x_rest  (N, 3)  where clamped nodes stay [m]
     """
@@ -106,10 +107,8 @@ def mortar_tie(faces: Ints, edges: Floats, fill: Floats, near: str, far: str, no
     m_nn, m_nf = np.zeros((2, len(ids), len(ids)))
     weight = np.maximum(fill, _LEAST_FILL) * (edges[:, :1] * edges[:, 1:])
     for quarter in range(4):
-        i, j = quarter % 2, quarter // 2
         for trace, matrix in ((near, m_nn), (far, m_nf)):
-            element = np.kron(_half_products(near, trace, j), _half_products(near, trace, i))
-            values = weight[:, quarter, None, None] * element
+            values = weight[:, quarter, None, None] * _quarter_products(near, trace, quarter)
             np.add.at(matrix, (local[:, :, None], local[:, None, :]), values)
     p = np.linalg.solve(m_nn, m_nf)
     free = np.searchsorted(ids, nodes)
@@ -119,17 +118,66 @@ def mortar_tie(faces: Ints, edges: Floats, fill: Floats, near: str, far: str, no
 
 
 @cache
-def _half_products(first: str, second: str, half: int) -> Floats:
-    """int N_a N_b over one half of the unit edge (3, 3), exact by three Gauss points."""
-    points, weights = np.polynomial.legendre.leggauss(3)
-    s = 0.25 * (points + 1.0) + 0.5 * half
-    return np.asarray(np.einsum("q,qa,qb->ab", 0.25 * weights, _trace(first, s), _trace(second, s)))
+def _quarter_products(first: str, second: str, quarter: int) -> Floats:
+    """int N_a N_b over a quarter of the unit face (9, 9), exact: all traces are polynomials on the two triangles into
+    which the diagonal through the middle of the face divides it."""
+    gauss, weights = np.polynomial.legendre.leggauss(5)
+    u, w = np.meshgrid(0.5 * (gauss + 1.0), 0.5 * (gauss + 1.0), indexing="ij")
+    a, b = u.ravel(), (u * w).ravel()
+    area = 0.25 * np.outer(weights, weights).ravel() * a
+    along, across = (0.5 * np.concatenate(part) for part in ((a, b), (b, a)))  # from the middle outwards
+    s = 0.5 + (along if quarter % 2 else -along)
+    t = 0.5 + (across if quarter // 2 else -across)
+    return np.asarray(np.einsum("q,qa,qb->ab", 0.25 * np.tile(area, 2), TRACES[first](s, t), TRACES[second](s, t)))
 
 
-def _trace(kind: str, s: Floats) -> Floats:
-    """Shape functions of the three nodes of an edge at s in [0, 1] (q, 3)."""
-    if kind == "quadratic":
-        return np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=1)
-    if kind == "linear":
-        return np.stack([np.maximum(0, 1 - 2 * s), 1 - np.abs(2 * s - 1), np.maximum(0, 2 * s - 1)], axis=1)
-    raise ValueError(f"no trace is called {kind!r}: use 'quadratic' or 'linear'")
+def _product(line: Callable[[Floats], Floats]) -> Callable[[Floats, Floats], Floats]:
+    """The nine products (q, 9), a = i + 3 j, of three functions of an edge."""
+
+    def trace(s: Floats, t: Floats) -> Floats:
+        return np.asarray((line(t)[:, :, None] * line(s)[:, None, :]).reshape(-1, 9))
+
+    return trace
+
+
+def _quadratic(s: Floats) -> Floats:
+    return np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=1)
+
+
+def _linear(s: Floats) -> Floats:
+    return np.stack([np.maximum(0, 1 - 2 * s), 1 - np.abs(2 * s - 1), np.maximum(0, 2 * s - 1)], axis=1)
+
+
+def _triangles(s: Floats, t: Floats) -> Floats:
+    """Linear on the eight triangles that meet in the middle of the face."""
+    ds, dt = np.abs(2 * s - 1), np.abs(2 * t - 1)
+    i, j = np.where(s > 0.5, 2, 0), np.where(t > 0.5, 2, 0)
+    out = np.zeros((len(s), 9))
+    row = np.arange(len(s))
+    np.add.at(out, (row, i + 3 * j), np.minimum(ds, dt))
+    np.add.at(out, (row, np.where(ds > dt, i + 3, 1 + 3 * j)), np.abs(ds - dt))
+    out[:, 4] += 1 - np.maximum(ds, dt)
+    return out
+
+
+def _quadratic_triangles(s: Floats, t: Floats) -> Floats:
+    """Quadratic on the two triangles on either side of s = t."""
+    most, least = np.maximum(s, t), np.minimum(s, t)
+    corner = np.stack([1 - most, most - least, least])
+    node = np.stack([np.zeros_like(s), np.where(s > t, 2, 6), np.full_like(s, 8)]).astype(np.int64)
+    out = np.zeros((len(s), 9))
+    row = np.arange(len(s))
+    for a in range(3):
+        np.add.at(out, (row, node[a]), corner[a] * (2 * corner[a] - 1))
+        for b in range(a):
+            np.add.at(out, (row, (node[a] + node[b]) // 2), 4 * corner[a] * corner[b])
+    return out
+
+
+TRACES: dict[str, Callable[[Floats, Floats], Floats]] = {
+    "hex27": _product(_quadratic),
+    "hex8": _product(_linear),
+    "tet4": _triangles,
+    "tet10": _quadratic_triangles,
+}
+"""Shape functions on a face by kind of element: of its nodes a = i + 3 j at (s, t) in [0, 1]^2 (q, 9)."""

@@ -1,4 +1,4 @@
-"""Models, materials and integrators by name, and which of them may meet."""
+"""Models, materials, elements and integrators by name, and which of them may meet."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ ModelKind = Literal["fem", "pbd"]
 MaterialKind = Literal[
     "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
 ]
+ElementKind = Literal[
+    "hex27", "hex27_full", "hex8", "hex8_bbar", "hex8_full", "hex8_reduced", "tet4", "tet4_fbar", "tet10"
+]
 IntegratorKind = Literal[
     "implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler", "static"
 ]
 
 KNOWN_MATERIALS: dict[ModelKind, tuple[MaterialKind, ...]] = {
-    "fem": ("neo_hookean", "linear"),
+    "fem": ("neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"),
     "pbd": ("neo_hookean", "linear"),
 }
 """the materials that each model can take"""

@@ -8,7 +8,14 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from softseam_protocol.kinds import IntegratorKind, MaterialKind, ModelKind, integrator_problem, material_problem
+from softseam_protocol.kinds import (
+    ElementKind,
+    IntegratorKind,
+    MaterialKind,
+    ModelKind,
+    integrator_problem,
+    material_problem,
+)
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -357,7 +364,9 @@ class RegionsSpec(Spec):
 class FemSpec(Spec):
     """Settings of the finite-element participant."""
 
-    element: Literal["hex27"] = "hex27"
+    element: ElementKind = Field(
+        default="hex27", description="hex27: quadratic, one a cell; hex8 and tet4: linear, in its eight octants"
+    )
     integrator: IntegratorKind = Field(
         default="implicit_euler",
         description="implicit_euler damps and meets every seam and contact; static: no inertia; others: second order",

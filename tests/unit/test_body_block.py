@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
-from softseam_services.body.interpolate import point_weights, rest_points
+from softseam_services.body.interpolate import Functions, point_weights, rest_points
 from softseam_services.body.kernels.shape_functions import hex27, octant_trilinear
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.region import build_region, shared_nodes
@@ -115,7 +113,7 @@ def test_region_masses_sum_to_the_body_and_seams_are_shared() -> None:
         region = build_region(body, cells[::-1], seam, owns)  # order does not matter
         np.testing.assert_array_equal(region.nodes[region.cell_nodes], body.cell_nodes[cells])
         np.testing.assert_array_equal(region.nodes[region.seam], seam)
-        indptr, node, weight = point_weights(body, region, "fem")
+        indptr, node, weight = point_weights(body, region, "hex27")
         np.testing.assert_array_equal(np.diff(indptr), 1)
         np.testing.assert_array_equal(weight, 1.0)
         at = region.nodes[node]
@@ -137,8 +135,8 @@ def test_regions_refuse_foreign_cells_and_seam_nodes() -> None:
         build_region(body, np.array([0], dtype=np.int32), np.array([body.n_nodes - 1], dtype=np.int32))
 
 
-@pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_points_of_a_block_are_single_nodes(kind: Literal["fem", "pbd"]) -> None:
+@pytest.mark.parametrize("kind", ["hex27", "hex8", "tet4", "tet10"])
+def test_points_of_a_block_are_single_nodes(kind: Functions) -> None:
     body = block(cell=0.02)
     region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
     indptr, node, weight = point_weights(body, region, kind)

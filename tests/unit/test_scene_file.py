@@ -214,7 +214,7 @@ BAD = [
     ("quantities:", "models: {pbd: {substeps: atuo}}\nquantities:", 21, "models.pbd.substeps", "did you mean 'auto'?"),
     ("quantities:", "models: {pbd: {substeps: 0}}\nquantities:", 21, "models.pbd.substeps", "but this is 0"),
     ("quantities:", "models: {pbd: {substeps: 2.5}}\nquantities:", 21, "models.pbd.substeps", "but this is 2.5"),
-    ("quantities:", "models: {fem: {element: tet4}}\nquantities:", 21, "models.fem.element", "(allowed: hex27)"),
+    ("quantities:", "models: {fem: {element: hex20}}\nquantities:", 21, "models.fem.element", "(allowed: hex27,"),
     ("quantities:", "seam: &s {tolerance: *s}\nquantities:", 21, "seam", "contains itself"),
     ("quantities:", "? [a]\n: 1\nquantities:", 21, "", "a key must be a text"),
     (GOOD, "", 1, "", "the file is empty"),

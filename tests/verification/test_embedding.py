@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import pytest
 from solids import box, cylinder, join, obj, sphere
@@ -11,7 +9,7 @@ from solids import box, cylinder, join, obj, sphere
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
-from softseam_services.body.interpolate import point_weights, rest_points
+from softseam_services.body.interpolate import Functions, point_weights, rest_points
 from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES, SIMPSON
 from softseam_services.body.mass import FILL_FLOOR, FULL_MOMENTS, lump
@@ -164,8 +162,8 @@ def test_lumping_error_falls_with_the_cells() -> None:
     assert second_error[-1] < 5e-3
 
 
-@pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind: Literal["fem", "pbd"]) -> None:
+@pytest.mark.parametrize("kind", ["hex27", "hex8", "tet4", "tet10"])
+def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind: Functions) -> None:
     body = embedded(*sphere(RADIUS, 3), 0.012)
     cells = np.arange(0, body.n_cells, 2, dtype=np.int32)
     region = build_region(body, cells, np.zeros(0, dtype=np.int32))
@@ -176,18 +174,18 @@ def test_point_weights_sum_to_one_and_reproduce_linear_fields(kind: Literal["fem
     at = np.stack([np.bincount(row, weights=weight * x[:, c]) for c in range(3)], axis=1)
     points = rest_points(body)[region.points]
     np.testing.assert_allclose(at, points, atol=1e-15)
-    # FEM's functions reproduce quadratic fields as well, PBD's are positive and belong to one octant.
+    # A cell's own functions reproduce quadratic fields as well; linear ones are positive and belong to one octant.
     square = np.bincount(row, weights=weight * x[:, 0] ** 2) - points[:, 0] ** 2
-    if kind == "fem":
+    if kind in ("hex27", "tet10"):
         np.testing.assert_allclose(square, 0.0, atol=1e-17)
     else:
         assert np.abs(square).max() > 1e-6
         assert weight.min() > 0
-        assert np.diff(indptr).max() == 8
+        assert np.diff(indptr).max() == (8 if kind == "hex8" else 4)
 
 
-@pytest.mark.parametrize("kind", ["fem", "pbd"])
-def test_points_beside_a_seam_are_carried_by_the_side_that_owns_them(kind: Literal["fem", "pbd"]) -> None:
+@pytest.mark.parametrize("kind", ["hex27", "hex8", "tet4", "tet10"])
+def test_points_beside_a_seam_are_carried_by_the_side_that_owns_them(kind: Functions) -> None:
     """Every point once, the near side's reach BESIDE beyond its faces, and linear fields still to the last digit."""
     body = embedded(*sphere(RADIUS, 3), 0.012)
     middle = body.x_rest[body.cell_nodes[:, 13]]

@@ -117,7 +117,7 @@ def mortar(n: int) -> Floats:
     faces = [[2 * i + a + wide * (2 * j + b) for b in range(3) for a in range(3)] for j in range(n) for i in range(n)]
     nodes = np.arange(wide**2, dtype=np.int32)
     edges, fill = np.ones((n * n, 2)), np.ones((n * n, 4))
-    tie = mortar_tie(np.array(faces, dtype=np.int32), edges, fill, "quadratic", "linear", nodes, np.zeros((wide**2, 3)))
+    tie = mortar_tie(np.array(faces, dtype=np.int32), edges, fill, "hex27", "hex8", nodes, np.zeros((wide**2, 3)))
     assert tie.p is not None
     return tie.p
 

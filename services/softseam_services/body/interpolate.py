@@ -1,7 +1,8 @@
 """Shape functions of both models, and the weights with which surface points follow nodes.
 
-Local coordinates run from -1 to 1 over a cell. FEM interpolates with the 27 quadratic functions of the cell,
-PBD with the 8 trilinear functions of the octant that holds the point. Both sum to 1 and reproduce linear fields.
+Local coordinates run from -1 to 1 over a cell. FEM interpolates with its element's functions, by default the 27
+quadratic ones of the cell, PBD with the 8 trilinear functions of the octant that holds the point. All sum to 1 and
+reproduce linear fields.
 """
 
 from __future__ import annotations
@@ -10,13 +11,53 @@ from typing import Literal
 
 import numpy as np
 
+from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene import ModelsSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.kernels.shape_functions import fill_weights, hex27, octant_trilinear
+from softseam_services.body.kernels.shape_functions import (
+    QUADRATIC,
+    QUADRATIC_TETRAHEDRAL,
+    TETRAHEDRAL,
+    TRILINEAR,
+    fill_weights,
+    hex27,
+    octant_trilinear,
+)
 
-__all__ = ["hex27", "octant_trilinear", "point_weights", "rest_points"]
+__all__ = [
+    "FUNCTIONS",
+    "FUNCTION_NUMBER",
+    "Functions",
+    "hex27",
+    "model_functions",
+    "octant_trilinear",
+    "point_weights",
+    "rest_points",
+]
+
+Functions = Literal["hex27", "hex8", "tet4", "tet10"]
+FUNCTIONS: dict[ElementKind, Functions] = {
+    "hex27": "hex27",
+    "hex27_full": "hex27",
+    "hex8": "hex8",
+    "hex8_bbar": "hex8",
+    "hex8_full": "hex8",
+    "hex8_reduced": "hex8",
+    "tet4": "tet4",
+    "tet4_fbar": "tet4",
+    "tet10": "tet10",
+}
+"""shape functions of each element of FEM"""
+FUNCTION_NUMBER = {"hex27": QUADRATIC, "hex8": TRILINEAR, "tet4": TETRAHEDRAL, "tet10": QUADRATIC_TETRAHEDRAL}
+"""as `fill_weights` takes them"""
 
 
-def point_weights(body: Body, region: Region, kind: Literal["fem", "pbd"]) -> tuple[Ints, Ints, Floats]:
+def model_functions(models: ModelsSpec) -> dict[str, Functions]:
+    """What each model interpolates with."""
+    return {"fem": FUNCTIONS[models.fem.element], "pbd": "hex8"}
+
+
+def point_weights(body: Body, region: Region, functions: Functions) -> tuple[Ints, Ints, Floats]:
     """Sparse rows: point p of the region sits at sum of weight[i] * x[node[i]], i in indptr[p] .. indptr[p + 1].
 
     Returns indptr (p + 1,), node (m,) local ids of the region, weight (m,). On a block each row is one node, weight 1.
@@ -25,7 +66,7 @@ def point_weights(body: Body, region: Region, kind: Literal["fem", "pbd"]) -> tu
     indptr = np.zeros(len(local) + 1, dtype=np.int32)
     node = np.empty(27 * len(local), dtype=np.int32)
     weight = np.empty(27 * len(local))
-    count = fill_weights(local, region.point_cell, region.cell_nodes, kind == "fem", indptr, node, weight)
+    count = fill_weights(local, region.point_cell, region.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
     return indptr, node[:count].copy(), weight[:count].copy()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.interpolate import rest_points
+from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, rest_points
 from softseam_services.body.kernels.shape_functions import fill_weights
 from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import BOX, ToolSet
@@ -51,8 +51,11 @@ class FacePoints:
     """as of `point_weights`"""
 
 
-def face_points(body: Body, region: Region, tools: ToolSet | None) -> FacePoints:
-    """Points on the block's surface; none where no tool has an edge that presses into it, or another side owns it."""
+def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Functions) -> FacePoints:
+    """Points on the block's surface; none where no tool has an edge that presses into it, or another side owns it.
+
+    functions: what the region's element interpolates with
+    """
     n_tools = 0 if tools is None else len(tools.names)
     edged = np.zeros(n_tools, dtype=np.bool_)
     owns = len(region.seam) == 0 or bool(np.isin(_node_of_points(body, region), region.seam).any())
@@ -86,7 +89,7 @@ def face_points(body: Body, region: Region, tools: ToolSet | None) -> FacePoints
     face_nodes = np.concatenate(nodes) if cells else np.zeros((0, 5), dtype=np.int32)
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))
-    count = fill_weights(local, cell, region.cell_nodes, True, indptr, node, weight)
+    count = fill_weights(local, cell, region.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
     held = np.isin(_node_of_points(body, region), region.nodes[np.unique(node[:count])])
     return FacePoints(
         edged=edged,

@@ -7,14 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.scene import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.interpolate import point_weights
+from softseam_services.body.interpolate import FUNCTIONS, point_weights
 from softseam_services.fem.dissection import Tree, dissect
+from softseam_services.fem.elements import ELEMENTS
+from softseam_services.fem.elements.hex27_box import cell_tables
 from softseam_services.fem.face_points import SOFT, face_points
-from softseam_services.fem.hex27 import cell_tables
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE, N_COLUMNS
 from softseam_services.fem.kernels.panel import STRIP
+from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.tools.tool_set import ToolSet
 
 # An octant that the body does not fill keeps this share of stiffness, so that its nodes stay where their cell takes
@@ -25,6 +28,10 @@ FILL_FLOOR = 1e-3
 PENALTY = 20.0
 # Columns of Anderson acceleration.
 MEMORY = 12
+
+
+# Materials from which mu/2 I1 splits off in kernels/cells.py.
+_SPLITS = ("neo_hookean", "linear")
 
 
 class FemModel(NamedTuple):
@@ -42,6 +49,17 @@ class FemModel(NamedTuple):
     """elimination place of each cell's nodes, -1 for clamped nodes (c, 27)"""
     order: Ints
     """elimination place of each node, -1 for clamped nodes (n,)"""
+    general: bool
+    """`rule` holds; else cells are full boxes with hex27 and a material that splits, and the tables below hold"""
+    rule: Rule
+    crushable: bool
+    """cells may pass to the element of `full`, see kernels/crushed.py"""
+    full: Rule
+    kind: int
+    """of the material, for body.materials.point"""
+    parameters: Floats
+    additive: bool
+    """small strains: a mean volume ratio is one of traces"""
     linear: bool
     """small-strain material"""
     mu: float
@@ -119,6 +137,12 @@ class Factoring(NamedTuple):
 class Work(NamedTuple):
     """Scratch of one solver; nothing in it outlives a step but the factor, and `snapshot` drops that."""
 
+    part: Floats
+    """how much of each cell `rule` or the fast path makes up (c,)"""
+    full: Floats
+    """how much of it `full` makes up (c,)"""
+    mixed: Ints
+    """how many cells `full` has a part of (1,)"""
     xe: Floats
     F: Floats
     P: Floats
@@ -164,8 +188,11 @@ class Work(NamedTuple):
     """force on the seam nodes at the end of the step (s, 3) [N]"""
 
 
-def build_model(body: Body, region: Region, tools: ToolSet | None = None) -> tuple[FemModel, Tree]:
-    """Tables, elimination tree and point weights of a region."""
+def build_model(
+    body: Body, region: Region, tools: ToolSet | None = None, spec: FemSpec | None = None
+) -> tuple[FemModel, Tree]:
+    """Tables, elimination tree and point weights of a region; spec: which element, the default's where it is None."""
+    element = (FemSpec() if spec is None else spec).element
     n_nodes = len(region.nodes)
     tree = dissect(region.cell_nodes, body.cell_grid[region.cells], n_nodes, region.fixed, region.seam)
     tables = cell_tables(body.edges)
@@ -180,8 +207,8 @@ def build_model(body: Body, region: Region, tools: ToolSet | None = None) -> tup
     laplacian += patterns.mean(axis=1)[:, None, None] * (mu * tables.stabilisation)
     lanes = np.zeros((24, LANES))
     lanes[:, :27] = tables.gradient_t
-    pointer, node, point_weight = point_weights(body, region, "fem")
-    inner = face_points(body, region, tools)
+    pointer, node, point_weight = point_weights(body, region, FUNCTIONS[element])
+    inner = face_points(body, region, tools, FUNCTIONS[element])
     pointer = np.concatenate([pointer, pointer[-1] + inner.indptr[1:]])
     node, point_weight = np.concatenate([node, inner.node]), np.concatenate([point_weight, inner.weight])
     point_cell = np.concatenate([region.point_cell, inner.cell]).astype(np.int32)
@@ -189,7 +216,21 @@ def build_model(body: Body, region: Region, tools: ToolSet | None = None) -> tup
     local = np.argmax(region.cell_nodes[point_cell[of_point]] == node[:, None], axis=1)
     per_area = body.material.young / (0.5 * float(body.edges.min()))
     stiffness = np.concatenate([PENALTY * per_area * body.surface.area[region.points], SOFT * per_area * inner.area])
+    x, shape = cell_shapes(body, region)
+    general = element != "hex27" or len(x) > 1 or body.material.kind not in _SPLITS
+    poisson = body.material.elastic.poisson
+    crushable = element == "hex27" and body.material.kind != "linear"
+    # the fast path needs no table of points but that of crushed cells
+    full = build_rule(ELEMENTS["hex27_full" if crushable else element](x, poisson), fill, mu, shape)
+    rule = build_rule(ELEMENTS[element](x, poisson), fill, mu, shape) if general and crushable else full
     model = FemModel(
+        general=general,
+        rule=rule,
+        crushable=crushable,
+        full=full,
+        kind=body.material.number,
+        parameters=body.material.parameters,
+        additive=body.material.kind == "linear",
         x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
         mass=region.mass,
         acceleration=body.gravity,
@@ -231,6 +272,9 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
     n_free = int(np.count_nonzero(tree.position >= 0))
     n_pairs = int(np.count_nonzero(model.point_stiffness)) * n_tools
     return Work(
+        part=np.ones(n_cells),
+        full=np.zeros(n_cells),
+        mixed=np.zeros(1, dtype=np.int32),
         xe=np.empty((n_cells, 3, 27)),
         F=np.empty((n_cells, 3, 24)),
         P=np.empty((n_cells, 3, 24)),

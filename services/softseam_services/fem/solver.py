@@ -17,7 +17,7 @@ from softseam_services.fem.integrators.scheme import STATIC
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme
 from softseam_services.fem.kernels import step as kernel
-from softseam_services.fem.kernels.cells import cauchy_stress
+from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
     FACTORED,
@@ -76,7 +76,7 @@ class FemSolver:
         self._body, self._region, self._tools = body, region, tools
         self._spec = scene.models.fem
         n_tools = len(tools.names)
-        self._model, self._tree = build_model(body, region, tools)
+        self._model, self._tree = build_model(body, region, tools, self._spec)
         self._work = build_work(self._model, self._tree, n_tools)
         self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0)
         self._memo = np.zeros(N_MEMO)

@@ -10,13 +10,15 @@ Stress counts with its value in the middle of each octant, in the trace of the s
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.messages import BodyState
 from softseam_services.body.body import Body
-from softseam_services.body.interpolate import point_weights
+from softseam_services.body.interpolate import Functions, point_weights
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.region import build_region
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides
@@ -48,17 +50,21 @@ def _block_slopes() -> Floats:
     return out
 
 
-_SLOPES = {"fem": _quadratic_slopes(), "pbd": _block_slopes()}
+_SLOPES = {"hex27": _quadratic_slopes(), "tet10": _quadratic_slopes(), "hex8": _block_slopes(), "tet4": _block_slopes()}
+"""by the model's functions; those of tetrahedra are near enough to these for a first guess"""
 
 
-def first_multiplier(body: Body, sides: Sides, state: BodyState, cauchy: Floats, tie: SeamTie) -> Floats:
+def first_multiplier(
+    body: Body, sides: Sides, state: BodyState, cauchy: Floats, tie: SeamTie, functions: Mapping[str, Functions]
+) -> Floats:
     """Forces on the near side (s, 3) [N], eq. (1).
 
+    functions  what each model interpolates with
     cauchy  (C, 8, 6)  stress of the merged body in each octant, xx yy zz yz xz xy [Pa]
     """
     mass, acceleration = {}, {}
     for name in (NEAR, FAR):
-        mass[name], force = _seam_loads(body, sides, name, state, cauchy)
+        mass[name], force = _seam_loads(body, sides, name, state, cauchy, functions[sides.models[name]])
         acceleration[name] = force / mass[name][:, None]
     difference = acceleration[FAR] if tie.p is None else tie.p @ acceleration[FAR]
     difference = difference - acceleration[NEAR]
@@ -67,18 +73,19 @@ def first_multiplier(body: Body, sides: Sides, state: BodyState, cauchy: Floats,
     return np.asarray(np.linalg.solve(np.diag(1.0 / mass[NEAR]) + (tie.p / mass[FAR]) @ tie.p.T, difference))
 
 
-def _seam_loads(body: Body, sides: Sides, name: str, state: BodyState, cauchy: Floats) -> tuple[Floats, Floats]:
+def _seam_loads(
+    body: Body, sides: Sides, name: str, state: BodyState, cauchy: Floats, functions: Functions
+) -> tuple[Floats, Floats]:
     """Mass (s,) [kg] of one side's seam nodes, and force (s, 3) [N] on them: stress, contact and weight."""
     region = build_region(body, sides.cells[name], sides.seam, name == NEAR)
-    model = "fem" if sides.models[name] == "fem" else "pbd"
     force = region.mass[:, None] * body.gravity
-    indptr, node, weight = point_weights(body, region, "fem" if model == "fem" else "pbd")
+    indptr, node, weight = point_weights(body, region, functions)
     push = np.repeat(state.contact_force[region.points], np.diff(indptr), axis=0)
     np.add.at(force, node, weight[:, None] * push)
 
     beside = np.isin(region.cell_nodes, region.seam).any(axis=1)
     nodes, cells = region.cell_nodes[beside], region.cells[beside]
-    slopes = _SLOPES[model]
+    slopes = _SLOPES[functions]
     jacobian = np.einsum("cai,oaj->coij", state.x[region.nodes[nodes]], slopes, optimize=True)
     volume = np.linalg.det(jacobian) * body.fill[cells]  # an octant is a unit cube of local coordinates
     xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy[cells], 2, 0)

@@ -31,6 +31,7 @@ from softseam_protocol.messages import (
     StepReport,
     ToolMotion,
 )
+from softseam_services.body.interpolate import model_functions
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.drives import Drives
@@ -408,10 +409,11 @@ class Simulation:
         )
         self._loop = None
         if len(sides.seam):
-            tie = tie_sides(self.body, sides, self._near.neighbours)
+            functions = model_functions(self.scene.models)
+            tie = tie_sides(self.body, sides, self._near.neighbours, functions)
             first = None
             if state is not None and cauchy is not None:
-                first = first_multiplier(self.body, sides, state, cauchy, tie)
+                first = first_multiplier(self.body, sides, state, cauchy, tie, functions)
             condensable = sides.models[NEAR] == "fem"
             self._loop = SeamLoop(
                 self._seam, tie, len(sides.seam), first, condensable, max(self.scene.seam.exchanges, 1)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.mortar import SeamTie, identity_tie, mortar_tie
 from softseam_services.body.body import Body
+from softseam_services.body.interpolate import Functions
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides
 
-_TRACE = {"fem": "quadratic", "pbd": "linear"}
-"""what a model interpolates on a face of a cell"""
 _LATTICE = np.arange(27).reshape(3, 3, 3)  # [k, j, i]
 _OCTANTS = np.arange(8).reshape(2, 2, 2)
 
@@ -21,9 +22,12 @@ def _sheet(cube: NDArray[np.int64], face: int) -> NDArray[np.int64]:
     return np.asarray(np.take(cube, -1 if last else 0, axis=2 - axis)).reshape(-1)
 
 
-def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32]) -> SeamTie:
-    """How the two sides' seam nodes belong together. neighbours (C, 6) as in `CellGrid`."""
-    if len(sides.names) < 2 or sides.models[NEAR] == sides.models[FAR]:
+def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions: Mapping[str, Functions]) -> SeamTie:
+    """How the two sides' seam nodes belong together.
+
+    neighbours (C, 6) as in `CellGrid`; functions: what each model interpolates with
+    """
+    if len(sides.names) < 2 or functions[sides.models[NEAR]] == functions[sides.models[FAR]]:
         return identity_tie(len(sides.seam))
     far = np.zeros(body.n_cells, dtype=np.bool_)
     far[sides.cells[FAR]] = True
@@ -43,8 +47,8 @@ def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32]) -> SeamTi
         np.concatenate(faces),
         np.concatenate(edges),
         np.concatenate(fill),
-        _TRACE[sides.models[NEAR]],
-        _TRACE[sides.models[FAR]],
+        functions[sides.models[NEAR]],
+        functions[sides.models[FAR]],
         sides.seam,
         body.x_rest,
     )

@@ -83,7 +83,7 @@ def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> Pbd
     inverse_mass[free] = 1.0 / region.mass[free]
     padded = np.concatenate([inverse_mass, np.zeros(8)])
     x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
-    indptr, node, weight = point_weights(body, region, "pbd")
+    indptr, node, weight = point_weights(body, region, "hex8")
     return PbdModel(
         body=body,
         region=region,

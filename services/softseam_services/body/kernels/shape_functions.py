@@ -77,16 +77,73 @@ def octant_trilinear(local, value):
 
 
 @njit(cache=True, error_model="numpy")
-def fill_weights(local, point_cell, cell_nodes, quadratic_cells, indptr, node, weight):
+def _along_path(t, order):
+    """order (3,) <- axes by descending t (3,): the edges of Kuhn's tetrahedron that holds t."""
+    order[0], order[1], order[2] = 0, 1, 2
+    for first, second in ((0, 1), (1, 2), (0, 1)):
+        if t[order[second]] > t[order[first]]:
+            order[first], order[second] = order[second], order[first]
+
+
+@njit(cache=True, error_model="numpy")
+def octant_tetrahedral(local, value):
+    """Linear weights in the octant's tetrahedron that holds local (3,), of all 27 nodes; value (27,) in place.
+
+    Octants are divided from the cell's centre outwards, see fem/elements/tetrahedra.py.
+    """
+    value[:] = 0.0
+    order = np.empty(3, dtype=np.int64)
+    t = np.abs(local)
+    _along_path(t, order)
+    node, stride = 13, (1, 3, 9)
+    value[node] = 1.0 - t[order[0]]
+    for corner in range(3):
+        axis = order[corner]
+        node += stride[axis] if local[axis] > 0.0 else -stride[axis]
+        value[node] = t[axis] - (t[order[corner + 1]] if corner < 2 else 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def cell_tetrahedral(local, value):
+    """Quadratic weights in the cell's tetrahedron that holds local (3,), linear beyond; value (27,) in place."""
+    if np.abs(local).max() > 1.0:
+        octant_tetrahedral(local, value)
+        return
+    value[:] = 0.0
+    order = np.empty(3, dtype=np.int64)
+    t = 0.5 * (local + 1.0)
+    _along_path(t, order)
+    barycentric = np.empty(4)
+    node = np.zeros(4, dtype=np.int64)
+    barycentric[0] = 1.0 - t[order[0]]
+    for corner in range(3):
+        axis = order[corner]
+        node[corner + 1] = node[corner] + 2 * (1, 3, 9)[axis]
+        barycentric[corner + 1] = t[axis] - (t[order[corner + 1]] if corner < 2 else 0.0)
+    for a in range(4):
+        value[node[a]] = barycentric[a] * (2.0 * barycentric[a] - 1.0)
+        for b in range(a):
+            value[(node[a] + node[b]) // 2] = 4.0 * barycentric[a] * barycentric[b]
+
+
+QUADRATIC, TRILINEAR, TETRAHEDRAL, QUADRATIC_TETRAHEDRAL = 0, 1, 2, 3
+
+
+@njit(cache=True, error_model="numpy")
+def fill_weights(local, point_cell, cell_nodes, functions, indptr, node, weight):
     """Fill the rows of the sparse weights, zeros left out; returns the number of entries."""
     value = np.empty(27)
     n_entries = 0
     indptr[0] = 0
     for point in range(len(local)):
-        if quadratic_cells:
+        if functions == QUADRATIC:
             hex27_around(local[point], value)
-        else:
+        elif functions == TRILINEAR:
             octant_trilinear(local[point], value)
+        elif functions == TETRAHEDRAL:
+            octant_tetrahedral(local[point], value)
+        else:
+            cell_tetrahedral(local[point], value)
         for a in range(27):
             if value[a] != 0.0:
                 node[n_entries] = cell_nodes[point_cell[point], a]

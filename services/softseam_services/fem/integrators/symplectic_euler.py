@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.fem.kernels.cells import subtract_forces
+from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.kernels.newton import CONVERGED, LEAST_J, NOT_FINITE, WORST_CELL
 from softseam_services.fem.model import FemModel, Work
 

@@ -1,5 +1,6 @@
-"""Forces, tangents, energies and stresses of hex27 cells with split quadrature (fem/hex27.py, eq. 1).
+"""Forces, tangents, energies and stresses of hex27 box cells with split quadrature (fem/elements/hex27_box.py, eq. 1).
 
+The fast path of kernels/elements.py. A cell counts with its work.part, 1 but for crushed cells (kernels/crushed.py).
 With w_q = f_q V/8, H = cof F and the volumetric part of the material, s = dpsi_J/dJ, ds = d2psi_J/dJ2:
   f_ia = sum_q w_q (mu F + s H)_ij dN_a,j + mean(f) mu sum_b S_ab x_ib                                          (1)
   K_ia,kb = delta_ik L_ab + sum_q w_q [(ds + s/J) h_ia h_kb - s/J h_ka h_ib],  h_a = H grad N_a                 (2)
@@ -83,16 +84,18 @@ def subtract_forces(x, model, work, r):
     least, worst = np.inf, -1
     n_cells = len(model.cell_nodes)
     for cell in range(n_cells):
+        part = work.part[cell]
         for q in range(8):
-            J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, model.weight[cell, q], work.P[cell])
+            J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, part * model.weight[cell, q], work.P[cell])
             if not least <= J:
                 least, worst = J, cell
     multiply(work.P, model.gradient_t, work.fe, 3 * n_cells, 27, 24, False, work.ints)
-    if model.partial:
+    if model.partial or work.mixed[0] > 0:
         for cell in range(n_cells):
+            scale = work.part[cell] * model.mean_fill[cell]
             for i in range(3):
                 for a in range(27):
-                    work.xe[cell, i, a] *= model.mean_fill[cell]
+                    work.xe[cell, i, a] *= scale
     multiply(work.xe, model.stabilisation, work.fe, 3 * n_cells, 27, 27, True, work.ints)
     for cell in range(n_cells):
         for a in range(27):
@@ -105,7 +108,7 @@ def subtract_forces(x, model, work, r):
 
 
 @njit(cache=True, error_model="numpy")
-def _least_square_stretch(F, at):
+def least_square_stretch(F, at):
     """Least eigenvalue of F^T F, from the trigonometric solution of the cubic."""
     c00 = c11 = c22 = c01 = c02 = c12 = 0.0
     for i in range(3):
@@ -149,7 +152,7 @@ def _point_factors(F, at, linear, mu, lam, weight, safe, H):
     divisor = J if abs(J) > 1e-3 else (1e-3 if J >= 0.0 else -1e-3)
     b = -s / divisor
     if safe:
-        limit = mu * _least_square_stretch(F, at) / (divisor * divisor)
+        limit = mu * least_square_stretch(F, at) / (divisor * divisor)
         b = min(limit, max(-limit, b))
         return weight * max(0.0, ds - b), weight * b
     return weight * (ds - b), weight * b
@@ -197,7 +200,7 @@ def add_cell_tangents(x, model, tree, work, safe):
         n_free = tree.cell_free[cell]
         local = tree.cell_local[cell]
         for q in range(8):
-            weight = model.weight[cell, q]
+            weight = work.part[cell] * model.weight[cell, q]
             A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, model.mu, model.lambda_, weight, safe, H)
             at = 3 * q * LANES
             for b in range(n_free):
@@ -210,7 +213,7 @@ def add_cell_tangents(x, model, tree, work, safe):
         for a in range(n_free):
             _block_row(a, h, A, B, row)
             for b in range(a, n_free):
-                constant = L[local[a], local[b]]
+                constant = work.part[cell] * L[local[a], local[b]]
                 row[b] += constant
                 row[4 * LANES + b] += constant
                 row[8 * LANES + b] += constant
@@ -244,12 +247,12 @@ def strain_energy(x, model, work):
                 J += F[0, at + 1] * (F[1, at + 2] * F[2, at] - F[1, at] * F[2, at + 2])
                 J += F[0, at + 2] * (F[1, at] * F[2, at + 1] - F[1, at + 1] * F[2, at])
                 density = 0.5 * mu * (square + 2.0 * trace) + volumetric(J, mu, lam)[0]
-            total += model.weight[cell, q] * density
+            total += work.part[cell] * model.weight[cell, q] * density
         quadratic = 0.0
         for i in range(3):
             for a in range(27):
                 quadratic += work.xe[cell, i, a] * work.fe[cell, i, a]
-        total += 0.5 * model.mean_fill[cell] * quadratic
+        total += 0.5 * work.part[cell] * model.mean_fill[cell] * quadratic
     return total
 
 

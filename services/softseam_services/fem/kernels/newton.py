@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 
 from softseam_services.fem.integrators.scheme import begin
-from softseam_services.fem.kernels.cells import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.contact import (
     RELAXED,
     add_contact_forces,
@@ -21,6 +20,7 @@ from softseam_services.fem.kernels.contact import (
     evaluate_contacts,
     find_candidates,
 )
+from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, factor, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
 

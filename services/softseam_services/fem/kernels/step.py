@@ -7,7 +7,6 @@ from numba import njit
 
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish
 from softseam_services.fem.integrators.symplectic_euler import march
-from softseam_services.fem.kernels.cells import strain_energy
 from softseam_services.fem.kernels.contact import (
     GAP,
     NORMAL,
@@ -20,6 +19,8 @@ from softseam_services.fem.kernels.contact import (
     find_candidates,
     point_position,
 )
+from softseam_services.fem.kernels.crushed import share_cells
+from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED, farthest, newton, seam_pull
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
@@ -163,6 +164,7 @@ def advance(scheme, x0, v0, past, history, contact0, dt, seam_force, model, tree
     for s in range(len(model.seam)):
         for i in range(3):
             work.force[model.seam[s], i] += seam_force[s, i]
+    share_cells(x0, model, work)
     count = 0
     if scheme.kind == SYMPLECTIC_EULER:
         status, iterations = march(scheme.parameters[1], x0, v0, dt, model, work, memo, x, v)

@@ -1,0 +1,12 @@
+"""Quadratic hexahedron with 3^3 Gauss points: definite at any strain that the material bears; locks for nu > 0.49."""
+
+from __future__ import annotations
+
+from softseam_services.body.body import Floats
+from softseam_services.fem.elements import table
+from softseam_services.fem.elements.hexahedra import quadratic
+
+
+def build(x: Floats, poisson: float) -> table.Table:
+    """x (t, 27, 3) [m]."""
+    return table.full(quadratic(3), x)

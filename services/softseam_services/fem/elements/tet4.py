@@ -1,0 +1,12 @@
+"""48 linear tetrahedra a cell: the element of least order, which locks; for comparison."""
+
+from __future__ import annotations
+
+from softseam_services.body.body import Floats
+from softseam_services.fem.elements import table
+from softseam_services.fem.elements.tetrahedra import linear
+
+
+def build(x: Floats, poisson: float) -> table.Table:
+    """x (t, 27, 3) [m]."""
+    return table.full(linear(), x)

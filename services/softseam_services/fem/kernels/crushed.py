@@ -1,0 +1,43 @@
+"""Cells of hex27 that are squeezed hard pass from split to full quadrature.
+
+Under uniform squeeze split quadrature has modes of negative stiffness below a principal stretch of about 0.45, full
+quadrature has none. With the least principal stretch s of a cell's mean deformation gradient at the start of a step,
+  U_cell = (1 - b) U_split + b U_full,  b = r^2 (3 - 2 r),  r = (FIRST - s)/(FIRST - LAST) within 0 .. 1          (1)
+b stays over the step: the force is that of an energy, and a step's end depends on its start only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.fem.kernels.cells import deformation, least_square_stretch
+
+FIRST, LAST = 0.55, 0.45
+
+
+@njit(cache=True, error_model="numpy")
+def share_cells(x, model, work):
+    """Set work.part, work.full (c,) and their count work.mixed by eq. (1) from x (n, 3), the start of a step."""
+    if not model.crushable:
+        return
+    deformation(x, model, work)
+    mean = np.empty((3, 3))
+    work.mixed[0] = 0
+    for cell in range(len(model.cell_nodes)):
+        F = work.F[cell]
+        square = 0.0
+        for i in range(3):
+            for j in range(3):
+                mean[i, j] = 0.0
+                for q in range(8):
+                    mean[i, j] += 0.125 * F[i, 3 * q + j]
+                d = mean[i, j] - (1.0 if i == j else 0.0)
+                square += d * d
+        b = 0.0
+        # the least stretch is at least 1 - |F - I|
+        if square > (1.0 - FIRST) ** 2:
+            r = min(1.0, max(0.0, (FIRST - np.sqrt(least_square_stretch(mean, 0))) / (FIRST - LAST)))
+            b = r * r * (3.0 - 2.0 * r)
+        work.full[cell], work.part[cell] = b, 1.0 - b
+        work.mixed[0] += b > 0.0

@@ -1,0 +1,58 @@
+"""Forces, tangents, energies and stresses of a region's cells, whatever their element.
+
+A model is general, or takes the fast path of box cells with hex27 and a material of which mu/2 I1 splits off. Cells of
+hex27 that are crushed count in part with full quadrature, see kernels/crushed.py.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softseam_services.fem.kernels import cells, point_tangents, points
+
+
+@njit(cache=True, error_model="numpy")
+def subtract_forces(x, model, work, r):
+    """r <- r - f(x) in elimination order; returns the least J and the cell where it occurs.
+
+    x (n, 3), r (3 n_free,) updated in place; scratch arrays of work are overwritten
+    """
+    if model.general:
+        least, worst = points.subtract_forces(x, model, model.rule, work.part, work, r)
+    else:
+        least, worst = cells.subtract_forces(x, model, work, r)
+    if work.mixed[0] > 0:
+        points.subtract_forces(x, model, model.full, work.full, work, r)
+    return least, worst
+
+
+@njit(cache=True, error_model="numpy")
+def add_cell_tangents(x, model, tree, work, safe):
+    """Add K at x, every cell into its front of work.values (lower triangle), in place; safe: semi-definite."""
+    if model.general:
+        point_tangents.add_cell_tangents(x, model, model.rule, work.part, tree, work, safe)
+    else:
+        cells.add_cell_tangents(x, model, tree, work, safe)
+    if work.mixed[0] > 0:
+        point_tangents.add_cell_tangents(x, model, model.full, work.full, tree, work, safe)
+
+
+@njit(cache=True, error_model="numpy")
+def strain_energy(x, model, work):
+    """Energy [J] whose gradient is f."""
+    if model.general:
+        energy = points.strain_energy(x, model, model.rule, work.part, work)
+    else:
+        energy = cells.strain_energy(x, model, work)
+    if work.mixed[0] > 0:
+        energy += points.strain_energy(x, model, model.full, work.full, work)
+    return energy
+
+
+@njit(cache=True, error_model="numpy")
+def cauchy_stress(x, model, work, out):
+    """Cauchy stress xx yy zz yz xz xy of the octants, out (c, 8, 6) [Pa] updated in place; zero in an empty one."""
+    if model.general:
+        points.cauchy_stress(x, model, model.rule, work, out)
+    else:
+        cells.cauchy_stress(x, model, work, out)

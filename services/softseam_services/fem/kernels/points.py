@@ -1,0 +1,225 @@
+"""Forces, energies and stresses of any element with any material, cell by cell, element by element, point by point.
+
+  U = sum_q w_q psi(F_q) + fill mu/2 sum_ab S_ab x_a . x_b,   F_q = sum_a x_a (x) grad N_a                        (1)
+  f_ia = sum_q w_q P_ij dN_a,j + fill mu sum_b S_ab x_ib                                                          (2)
+psi at F_bar where a group of points has one volume ratio (kernels/mean_volume.py). A cell counts with its `part`, which
+is 1 unless two elements share the cell. `rule` is a `model.Rule`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.body.materials.point import energy, stress
+from softseam_services.fem.kernels.cells import gather
+from softseam_services.fem.kernels.mean_volume import (
+    mean_pressure,
+    modify,
+    positive_volume,
+    volume_gradient,
+)
+
+
+@njit(cache=True, error_model="numpy")
+def point_gradients(xe, rule, cell, group, per_group, F):
+    """F (k, 3, 3) at the points of a group in a cell with nodes xe (3, 27), updated in place."""
+    n_points, n_nodes = rule.gradient.shape[2], rule.gradient.shape[4]
+    shape = rule.shape[cell]
+    at = 0
+    for element in range(group * per_group, (group + 1) * per_group):
+        nodes = rule.nodes[element]
+        for q in range(n_points):
+            G = rule.gradient[shape, element, q]
+            for i in range(3):
+                f0 = f1 = f2 = 0.0
+                for a in range(n_nodes):
+                    x = xe[i, nodes[a]]
+                    f0 += x * G[0, a]
+                    f1 += x * G[1, a]
+                    f2 += x * G[2, a]
+                F[at, i, 0], F[at, i, 1], F[at, i, 2] = f0, f1, f2
+            at += 1
+
+
+@njit(cache=True, error_model="numpy")
+def group_volumes(F, weight, additive, H, J):
+    """J (k,) and H = dJ/dF (k, 3, 3) of a group in place; returns J_bar and the sum of weights (k,)."""
+    total = volume = 0.0
+    for at in range(len(F)):
+        J[at] = volume_gradient(F[at], additive, H[at])
+        total += weight[at]
+        volume += weight[at] * J[at]
+    return volume / total, total
+
+
+@njit(cache=True, error_model="numpy")
+def _determinant(F):
+    return (
+        F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
+        + F[0, 1] * (F[1, 2] * F[2, 0] - F[1, 0] * F[2, 2])
+        + F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0])
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def group_stresses(kind, parameters, additive, averaged, F, weight, F_bar, H, J, P):
+    """P (k, 3, 3) with which eq. (2) holds at the points of a group, updated in place."""
+    if not averaged:
+        for at in range(len(F)):
+            stress(kind, parameters, F[at], P[at])
+        return
+    J_bar, total = group_volumes(F, weight, additive, H, J)
+    a_bar = 1.0 if additive else positive_volume(J_bar)[1]
+    pull = 0.0
+    for at in range(len(F)):
+        theta = modify(F[at], J[at], J_bar, additive, F_bar)
+        stress(kind, parameters, F_bar, P[at])
+        p = mean_pressure(P[at], F_bar, additive)
+        pull += weight[at] * p
+        own = p if additive else p * positive_volume(J[at])[1]
+        for i in range(3):
+            for j in range(3):
+                P[at, i, j] = theta * P[at, i, j] - own * H[at, i, j]
+    pull *= a_bar / total
+    for at in range(len(F)):
+        for i in range(3):
+            for j in range(3):
+                P[at, i, j] += pull * H[at, i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def subtract_forces(x, model, rule, part, work, r):
+    """r <- r - part f(x), eq. (2), in elimination order; returns the least J and the cell where it occurs.
+
+    x (n, 3), part (c,), r (3 n_free,) updated in place; work.xe and work.fe are overwritten
+    """
+    gather(x, model.cell_nodes, work.xe)
+    n_elements, n_nodes = rule.nodes.shape
+    averaged = len(rule.group_nodes) > 0
+    per_group = n_elements // len(rule.group_nodes) if averaged else 1
+    n_points = rule.gradient.shape[2]
+    size = per_group * n_points
+    F, H, P = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty((size, 3, 3))
+    J, F_bar = np.empty(size), np.empty((3, 3))
+    least, worst = np.inf, -1
+    for cell in range(len(model.cell_nodes)):
+        if part[cell] == 0.0:
+            continue
+        xe, fe = work.xe[cell], work.fe[cell]
+        fe[:] = 0.0
+        shape = rule.shape[cell]
+        for group in range(n_elements // per_group):
+            point_gradients(xe, rule, cell, group, per_group, F)
+            weight = rule.weight[cell, group * size : (group + 1) * size]
+            group_stresses(model.kind, model.parameters, model.additive, averaged, F, weight, F_bar, H, J, P)
+            at = 0
+            for element in range(group * per_group, (group + 1) * per_group):
+                nodes = rule.nodes[element]
+                for q in range(n_points):
+                    det = _determinant(F[at])
+                    if not least <= det:
+                        least, worst = det, cell
+                    G, w = rule.gradient[shape, element, q], part[cell] * weight[at]
+                    for i in range(3):
+                        p0, p1, p2 = w * P[at, i, 0], w * P[at, i, 1], w * P[at, i, 2]
+                        for a in range(n_nodes):
+                            fe[i, nodes[a]] += p0 * G[0, a] + p1 * G[1, a] + p2 * G[2, a]
+                    at += 1
+                if rule.stabilised:
+                    scale = part[cell] * rule.fill[cell, element]
+                    S = rule.stabilisation[shape, element]
+                    for a in range(n_nodes):
+                        for i in range(3):
+                            pull = 0.0
+                            for b in range(n_nodes):
+                                pull += S[a, b] * xe[i, nodes[b]]
+                            fe[i, nodes[a]] += scale * pull
+        for a in range(27):
+            place = model.cell_order[cell, a]
+            if place >= 0:
+                r[3 * place] -= fe[0, a]
+                r[3 * place + 1] -= fe[1, a]
+                r[3 * place + 2] -= fe[2, a]
+    return least, worst
+
+
+@njit(cache=True, error_model="numpy")
+def strain_energy(x, model, rule, part, work):
+    """Energy [J] of eq. (1), whose gradient is f."""
+    gather(x, model.cell_nodes, work.xe)
+    n_elements, n_nodes = rule.nodes.shape
+    averaged = len(rule.group_nodes) > 0
+    per_group = n_elements // len(rule.group_nodes) if averaged else 1
+    size = per_group * rule.gradient.shape[2]
+    F, H, J, F_bar = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty(size), np.empty((3, 3))
+    total = 0.0
+    for cell in range(len(model.cell_nodes)):
+        if part[cell] == 0.0:
+            continue
+        xe = work.xe[cell]
+        shape = rule.shape[cell]
+        own = 0.0
+        for group in range(n_elements // per_group):
+            point_gradients(xe, rule, cell, group, per_group, F)
+            weight = rule.weight[cell, group * size : (group + 1) * size]
+            J_bar = 1.0
+            if averaged:
+                J_bar, _ = group_volumes(F, weight, model.additive, H, J)
+            for at in range(size):
+                if averaged:
+                    modify(F[at], J[at], J_bar, model.additive, F_bar)
+                    own += weight[at] * energy(model.kind, model.parameters, F_bar)
+                else:
+                    own += weight[at] * energy(model.kind, model.parameters, F[at])
+        if rule.stabilised:
+            for element in range(n_elements):
+                nodes = rule.nodes[element]
+                square = 0.0
+                for a in range(n_nodes):
+                    for b in range(n_nodes):
+                        product = 0.0
+                        for i in range(3):
+                            product += xe[i, nodes[a]] * xe[i, nodes[b]]
+                        square += rule.stabilisation[shape, element, a, b] * product
+                own += 0.5 * rule.fill[cell, element] * square
+        total += part[cell] * own
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def cauchy_stress(x, model, rule, work, out):
+    """Cauchy stress xx yy zz yz xz xy of the octants, out (c, 8, 6) [Pa] updated in place; zero in an empty octant.
+
+    The mean over the octant's points of P F^T/J, of small-strain materials P.
+    """
+    gather(x, model.cell_nodes, work.xe)
+    n_elements = len(rule.nodes)
+    averaged = len(rule.group_nodes) > 0
+    per_group = n_elements // len(rule.group_nodes) if averaged else 1
+    n_points = rule.gradient.shape[2]
+    size = per_group * n_points
+    F, H, P = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty((size, 3, 3))
+    J, F_bar, volume = np.empty(size), np.empty((3, 3)), np.empty(8)
+    out[:] = 0.0
+    for cell in range(len(model.cell_nodes)):
+        volume[:] = 0.0
+        for group in range(n_elements // per_group):
+            point_gradients(work.xe[cell], rule, cell, group, per_group, F)
+            weight = rule.weight[cell, group * size : (group + 1) * size]
+            group_stresses(model.kind, model.parameters, model.additive, averaged, F, weight, F_bar, H, J, P)
+            for at in range(size):
+                det = 1.0 if model.additive else _determinant(F[at])
+                share = rule.share[group * per_group + at // n_points, at % n_points]
+                for octant in range(8):
+                    w = share[octant] * weight[at]
+                    volume[octant] += w
+                    for n in range(6):
+                        i, j = (0, 1, 2, 1, 0, 0)[n], (0, 1, 2, 2, 2, 1)[n]
+                        sigma = P[at, i, j]
+                        if not model.additive:
+                            sigma = P[at, i, 0] * F[at, j, 0] + P[at, i, 1] * F[at, j, 1] + P[at, i, 2] * F[at, j, 2]
+                        out[cell, octant, n] += w * sigma / det
+        for octant in range(8):
+            for n in range(6):
+                out[cell, octant, n] *= 1.0 / volume[octant] if model.filled[cell, octant] else 0.0

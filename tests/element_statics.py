@@ -1,0 +1,111 @@
+"""Static problems on a body's cells, any element: sparse Newton's method in Python around the product's kernels."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from fem_run import block
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import splu
+
+from softseam_protocol.scene import FemSpec
+from softseam_services.body.body import Body
+from softseam_services.body.build import build_body
+from softseam_services.body.region import build_region
+from softseam_services.fem.kernels.elements import add_cell_tangents, strain_energy, subtract_forces
+from softseam_services.fem.model import build_model, build_work
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Vector = tuple[float, float, float]
+
+
+def lattice(
+    size: Vector, counts: tuple[int, int, int], shift: Callable[[Floats], Floats] | None = None, **keys: Any
+) -> Body:
+    """A block with its least corner at the origin, its nodes moved by `shift` (n, 3) -> (n, 3)."""
+    edges = (size[0] / counts[0], size[1] / counts[1], size[2] / counts[2])
+    place = {"position": (size[0] / 2, size[1] / 2, 0.0)}
+    body = build_body(block(size, edges, body=place, regions={"default": "fem"}, **keys), {})
+    if shift is None:
+        return body
+    x = body.x_rest + shift(body.x_rest)
+    return dataclasses.replace(body, x_rest=np.ascontiguousarray(x))
+
+
+class Statics:
+    """A body whose forces and stiffness are those of `element`."""
+
+    def __init__(self, body: Body, element: str) -> None:
+        cells = np.arange(body.n_cells, dtype=np.int32)
+        region = build_region(body, cells, np.zeros(0, dtype=np.int32))
+        self.body = body
+        self.model, self.tree = build_model(body, region, spec=FemSpec.model_validate({"element": element}))
+        self.work = build_work(self.model, self.tree, 0)
+        rows, columns, places = [], [], []
+        for _, n_own, n_all, _, offset, row, *_ in self.tree.meta:
+            dofs = (3 * self.tree.rows[row : row + n_all][:, None] + np.arange(3)).ravel()
+            lower = np.tril_indices(3 * n_all, m=3 * n_own)
+            rows.append(dofs[lower[0]])
+            columns.append(dofs[lower[1]])
+            places.append(offset + lower[1] * 3 * n_all + lower[0])
+        self._row, self._column, self._place = (np.concatenate(part) for part in (rows, columns, places))
+        order = self.tree.position
+        self._dof = (3 * order[:, None] + np.arange(3)).ravel()
+
+    @property
+    def x_rest(self) -> Floats:
+        return self.model.x_rest
+
+    def forces(self, x: Floats) -> Floats:
+        """f(x) = dU/dx (n, 3)."""
+        r = np.zeros_like(self.work.r)
+        subtract_forces(x, self.model, self.work, r)
+        return -r.reshape(-1, 3)[self.model.order]
+
+    def energy(self, x: Floats) -> float:
+        return float(strain_energy(x, self.model, self.work))
+
+    def stiffness(self, x: Floats, definite: bool = False) -> csc_array:
+        """K(x) with 3 node + axis as rows and columns."""
+        self.work.values[:] = 0.0
+        add_cell_tangents(x, self.model, self.tree, self.work, definite)
+        values = self.work.values[self._place]
+        kept = values != 0.0
+        lower = coo_array((values[kept], (self._row[kept], self._column[kept])), shape=(len(self._dof),) * 2).tocsc()
+        strict = coo_array(lower)
+        off = strict.row != strict.col
+        upper = coo_array((strict.data[off], (strict.col[off], strict.row[off])), shape=lower.shape).tocsc()
+        whole = csc_array(lower + upper)
+        return csc_array(whole[self._dof][:, self._dof])
+
+    def solve(self, x: Floats, held: Mask, load: Floats | float = 0.0, tolerance: float = 1e-10) -> Floats:
+        """Equilibrium from x, whose `held` (n, 3) coordinates stay; load (n, 3) [N] dead.
+
+        Newton's method, with the definite tangent while steps are long; one that raises U - load . x is halved.
+        """
+        x = x.copy()
+        free = np.flatnonzero(~held.ravel())
+        size = float(np.ptp(self.x_rest, axis=0).max())
+        energy = self.energy(x) - float(np.sum(load * x))
+        longest = np.inf
+        for _ in range(40):
+            residual = (load - self.forces(x)).ravel()[free]
+            matrix = csc_array(self.stiffness(x, definite=longest > 1e-6 * size)[free][:, free])
+            step = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(residual)
+            longest = float(np.abs(step).max())
+            trial, scale = x.copy(), 1.0
+            while True:
+                trial.reshape(-1)[free] = x.reshape(-1)[free] + scale * step
+                if longest < tolerance * size:
+                    return trial
+                potential = self.energy(trial) - float(np.sum(load * trial))
+                if potential <= energy + 1e-9 * abs(energy) or scale < 1e-3:
+                    break
+                scale *= 0.5
+            x, energy = trial, potential
+        raise AssertionError(f"no equilibrium: the last step was {longest:.3g} m")

@@ -1,0 +1,168 @@
+"""Every element with every material on general and partly filled cells: derivatives, invariants, definite tangents."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from element_statics import Statics, lattice
+from numpy.typing import NDArray
+
+from softseam_protocol.scene import FemSpec, MaterialKind
+from softseam_services.body.errors import MeshError
+from softseam_services.body.interpolate import FUNCTIONS
+from softseam_services.body.lattice import LOCAL
+from softseam_services.fem.elements import ELEMENTS
+from softseam_services.fem.elements.hex8_reduced import build as reduced
+from softseam_services.fem.kernels.elements import cauchy_stress
+from softseam_services.fem.kernels.mean_volume import positive_volume
+
+Floats = NDArray[np.float64]
+KINDS: tuple[MaterialKind, ...] = get_args(MaterialKind)
+EDGE = 0.01
+
+
+@cache
+def bent(element: str, kind: str = "neo_hookean", partial: bool = True) -> Statics:
+    """Two cells with all nodes moved by up to 5 % of an edge, some octants filled in part or empty."""
+    keys: dict[str, Any] = {"ratio": 0.2} if kind == "mooney_rivlin" else {}
+    rng = np.random.default_rng(5)
+    shift = rng.uniform(-0.05 * EDGE, 0.05 * EDGE, (45, 3))
+    body = lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), lambda x: shift, kind=kind, **keys)
+    if partial:
+        fill = rng.uniform(0.0, 1.0, body.fill.shape)
+        fill[0, :2] = 0.0
+        body = dataclasses.replace(body, fill=fill)
+    return Statics(body, element)
+
+
+def moved(x: Floats, size: float = 0.1) -> Floats:
+    rng = np.random.default_rng(0)
+    return x @ (np.eye(3) + size * rng.standard_normal((3, 3))) + 2e-4 * rng.standard_normal(x.shape)
+
+
+def test_every_element_of_the_scene_has_a_row() -> None:
+    assert set(ELEMENTS) == set(FUNCTIONS) == set(get_args(FemSpec.model_fields["element"].annotation))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_forces_and_tangents_are_derivatives(element: str, kind: str) -> None:
+    """Central differences along random directions; rounding of f leaves about 1e-8 of the largest entry."""
+    case = bent(element, kind)
+    x = moved(case.x_rest)
+    way = np.random.default_rng(2).standard_normal(x.shape)
+    e = 1e-7
+    slope = (case.energy(x + e * way) - case.energy(x - e * way)) / (2.0 * e)
+    np.testing.assert_allclose(slope, np.sum(case.forces(x) * way), rtol=1e-6)
+    difference = (case.forces(x + e * way) - case.forces(x - e * way)) / (2.0 * e)
+    product = (case.stiffness(x) @ way.ravel()).reshape(x.shape)
+    np.testing.assert_allclose(product, difference, atol=1e-6 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_derivatives_hold_where_elements_are_turned_over(element: str) -> None:
+    case = bent(element)
+    x = case.x_rest * np.array([-0.4, 1.0, 0.3]) + 1e-3 * np.random.default_rng(0).standard_normal(case.x_rest.shape)
+    way = np.random.default_rng(2).standard_normal(x.shape)
+    e = 1e-8
+    slope = (case.energy(x + e * way) - case.energy(x - e * way)) / (2.0 * e)
+    np.testing.assert_allclose(slope, np.sum(case.forces(x) * way), rtol=1e-5)
+    difference = (case.forces(x + e * way) - case.forces(x - e * way)) / (2.0 * e)
+    product = (case.stiffness(x) @ way.ravel()).reshape(x.shape)
+    np.testing.assert_allclose(product, difference, atol=1e-5 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_definite_tangents_are_semi_definite_and_exact_at_rest(element: str, kind: str) -> None:
+    case = bent(element, kind)
+    x = moved(case.x_rest, 0.3)
+    values = np.linalg.eigvalsh(case.stiffness(x, definite=True).toarray())
+    assert values[0] > -1e-12 * values[-1]
+    exact = case.stiffness(case.x_rest).toarray()
+    assert np.abs(case.stiffness(case.x_rest, definite=True).toarray() - exact).max() < 1e-11 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("partial", [False, True])
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_six_rigid_modes_and_no_others(element: str, partial: bool) -> None:
+    case = bent(element, partial=partial)
+    values = np.linalg.eigvalsh(case.stiffness(case.x_rest).toarray())
+    assert np.abs(values[:6]).max() < 1e-13 * values[-1]
+    assert values[6] > (1e-5 if partial else 5e-4) * values[-1]
+
+
+def test_a_reduced_hexahedron_without_hourglass_control_has_spurious_modes() -> None:
+    """The failing control: on one octant each of the four patterns in each direction costs nothing."""
+    x = 0.5 * EDGE * LOCAL[None]
+    for coefficient, expected in ((0.0, 18), (1.0 / 36.0, 6)):
+        table = reduced(x, 0.45, coefficient)
+        G = table.gradient[0, 0, 0]
+        B = np.zeros((6, 24))
+        for n, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))):
+            B[n, i::3] += G[j]
+            B[n, j::3] += G[i]
+        K = table.weight[0, 0, 0] * B.T @ B + np.kron(table.stabilisation[0, 0], np.eye(3))
+        values = np.linalg.eigvalsh(K)
+        assert np.count_nonzero(values < 1e-12 * values[-1]) == expected
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_volume_is_exact_and_shared_by_octants(element: str) -> None:
+    """Points' weights sum to the cell's volume, on boxes also octant by octant; mass is the body's, rho V."""
+    box = 0.5 * EDGE * LOCAL[None].astype(np.float64)
+    table = ELEMENTS[element](box, 0.3)
+    np.testing.assert_allclose(table.weight.sum(), EDGE**3, rtol=1e-13)
+    octants = np.einsum("bq,bqo->o", table.weight[0], table.share)
+    np.testing.assert_allclose(octants, EDGE**3 / 8.0, rtol=1e-13)
+    case = bent(element, partial=False)
+    np.testing.assert_allclose(case.model.mass.sum(), 1050.0 * 2.0 * EDGE**3, rtol=1e-13)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_rotation_costs_nothing(element: str) -> None:
+    case = bent(element)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    f = case.forces(case.x_rest @ turn.T + np.array([0.3, -0.2, 0.1]))
+    assert np.abs(f).max() < 1e-11 * case.model.mu * EDGE**2
+    f = case.forces(moved(case.x_rest))
+    np.testing.assert_allclose(f.sum(axis=0), 0.0, atol=1e-13 * np.abs(f).sum())
+
+
+def test_the_fast_path_is_the_general_one() -> None:
+    """Boxes with hex27 and neo-Hookean take kernels of their own; a hair off a box they do not."""
+    exact = lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1))
+    hair = lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), lambda x: 1e-8 * EDGE * np.sin(1e5 * x))
+    fast, general = Statics(exact, "hex27"), Statics(hair, "hex27")
+    assert (fast.model.general, general.model.general) == (False, True)
+    x = moved(fast.x_rest)
+    K = fast.stiffness(x).toarray()
+    np.testing.assert_allclose(general.forces(x), fast.forces(x), atol=1e-6 * np.abs(fast.forces(x)).max())
+    np.testing.assert_allclose(general.stiffness(x).toarray(), K, atol=1e-6 * np.abs(K).max())
+    np.testing.assert_allclose(general.energy(x), fast.energy(x), rtol=1e-6)
+    stress = np.empty((2, 2, 8, 6))
+    for out, case in zip(stress, (fast, general), strict=True):
+        cauchy_stress(x, case.model, case.work, out)
+    np.testing.assert_allclose(stress[0], stress[1], atol=1e-6 * np.abs(stress[0]).max())
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_cell_turned_over_is_refused(element: str) -> None:
+    x = 0.5 * EDGE * LOCAL[None].astype(np.float64)
+    x[..., 0] *= -1.0
+    with pytest.raises(MeshError, match="turned over"):
+        ELEMENTS[element](x, 0.3)
+
+
+def test_the_volume_of_a_patch_stays_positive_and_smooth() -> None:
+    for J in (-2.0, -0.3, 0.0, 0.1, 0.19, 0.21, 1.0):
+        j, a, da = positive_volume(J)
+        h = 1e-6
+        upper, lower = positive_volume(J + h), positive_volume(J - h)
+        assert j > 0.09
+        assert (upper[0] - lower[0]) / (2 * h) == pytest.approx(a * j, rel=1e-6, abs=1e-9)
+        assert (upper[1] - lower[1]) / (2 * h) == pytest.approx(da, rel=1e-5, abs=1e-6)
