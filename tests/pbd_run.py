@@ -41,6 +41,8 @@ def block_scene(
     body: Mapping[str, Any] | None = None,
 ) -> Scene:
     """A block; `moved` names two tools that the scene's motion closes, which makes them near."""
+    ratio = 0.3 if kind == "mooney_rivlin" else None
+    material = {"kind": kind, "young": young, "poisson": poisson, "density": density, "ratio": ratio}
     return Scene.model_validate(
         {
             "softseam": 1,
@@ -52,7 +54,7 @@ def block_scene(
                 "shape": {"kind": "block", "size": size},
                 "position": position,
                 "cell": cell,
-                "material": {"kind": kind, "young": young, "poisson": poisson, "density": density},
+                "material": material,
                 "fixed": fixed,
                 **(body or {}),
             },
@@ -169,12 +171,12 @@ class Energy:
     def value(self, x: Floats) -> float:
         b = self._blocks
         self._xw[: self._n, :3] = x
-        return float(strain_energy(self._ws, self._xw, b.nodes, b.volume, b.constants, b.linear)[0])
+        return float(strain_energy(self._ws, self._xw, b.nodes, b.volume, b.constants, b.law)[0])
 
     def force(self, x: Floats) -> Floats:
         b = self._blocks
         self._xw[: self._n, :3] = x
-        exact_stress(self._ws, self._xw, b.nodes, b.volume, self._stress, b.constants, b.linear)
+        exact_stress(self._ws, self._xw, b.nodes, b.volume, self._stress, b.constants, b.law)
         force = np.zeros((self._n + 8, 4))
         block_forces(self._ws, b.nodes, self._stress, b.constants, force)
         return force[: self._n, :3].copy()

@@ -18,7 +18,7 @@ IntegratorKind = Literal[
 
 KNOWN_MATERIALS: dict[ModelKind, tuple[MaterialKind, ...]] = {
     "fem": ("neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"),
-    "pbd": ("neo_hookean", "linear"),
+    "pbd": ("neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"),
 }
 """the materials that each model can take"""
 SEAM_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint")

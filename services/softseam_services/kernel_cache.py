@@ -44,7 +44,7 @@ def drop_stale_kernels(packages: Iterable[Path]) -> int:
         known = _read(stamp)
         if known.get("") == everything:
             return 0
-        imports = {module: _imports(text, texts) for module, text in texts.items()}
+        imports = {m: _imports(texts[m], _package(m, path), texts) for m, path in sources.items()}
         now = {m: _digest(texts, _reached(m, imports)) for m, text in texts.items() if b"njit" in text}
         for module, path in sources.items():
             if module not in now or known.get(module) != now[module]:
@@ -77,15 +77,23 @@ def _read(stamp: Path) -> dict[str, str]:
         return {}
 
 
-def _imports(text: bytes, modules: Mapping[str, bytes]) -> set[str]:
+def _package(module: str, path: Path) -> list[str]:
+    """Names of the package in which a module's relative imports begin."""
+    parts = module.split(".")
+    return parts if path.name == "__init__.py" else parts[:-1]
+
+
+def _imports(text: bytes, package: list[str], modules: Mapping[str, bytes]) -> set[str]:
     """Those of `modules` that a source imports: `import a.b`, or `from a.b import c` where c may be a module itself."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             found.update(name.name for name in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            found.add(node.module)
-            found.update(f"{node.module}.{name.name}" for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else []
+            source = ".".join([*above, node.module] if node.module else above)
+            found.add(source)
+            found.update(f"{source}.{name.name}" for name in node.names)
     return found & modules.keys()
 
 

@@ -15,9 +15,11 @@ _SOURCES = {
     "one/service.py": "import one.caller\n",
     "two/__init__.py": "",
     "two/callee.py": "from numba import njit\nfrom two import sizes\n",
+    "two/beside.py": "from numba import njit\nfrom .callee import kernel\n",
+    "two/nearby.py": "from numba import njit\nfrom . import sizes\n",
     "two/sizes.py": "LANES = 8\n",
 }
-_COMPILED = ("one/caller", "one/apart", "two/callee")
+_COMPILED = ("one/caller", "one/apart", "two/callee", "two/beside", "two/nearby")
 
 
 def _index(home: Path, source: str) -> Path:
@@ -40,8 +42,8 @@ def home(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("changed", "forgotten"),
     [
-        ("two/callee.py", {"one/caller", "two/callee"}),
-        ("two/sizes.py", {"one/caller", "two/callee"}),
+        ("two/callee.py", {"one/caller", "two/callee", "two/beside"}),
+        ("two/sizes.py", {"one/caller", "two/callee", "two/beside", "two/nearby"}),
         ("one/caller.py", {"one/caller"}),
         ("one/apart.py", {"one/apart"}),
         ("one/service.py", set()),

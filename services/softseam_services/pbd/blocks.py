@@ -32,7 +32,8 @@ class Blocks:
     constants: Floats
     padding_x: Floats
     """rest positions of the padding's nodes (8, 3) [m]"""
-    linear: bool
+    law: int
+    """number of the material in `body.materials.point`"""
 
     @property
     def n_batches(self) -> int:
@@ -67,5 +68,5 @@ def build_blocks(body: Body, region: Region, hourglass: str, only: Ints | None =
         edges=edges,
         constants=block_constants(body.material, edges, hourglass),
         padding_x=corner * edges,
-        linear=body.material.kind == "linear",
+        law=body.material.number,
     )

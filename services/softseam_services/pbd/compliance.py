@@ -100,7 +100,7 @@ class SeamProbe:
             blocks.volume,
             self._softness,
             blocks.constants,
-            blocks.linear,
+            blocks.law,
             self._indptr,
             self._node,
             self._weight,

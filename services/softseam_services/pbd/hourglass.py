@@ -6,7 +6,7 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Material
 
-from .kernels.block import BOUND, LAM, MU, N_CONSTANTS, PAIR, SHEAR, TWIST, B, G
+from .kernels.block import BOUND, LAM, MU, N_CONSTANTS, PAIR, PARAMETERS, SHEAR, TWIST, B, G
 
 FITTED = (0.85, 0.0)
 
@@ -26,6 +26,7 @@ def block_constants(material: Material, edges: Floats, hourglass: str) -> Floats
     a = 2.0 / edges
     k = np.zeros(N_CONSTANTS)
     k[MU], k[LAM] = mu, material.lambda_
+    k[PARAMETERS:] = material.parameters
     k[B : B + 3] = 1.0 / (4.0 * edges)
     k[G : G + 3] = 1.0 / (16.0 * edges**2)
     for entry, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):

@@ -105,7 +105,7 @@ def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> Pbd
             blocks.nodes,
             blocks.volume,
             blocks.constants,
-            blocks.linear,
+            blocks.law,
             blocks.padding_x,
         ),
     )

@@ -94,7 +94,7 @@ class PbdSolver:
             blocks.volume,
             model.softness,
             blocks.constants,
-            blocks.linear,
+            blocks.law,
             region.mass,
             model.x_rest,
             body.gravity,
@@ -128,15 +128,13 @@ class PbdSolver:
         blocks = model.blocks
         n = model.n_nodes
         self._xw[:n, :3] = state.x
-        exact_stress(self._ws, self._xw, blocks.nodes, blocks.volume, state.stress, blocks.constants, blocks.linear)
+        exact_stress(self._ws, self._xw, blocks.nodes, blocks.volume, state.stress, blocks.constants, blocks.law)
         force = np.zeros((n + 8, 4))
         block_forces(self._ws, blocks.nodes, state.stress, blocks.constants, force)
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
         np.add.at(force[:, :3], model.node, model.weight[:, None] * state.force.sum(axis=1)[rows])
         state.a[:] = model.inverse_mass[:, None] * force[:n, :3]
-        strain, least_j = strain_energy(
-            self._ws, self._xw, blocks.nodes, blocks.volume, blocks.constants, blocks.linear
-        )
+        strain, least_j = strain_energy(self._ws, self._xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law)
         kinetic = 0.5 * float(region.mass @ np.einsum("nc,nc->n", state.v, state.v))
         gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
         state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None)
@@ -285,7 +283,7 @@ class PbdSolver:
         self._xw[:n, :3] = state.x
         cauchy = np.zeros((len(region.cells), 8, 6))
         blocks = model.blocks
-        octant_stress(self._ws, self._xw, blocks.nodes, blocks.octant, blocks.constants, blocks.linear, cauchy)
+        octant_stress(self._ws, self._xw, blocks.nodes, blocks.octant, blocks.constants, blocks.law, cauchy)
         point_x = np.zeros((model.n_points, 3))
         place_points(self._xw, model.indptr, model.node, model.weight, point_x)
         size = np.einsum("ptc,ptc->pt", state.force_mean, state.force_mean)

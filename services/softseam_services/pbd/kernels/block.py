@@ -36,8 +36,8 @@ N_STRESS = 21 * LANES
 """numbers of Lambda in a batch"""
 
 # Entries of the constants array, see `hourglass.block_constants`.
-MU, LAM, B, G, PAIR, SHEAR, TWIST, BOUND = 0, 1, 2, 5, 8, 17, 23, 26
-N_CONSTANTS = 30
+MU, LAM, B, G, PAIR, SHEAR, TWIST, BOUND, PARAMETERS = 0, 1, 2, 5, 8, 17, 23, 26, 30
+N_CONSTANTS = 33
 
 
 def new_workspace() -> NDArray[np.float64]:
@@ -47,7 +47,7 @@ def new_workspace() -> NDArray[np.float64]:
 
 @lane_kernel
 def hoist(k):
-    """The constants (N_CONSTANTS,) as a tuple."""
+    """The constants before PARAMETERS as a tuple."""
     return (
         *(k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], k[8], k[9], k[10], k[11], k[12], k[13], k[14]),
         *(k[15], k[16], k[17], k[18], k[19], k[20], k[21], k[22], k[23], k[24], k[25], k[26], k[27], k[28], k[29]),

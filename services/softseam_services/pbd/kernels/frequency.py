@@ -14,7 +14,7 @@ MARGIN = 1.03
 
 
 @njit(cache=True, error_model="numpy")
-def highest_frequency(ws, x_rest, inverse_mass, nodes, volume, constants, linear, padding_x):
+def highest_frequency(ws, x_rest, inverse_mass, nodes, volume, constants, law, padding_x):
     """Square root of the largest eigenvalue of M^-1 K by the power method [rad/s]; K from the blocks' own forces.
 
     x_rest (n, 3) [m], inverse_mass (n,) [1/kg], padding_x (8, 3) [m]; the rest as in `sweep`
@@ -41,7 +41,7 @@ def highest_frequency(ws, x_rest, inverse_mass, nodes, volume, constants, linear
         for i in range(n):
             for c in range(3):
                 xw[i, c] = x_rest[i, c] + scale * u[i, c]
-        exact_stress(ws, xw, nodes, volume, stress, constants, linear)
+        exact_stress(ws, xw, nodes, volume, stress, constants, law)
         force[:] = 0.0
         block_forces(ws, nodes, stress, constants, force)
         square = 0.0

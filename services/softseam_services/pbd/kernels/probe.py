@@ -23,7 +23,7 @@ def probe_seam(
     volume,
     softness,
     constants,
-    linear,
+    law,
     indptr,
     node,
     weight,
@@ -53,7 +53,7 @@ def probe_seam(
     for i in range(n):
         for c in range(3):
             xw[i, c] = x_start[i, c]
-    exact_stress(ws, xw, nodes, volume, stress_start, constants, linear)
+    exact_stress(ws, xw, nodes, volume, stress_start, constants, law)
     point_x = np.zeros((n_points, 3))
     place_points(xw, indptr, node, weight, point_x)
     active = np.ones(n_points, dtype=np.bool_)
@@ -111,7 +111,7 @@ def probe_seam(
                 softness,
                 stress,
                 constants,
-                linear,
+                law,
                 indptr,
                 node,
                 weight,

@@ -17,7 +17,7 @@ def relax(
     softness,
     stress,
     constants,
-    linear,
+    law,
     indptr,
     node,
     weight,
@@ -41,7 +41,7 @@ def relax(
     """
     for round_ in range(n_sweeps + 1):
         if round_ > 0:
-            sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h)
+            sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h)
         project_contacts(
             xw,
             indptr,

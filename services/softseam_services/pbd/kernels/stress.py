@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from numba import njit
 
+from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
+
 from .block import WANTED, gather
+from .general import cauchy_lanes_general
 from .lanes import LANES
 from .linear import cauchy_lanes_linear
 from .neo_hookean import cauchy_lanes
 
 
 @njit(cache=True, error_model="numpy")
-def octant_stress(ws, xw, nodes, octant, constants, linear, cauchy):
+def octant_stress(ws, xw, nodes, octant, constants, law, cauchy):
     """Stress at the blocks' centres.
 
     octant  (b, LANES)  8 cell + octant, -1 for padding
@@ -19,10 +22,12 @@ def octant_stress(ws, xw, nodes, octant, constants, linear, cauchy):
     """
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
-        if linear:
+        if law == NEO_HOOKEAN:
+            cauchy_lanes(ws, constants)
+        elif law == LINEAR:
             cauchy_lanes_linear(ws, constants)
         else:
-            cauchy_lanes(ws, constants)
+            cauchy_lanes_general(ws, constants, law)
         for lane in range(LANES):
             place = octant[batch, lane]
             if place >= 0:

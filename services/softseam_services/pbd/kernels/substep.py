@@ -78,7 +78,7 @@ def advance_step(
     volume,
     softness,
     constants,
-    linear,
+    law,
     mass,
     x_rest,
     gravity,
@@ -204,7 +204,7 @@ def advance_step(
             softness,
             stress,
             constants,
-            linear,
+            law,
             indptr,
             node,
             weight,
@@ -258,6 +258,6 @@ def advance_step(
         n_substeps,
         result,
     )
-    result[STRAIN], result[LEAST_J] = strain_energy(ws, xw, nodes, volume, constants, linear)
+    result[STRAIN], result[LEAST_J] = strain_energy(ws, xw, nodes, volume, constants, law)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
     cell_distances(x, cell_nodes, kind, shape, pose[1], quaternion[1], near, node_gap, cell_distance)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
+
 from .block import (
     ENERGY,
     RATIO,
@@ -21,6 +23,7 @@ from .block import (
     spread,
     store_stress,
 )
+from .general import energy_lanes_general, project_lanes_general, stress_lanes_general
 from .lanes import LANES, move_four
 from .linear import energy_lanes_linear, project_lanes_linear, stress_lanes_linear
 from .neo_hookean import energy_lanes, project_lanes, stress_lanes
@@ -29,7 +32,7 @@ __all__ = ["block_forces", "exact_stress", "new_workspace", "strain_energy", "sw
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h):
+def sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h):
     """Project every block once, colour after colour.
 
     ws        (ROWS * LANES,)  workspace
@@ -38,6 +41,7 @@ def sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h):
     volume    (b, LANES)       fill times volume [m^3]
     softness  (b, LANES)       8 times the largest inverse mass of a block's nodes [1/kg]
     stress    (b, N_STRESS)    Lambda, row by row of LANES lanes, updated in place
+    law                        number of the material in `body.materials.point`
     kappa, h                   under-relaxation of the local compliance [1], substep [s]
     """
     hh = h * h
@@ -46,24 +50,28 @@ def sweep(ws, xw, nodes, volume, softness, stress, constants, linear, kappa, h):
         load_stress(ws, stress, batch)
         move_four(ws, LANES * SOFTNESS, softness, LANES * batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        if linear:
+        if law == NEO_HOOKEAN:
+            project_lanes(ws, constants, kappa, hh)
+        elif law == LINEAR:
             project_lanes_linear(ws, constants, kappa, hh)
         else:
-            project_lanes(ws, constants, kappa, hh)
+            project_lanes_general(ws, constants, law, kappa, hh)
         store_stress(ws, STRESS, stress, batch)
         scatter(ws, xw, nodes, batch)
 
 
 @njit(cache=True, error_model="numpy")
-def exact_stress(ws, xw, nodes, volume, stress, constants, linear):
+def exact_stress(ws, xw, nodes, volume, stress, constants, law):
     """Lambda = (P, T) of the shape that each block has now; stress (b, N_STRESS) updated in place."""
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        if linear:
+        if law == NEO_HOOKEAN:
+            stress_lanes(ws, constants)
+        elif law == LINEAR:
             stress_lanes_linear(ws, constants)
         else:
-            stress_lanes(ws, constants)
+            stress_lanes_general(ws, constants, law)
         store_stress(ws, WANTED, stress, batch)
 
 
@@ -83,17 +91,19 @@ def block_forces(ws, nodes, stress, constants, force):
 
 
 @njit(cache=True, error_model="numpy")
-def strain_energy(ws, xw, nodes, volume, constants, linear):
+def strain_energy(ws, xw, nodes, volume, constants, law):
     """U = sum V (psi(F) + 1/2 q^T K q) over all blocks [J], and the least J of those that are not empty."""
     total = 0.0
     least = np.inf
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        if linear:
+        if law == NEO_HOOKEAN:
+            energy_lanes(ws, constants)
+        elif law == LINEAR:
             energy_lanes_linear(ws, constants)
         else:
-            energy_lanes(ws, constants)
+            energy_lanes_general(ws, constants, law)
         for lane in range(LANES):
             if volume[batch, lane] > 0.0:
                 total += ws[LANES * ENERGY + lane]
