@@ -13,6 +13,8 @@ from scipy.optimize import brentq
 from softseam_coupling.mortar import TRACES, mortar_tie
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
+from softseam_services.body.interpolate import FUNCTIONS
+from softseam_services.body.materials import point
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -98,6 +100,29 @@ def test_cells_pass_to_full_quadrature_one_by_one_and_back() -> None:
     assert run.solver._work.mixed[0] == 0
 
 
+def _face_share(trace: str) -> Floats:
+    """Share of a uniform traction that each node a = i + 3 j of a face takes (9,), to 1e-3 on triangles."""
+    gauss, weight = np.polynomial.legendre.leggauss(40)
+    s, t = np.meshgrid(0.5 + 0.5 * gauss, 0.5 + 0.5 * gauss)
+    return np.asarray(0.25 * np.outer(weight, weight).ravel() @ TRACES[trace](s.ravel(), t.ravel()))
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_elements_push_on_a_face_as_the_seam_takes_them_to(element: str) -> None:
+    """Uniform stress in one cell: the forces on its nodes are P n A times the shares of the element's trace."""
+    case = Statics(lattice((0.02, 0.02, 0.02), (1, 1, 1)), element)
+    F, P = np.eye(3) + 0.2 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3)), np.empty((3, 3))
+    point.stress(case.model.kind, case.model.parameters, F, P)
+    expected = np.zeros((27, 3))
+    lattice_ids = np.arange(27).reshape(3, 3, 3)
+    for axis in range(3):
+        for side in (0, 2):
+            face = np.take(lattice_ids, side, axis=2 - axis).ravel()
+            expected[face] += 0.02**2 * (side - 1) * np.outer(_face_share(FUNCTIONS[element]), P[:, axis])
+    forces = case.forces(case.x_rest @ F.T)[case.model.cell_nodes[0]]
+    np.testing.assert_allclose(forces, expected, atol=5e-3 * np.abs(P).max() * 0.02**2)
+
+
 @pytest.mark.parametrize("near", TRACES)
 @pytest.mark.parametrize("far", TRACES)
 def test_a_seam_passes_linear_fields_and_uniform_tractions(near: str, far: str) -> None:
@@ -111,13 +136,8 @@ def test_a_seam_passes_linear_fields_and_uniform_tractions(near: str, far: str) 
     P = np.eye(25) if tie.p is None else tie.p
     field = np.column_stack([np.ones(25), at[:, :2]])
     np.testing.assert_allclose(P @ field, field, atol=1e-12)
-    shares = []
-    for trace in (near, far):
-        gauss, weight = np.polynomial.legendre.leggauss(40)
-        s, t = np.meshgrid(0.5 + 0.5 * gauss, 0.5 + 0.5 * gauss)
-        share = np.outer(weight, weight).ravel() @ TRACES[trace](s.ravel(), t.ravel())
-        shares.append(np.bincount(faces.ravel(), np.tile(share, 4), 25))
-    np.testing.assert_allclose(P.T @ shares[0], shares[1], atol=5e-3)  # the rule is not exact on triangles
+    shares = [np.bincount(faces.ravel(), np.tile(4.0 * _face_share(trace), 4), 25) for trace in (near, far)]
+    np.testing.assert_allclose(P.T @ shares[0], shares[1], atol=5e-3)
 
 
 @pytest.mark.parametrize("element", ["hex8_bbar", "tet10", "tet4_fbar"])
