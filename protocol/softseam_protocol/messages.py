@@ -208,6 +208,8 @@ class Advanced:
     seam_force: Vectors = field(default_factory=_NO_VECTORS)
     """force that acted on the seam nodes (s, 3) [N]; empty: the one that was asked for"""
     fields: Fields | None = None
+    n_crushed: Count = 0
+    """cells squeezed so far that they count in part with full quadrature"""
 
 
 @dataclass(frozen=True, slots=True)

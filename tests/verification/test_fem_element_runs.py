@@ -97,7 +97,8 @@ def test_cells_pass_to_full_quadrature_one_by_one_and_back() -> None:
     back = {name: (-vx, 0.0, 0.0) for name, (vx, _, _) in CLOSE.items()}
     for _ in range(145):
         run.step(back, dt=0.005)
-    assert run.solver._work.mixed[0] == 0
+    assert reply.n_crushed == 8
+    assert run.step(back, dt=0.005).n_crushed == 0
 
 
 def _face_share(trace: str) -> Floats:
@@ -138,6 +139,24 @@ def test_a_seam_passes_linear_fields_and_uniform_tractions(near: str, far: str) 
     np.testing.assert_allclose(P @ field, field, atol=1e-12)
     shares = [np.bincount(faces.ravel(), np.tile(4.0 * _face_share(trace), 4), 25) for trace in (near, far)]
     np.testing.assert_allclose(P.T @ shares[0], shares[1], atol=5e-3)
+
+
+def test_crushed_cells_are_an_event() -> None:
+    plate = {"kind": "box", "size": (0.01, 0.12, 0.12), "friction": 50.0}
+    scene = block(
+        gravity=(0.0, 0.0, 0.0),
+        tools={"left": {**plate, "position": (-0.03, 0, 0.025)}, "right": {**plate, "position": (0.03, 0, 0.025)}},
+        motion=[{"tools": ("left", "right"), "close": 0.02, "until": {"compression": 0.5}}],
+        regions={"default": "fem"},
+        duration=0.65,
+        step=0.01,
+    )
+    simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
+    while not simulation.done:
+        simulation.step()
+    simulation.close()
+    (told,) = [event.message for event in simulation.events if event.kind == "cells"]
+    assert told.endswith("8 cells are squeezed beyond half: full quadrature")
 
 
 @pytest.mark.parametrize("element", ["hex8_bbar", "tet10", "tet4_fbar"])

@@ -1,4 +1,4 @@
-"""The FEM participant's solver: implicit steps of hex27 cells, contact by augmented Lagrangian."""
+"""The FEM participant's solver: steps of cells with any element, contact by augmented Lagrangian."""
 
 from __future__ import annotations
 
@@ -308,6 +308,7 @@ class FemSolver:
             self._distance.copy(),
             out[kernel.LOWEST : kernel.LOWEST + 6].copy().reshape(2, 3),
             self._work.seam_actual.copy(),
+            n_crushed=int(self._work.mixed[0]),
         )
 
     def commit(self) -> None:

@@ -141,6 +141,7 @@ class Simulation:
         self._orientation = self.tools.orientation.copy()
         self._lift_base = 0.0
         self._lifting = False
+        self._crushed = 0
         self._report: StepReport | None = None
         self._frame: Frame | None = None
         self.events.clear()
@@ -205,6 +206,10 @@ class Simulation:
         self._accounts.switched(kinetic_change)
         for alarm in self._accounts.raised:
             self._event("energy", f"step {self._step - 1}: {alarm.value}")
+        crushed = sum(reply.n_crushed for reply in replies.values())
+        if crushed and not self._crushed:
+            self._event("cells", f"step {self._step - 1}: {crushed} cells are squeezed beyond half: full quadrature")
+        self._crushed = crushed
         self._report = report
         if self._emit is not None:
             self._emit(report)
