@@ -28,6 +28,7 @@ def simulate(
     motion: Sequence[Any],
     regions: Any,
     gravity: Sequence[float] = (0.0, 0.0, -G),
+    tolerance: float = 1e-9,
 ) -> tuple[list[StepReport], Simulation]:
     scene = Scene.model_validate(
         {
@@ -44,7 +45,7 @@ def simulate(
             "motion": motion,
             "regions": regions,
             # forces balance as well as Newton's method is finished, and the cube weighs 0.6 N only
-            "models": {"fem": {"tolerance": 1e-9}},
+            "models": {"fem": {"tolerance": tolerance}},
         }
     )
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
@@ -60,11 +61,11 @@ SLAB = (0.06, 0.04, 0.02)
 MU = 0.5
 
 
-def speeds(model: str, slope: float) -> Floats:
+def speeds(model: str, slope: float, young: float = 2e4, tolerance: float = 1e-9) -> Floats:
     """Speed down the slope [m/s] at the end of every step: a slab comes to rest on the ground, which is tilted then."""
     ground = {"ground": {"kind": "plane", "friction": MU}}
     motion = [{"hold": 0.3}, {"tools": ["ground"], "turn": [0, slope, 0], "speed": 0.5}, {"hold": 0.6}]
-    reports, _ = simulate(SLAB, 2e4, ground, motion, {"default": model})
+    reports, _ = simulate(SLAB, young, ground, motion, {"default": model}, tolerance=tolerance)
     down = np.array([np.cos(slope), 0.0, -np.sin(slope)])
     return np.array([r.momentum @ down for r in reports]) / (DENSITY * np.prod(SLAB))
 
@@ -79,6 +80,14 @@ def test_a_slab_sticks_below_the_friction_angle_and_slides_above() -> None:
             assert np.abs(v[-20:]).max() < 1e-5
         else:
             assert (v[-1] - v[-61]) / (60 * STEP) == pytest.approx(pull, rel=0.06)
+
+
+def test_a_light_stiff_slab_slides_as_well() -> None:
+    """With the default tolerance of Newton's method, at 1 MPa and half a newton."""
+    slope = np.arctan(MU) + np.radians(0.5)
+    v = speeds("fem", slope, young=1e6, tolerance=3e-5)
+    pull = G * (np.sin(slope) - MU * np.cos(slope))
+    assert (v[-1] - v[-61]) / (60 * STEP) == pytest.approx(pull, rel=0.02)
 
 
 def test_pbd_sticks_and_slides_some_degrees_apart() -> None:

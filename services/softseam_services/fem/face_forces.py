@@ -15,9 +15,9 @@ def gathered_at_nodes(model: FemModel, force: Floats, n_surface: int) -> Floats:
     if len(inner) == 0 or not force[inner].any():
         return own
     point_of = _surface_point_of_node(model, n_surface)
-    for point in inner[force[inner].any(axis=(1, 2))]:
-        entries = slice(model.point_ptr[point], model.point_ptr[point + 1])
-        np.add.at(own, point_of[model.point_node[entries]], model.point_weight[entries, None, None] * force[point])
+    begin = model.point_ptr[inner[0]]
+    rows = np.repeat(inner, np.diff(model.point_ptr)[inner])
+    np.add.at(own, point_of[model.point_node[begin:]], model.point_weight[begin:, None, None] * force[rows])
     return own
 
 

@@ -212,6 +212,18 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
 
 
 @njit(cache=True, error_model="numpy")
+def firm_way(count, work):
+    """Way [m] that all touching points would have to go to change the sum of their pressures by all of it: sum p/sum r;
+    infinite where nothing touches."""
+    pressure = stiffness = 0.0
+    for c in range(count):
+        if work.state[c] != OPEN:
+            pressure += work.contact[c, PRESSURE]
+            stiffness += work.hold[c, 0]
+    return pressure / stiffness if stiffness > 0.0 else np.inf
+
+
+@njit(cache=True, error_model="numpy")
 def augment(count, work):
     """Take the forces as multipliers where penetration is to vanish; returns the deepest one there [m]."""
     deepest = 0.0

@@ -19,6 +19,7 @@ from softseam_services.fem.kernels.contact import (
     add_contact_tangents,
     evaluate_contacts,
     find_candidates,
+    firm_way,
 )
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, factor, seam_inverse, solve
@@ -37,6 +38,10 @@ _LIMIT = 0.3
 _CAREFUL_LIMIT = 0.1
 # A first guess closer to the start of the step than this share of a cell edge is not worth a doubt.
 _FAR = 1e-3
+# An error of position may change the pressure of all contacts together by this part of it; and no need to be finer than
+# this share of a cell edge for its sake.
+_FIRM = 1e-2
+_FINEST = 1e-7
 _FIRST = 0.1
 # Points closer to a tool than this share of a cell edge are in a new factor as if they touched.
 _AHEAD = 1e-3
@@ -244,6 +249,8 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 _move(x, model.order, work.dx, slope / (slope - ahead) - 1.0)
                 slope = -1.0
                 continue
+        # the contact penalty makes an error of position one of force, which a light and stiff body feels
+        enough = min(tolerance, max(_FIRM * firm_way(count, work), _FINEST * model.edge))
         renew = careful or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         largest = 0.0
         for attempt in range(2):
@@ -255,7 +262,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 work.d[i] = work.r[i]
             solve(tree, work.values, work.d, work.factoring)
             largest = _largest(work.d)
-            if attempt == 0 and not renew and _too_slow(largest, first, tolerance, since):
+            if attempt == 0 and not renew and _too_slow(largest, first, enough, since):
                 renew = True
             else:
                 break
@@ -280,7 +287,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             slope = _dot(work.r, work.dx)
         _move(x, model.order, work.dx, 1.0)
         # one correction says nothing of how fast they shrink, so that one alone must be much smaller
-        if largest <= (tolerance if since > 1 else _FIRST * tolerance) and moved <= tolerance:
+        if largest <= (enough if since > 1 else _FIRST * enough) and moved <= enough:
             return CONVERGED, iteration
     return STALLED, most
 
