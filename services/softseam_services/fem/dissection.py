@@ -20,6 +20,7 @@ from softseam_services.fem.kernels.panel import NARROW, STRIP
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
+Floats = NDArray[np.float64]
 
 LEAF_NODES = 12
 
@@ -64,6 +65,34 @@ class Tree(NamedTuple):
     """most nodes of a front"""
     strip: int
     """most scratch for a panel"""
+    kind: int
+    """how it is solved with, see kernels/multigrid.py: 0, and the matrix is factored"""
+    pair: Ints
+    """of a matrix that is not factored, for each of `rows`: a cell, and which of its nodes own and row are (n_rows, 3)
+    """
+
+
+class Factoring(NamedTuple):
+    """Scratch of factor and solve."""
+
+    rest: Floats
+    """what fronts leave over to their parents"""
+    strip: Floats
+    tile: Floats
+    t: Floats
+    """rows of a front"""
+    ints: Ints
+
+
+def scratch(tree: Tree) -> Factoring:
+    """Arrays of the right sizes."""
+    return Factoring(
+        rest=np.empty(tree.n_rest),
+        strip=np.empty((1, tree.strip)),
+        tile=np.empty((1, 2 * STRIP * STRIP)),
+        t=np.zeros(3 * tree.widest),
+        ints=np.zeros((1, 8), dtype=np.int32),
+    )
 
 
 def dissect(cell_nodes: Ints, cell_grid: Ints, n_nodes: int, fixed: NDArray[np.bool_], seam: Ints) -> Tree:
@@ -171,18 +200,7 @@ class _Dissection:
         n_rest = self._leftovers(meta)
         runs = _runs(meta, boundary, key, n_free)
         own_front = np.repeat(np.arange(n_fronts, dtype=np.int32), own)
-        cell_position = position[self.cell_nodes]
-        last = np.iinfo(np.int32).max
-        local = np.argsort(np.where(cell_position < 0, last, cell_position), axis=1, kind="stable").astype(np.int32)
-        n_cell_free = np.count_nonzero(cell_position >= 0, axis=1).astype(np.int32)
-        ordered = np.take_along_axis(cell_position, local, axis=1)
-        front = own_front[np.maximum(ordered, 0)] if n_free else np.zeros_like(ordered)
-        cell_row = np.zeros((*ordered.shape, ordered.shape[1]), dtype=np.int32)
-        for a in range(ordered.shape[1] if n_free else 0):
-            place = np.searchsorted(key, front[:, a : a + 1].astype(np.int64) * n_free + ordered)
-            cell_row[:, a] = 3 * (place - row[front[:, a]][:, None])
-        free = np.arange(ordered.shape[1]) < n_cell_free[:, None]
-        column = meta[front, 4] + 9 * (ordered - first[front]) * n_all[front] if n_free else np.zeros(ordered.shape)
+        cells = cell_places(self.cell_nodes, position, own_front, meta, key)
         seamed = len(self.seam) > 0
         narrow = np.where(3 * own <= NARROW, 3 * own, STRIP)
         return Tree(
@@ -191,18 +209,15 @@ class _Dissection:
             runs,
             position,
             own_front,
-            local,
-            np.argsort(local, axis=1).astype(np.int32),
-            n_cell_free,
-            np.where(free, column, 0).astype(np.int64),
-            (np.where(free, 3 * n_all[front], 0) if n_free else np.zeros(ordered.shape)).astype(np.int32),
-            np.where(free[:, :, None] & free[:, None, :], cell_row, 0).astype(np.int32),
+            *cells,
             n_fronts - 1 if seamed else -1,
             (position[self.seam] - (first[-1] if seamed else 0)).astype(np.int32),
             n_values=int(sizes.sum()),
             n_rest=n_rest,
             widest=int(n_all.max(initial=0)),
             strip=int((3 * n_all * np.maximum(narrow, STRIP)).max(initial=0)),
+            kind=0,
+            pair=np.zeros((0, 3), dtype=np.int32),
         )
 
     def _leftovers(self, meta: Longs) -> int:
@@ -228,6 +243,32 @@ class _Dissection:
             most[side] = max(most[side], top[side])
         meta[depth % 2 == 1, 6] += most[0]
         return most[0] + most[1]
+
+
+def cell_places(
+    cell_nodes: Ints, position: Ints, own_front: Ints, meta: Longs, key: Longs
+) -> tuple[Ints, Ints, Ints, Longs, Ints, Ints]:
+    """`Tree.cell_local` to `Tree.cell_row`; key: front * n_free + position of all rows, ascending."""
+    n_free = len(own_front)
+    cell_position = position[cell_nodes]
+    last = np.iinfo(np.int32).max
+    local = np.argsort(np.where(cell_position < 0, last, cell_position), axis=1, kind="stable").astype(np.int32)
+    n_cell_free = np.count_nonzero(cell_position >= 0, axis=1).astype(np.int32)
+    rank = np.argsort(local, axis=1).astype(np.int32)
+    column = np.zeros(cell_nodes.shape, dtype=np.int64)
+    height = np.zeros(cell_nodes.shape, dtype=np.int32)
+    row = np.zeros((*cell_nodes.shape, cell_nodes.shape[1]), dtype=np.int32)
+    if n_free == 0:
+        return local, rank, n_cell_free, column, height, row
+    ordered = np.take_along_axis(cell_position, local, axis=1)
+    free = np.arange(ordered.shape[1]) < n_cell_free[:, None]
+    front = own_front[np.maximum(ordered, 0)]
+    for a in range(ordered.shape[1]):
+        place = np.searchsorted(key, front[:, a : a + 1].astype(np.int64) * n_free + ordered)
+        row[:, a] = np.where(free & free[:, a : a + 1], 3 * (place - meta[front[:, a], 5][:, None]), 0)
+    column[:] = np.where(free, meta[front, 4] + 9 * (ordered - meta[front, 0]) * meta[front, 2], 0)
+    height[:] = np.where(free, 3 * meta[front, 2], 0)
+    return local, rank, n_cell_free, column, height, row
 
 
 def _runs(meta: Longs, boundary: list[Ints], key: Longs, n_free: int) -> Ints:

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from softseam_protocol.scene import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import FUNCTIONS, point_weights
-from softseam_services.fem.dissection import Tree, dissect
+from softseam_services.fem.coarse import Grid, build_grid, no_grid
+from softseam_services.fem.dissection import Factoring, Tree, dissect, scratch
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.hex27_box import cell_tables
 from softseam_services.fem.face_points import SOFT, face_points
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE, N_COLUMNS
-from softseam_services.fem.kernels.panel import STRIP
+from softseam_services.fem.kernels.multigrid import MULTIGRID, NONE
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
+from softseam_services.fem.sparse import sparse_tree
 from softseam_services.tools.tool_set import ToolSet
 
 # An octant that the body does not fill keeps this share of stiffness, so that its nodes stay where their cell takes
@@ -26,6 +28,8 @@ FILL_FLOOR = 1e-3
 # Contact penalty r = PENALTY E A / h at a surface point, h the spacing of nodes: softer lets points sink in between
 # steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
+# Unknowns beyond which a matrix is not factored: the factor of a cube then takes more than two minutes and 10 GB.
+MOST_FACTORED = 150_000
 # Columns of Anderson acceleration.
 MEMORY = 12
 
@@ -47,6 +51,8 @@ class FemModel(NamedTuple):
     """(c, 27)"""
     cell_order: Ints
     """elimination place of each cell's nodes, -1 for clamped nodes (c, 27)"""
+    cell_grid: Ints
+    """place of each cell on the body's grid (c, 3)"""
     order: Ints
     """elimination place of each node, -1 for clamped nodes (n,)"""
     general: bool
@@ -122,18 +128,6 @@ class Tools(NamedTuple):
     orientation_next: Floats
 
 
-class Factoring(NamedTuple):
-    """Scratch of factor and solve, a row for each thread."""
-
-    rest: Floats
-    """what fronts leave over to their parents"""
-    strip: Floats
-    tile: Floats
-    t: Floats
-    """rows of a front"""
-    ints: Ints
-
-
 class Work(NamedTuple):
     """Scratch of one solver; nothing in it outlives a step but the factor, and `snapshot` drops that."""
 
@@ -153,6 +147,8 @@ class Work(NamedTuple):
     values: Floats
     """the panels: matrix, then its factor"""
     factoring: Factoring
+    grid: Grid
+    """of conjugate gradients, where the matrix is not factored"""
     r: Floats
     d: Floats
     d_last: Floats
@@ -189,12 +185,23 @@ class Work(NamedTuple):
 
 
 def build_model(
-    body: Body, region: Region, tools: ToolSet | None = None, spec: FemSpec | None = None
+    body: Body,
+    region: Region,
+    tools: ToolSet | None = None,
+    spec: FemSpec | None = None,
+    solution: int | None = None,
 ) -> tuple[FemModel, Tree]:
-    """Tables, elimination tree and point weights of a region; spec: which element, the default's where it is None."""
+    """Tables, matrix and point weights of a region; spec: which element, the default's where it is None; solution: how
+    the matrix is solved with (kernels/multigrid.py), by size where it is None."""
     element = (FemSpec() if spec is None else spec).element
     n_nodes = len(region.nodes)
-    tree = dissect(region.cell_nodes, body.cell_grid[region.cells], n_nodes, region.fixed, region.seam)
+    cell_grid = body.cell_grid[region.cells]
+    if solution is None:
+        solution = MULTIGRID if 3 * np.count_nonzero(~region.fixed) > MOST_FACTORED else NONE
+    if solution == NONE:
+        tree = dissect(region.cell_nodes, cell_grid, n_nodes, region.fixed, region.seam)
+    else:
+        tree = sparse_tree(solution, region.cell_nodes, region.fixed)
     tables = cell_tables(body.edges)
     mu = body.material.mu
     fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
@@ -236,6 +243,7 @@ def build_model(
         acceleration=body.gravity,
         cell_nodes=region.cell_nodes,
         cell_order=tree.position[region.cell_nodes],
+        cell_grid=cell_grid,
         order=tree.position,
         linear=body.material.kind == "linear",
         mu=mu,
@@ -283,13 +291,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         row=np.zeros(9 * LANES),
         ints=np.zeros(8, dtype=np.int32),
         values=np.zeros(tree.n_values),
-        factoring=Factoring(
-            rest=np.empty(tree.n_rest),
-            strip=np.empty((1, tree.strip)),
-            tile=np.empty((1, 2 * STRIP * STRIP)),
-            t=np.zeros(3 * tree.widest),
-            ints=np.zeros((1, 8), dtype=np.int32),
-        ),
+        factoring=scratch(tree),
+        grid=build_grid(model.cell_nodes, model.cell_grid, tree, model.seam) if tree.kind else no_grid(),
         r=np.zeros(3 * n_free),
         d=np.zeros(3 * n_free),
         d_last=np.zeros(3 * n_free),

@@ -24,6 +24,7 @@ from softseam_services.fem.kernels.contact import (
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, factor, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
+from softseam_services.fem.kernels.multigrid import NONE, conjugate_gradients, prepare
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
@@ -43,6 +44,9 @@ _FAR = 1e-3
 _FIRM = 1e-2
 _FINEST = 1e-7
 _FIRST = 0.1
+# How far conjugate gradients reduce the error, of an iteration and of the seam's compliance.
+_INEXACT = 1e-3
+_EXACT = 1e-10
 # Points closer to a tool than this share of a cell edge are in a new factor as if they touched.
 _AHEAD = 1e-3
 
@@ -111,11 +115,33 @@ def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
-        if factor(tree, work.values, work.factoring) == 0:
+        if _factor(tree, work):
             memo[FACTORED] = 1.0
             memo[FACTOR_INERTIA] = inertia
             return True
     return False
+
+
+@njit(cache=True, error_model="numpy")
+def _factor(tree, work):
+    """Factor work.values, or prepare for iterations with them; False where they are not positive definite."""
+    if tree.kind == NONE:
+        return factor(tree, work.values, work.factoring) == 0
+    return prepare(tree, work.values, work.seam_coupled[0] == 1, work.seam_stiffness, work.grid)
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(model, tree, b, tolerance, work):
+    """b <- A^-1 b, to a tolerance where A is not factored; False where A turns out not to be positive definite."""
+    if tree.kind == NONE:
+        solve(tree, work.values, b, work.factoring)
+        return True
+    return (
+        conjugate_gradients(
+            tree, work.values, work.grid, work.seam_coupled[0] == 1, work.seam_stiffness, model.order[model.seam],
+            tolerance, b, work.ints,
+        ) >= 0
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
@@ -253,19 +279,24 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         enough = min(tolerance, max(_FIRM * firm_way(count, work), _FINEST * model.edge))
         renew = careful or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         largest = 0.0
-        for attempt in range(2):
+        definite = True
+        for attempt in range(3):
             if renew:
-                if not refactor(x, x0, model, tree, tools, count, inertia, share, careful, closer, work, memo):
+                safe = careful or not definite
+                if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, closer, work, memo):
                     return INDEFINITE, iteration
                 since = 0
             for i in range(len(work.r)):
                 work.d[i] = work.r[i]
-            solve(tree, work.values, work.d, work.factoring)
+            definite = _solve(model, tree, work.d, _INEXACT, work)
             largest = _largest(work.d)
-            if attempt == 0 and not renew and _too_slow(largest, first, enough, since):
+            slow = attempt == 0 and not renew and _too_slow(largest, first, enough, since)
+            if slow or not definite:
                 renew = True
             else:
                 break
+        if not definite:
+            return INDEFINITE, iteration
         if not np.isfinite(largest):
             return NOT_FINITE, iteration
         if guessed > _FAR * model.edge and not careful and largest > 0.5 * guessed:
@@ -306,5 +337,13 @@ def seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree,
         work.contact[c, RELAXED] = 1.0
     good = refactor(x, x0, model, tree, tools, count, inertia, share, False, -np.inf, work, memo)
     if good:
-        seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
+        if tree.kind == NONE:
+            seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
+            return True
+        for s in range(3 * len(model.seam)):
+            work.d[:] = 0.0
+            work.d[3 * model.order[model.seam[s // 3]] + s % 3] = 1.0
+            good = good and _solve(model, tree, work.d, _EXACT, work)
+            for t in range(3 * len(model.seam)):
+                inverse[t, s] = work.d[3 * model.order[model.seam[t // 3]] + t % 3]
     return good

@@ -1,0 +1,244 @@
+"""Time, memory and limits of the FEM participant by size: `python tests/benchmarks/fem.py [most unknowns]`.
+
+A cube of tofu between plates, full hex27 cells, one thread. Times are CPU times, the least of a few repeats, in ms;
+flops and bytes are counted and compared with a matrix product of 96 x 96 and a triad that are measured in the same run.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from fem_run import CLOSE, FemRun, tofu
+
+from softseam_services.fem import model as fem_model
+from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts, find_candidates
+from softseam_services.fem.kernels.cells import add_cell_tangents
+from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, factor, solve
+from softseam_services.fem.kernels.multigrid import (
+    BLOCK_JACOBI,
+    MULTIGRID,
+    NONE,
+    SWEEPS,
+    conjugate_gradients,
+    prepare,
+)
+from softseam_services.fem.kernels.newton import residual
+from softseam_services.fem.kernels.sparse import product
+
+SIZES = ((4, 1, 1), (2, 2, 2), (3, 3, 3), (4, 4, 4), (5, 5, 5), (7, 7, 7), (12, 12, 12), (20, 20, 20))
+MOST_FACTORED = 60_000
+"""unknowns beyond which only the iterative solver is measured: a factor of 200k takes 20 s and 3 GB"""
+STEP = 0.005
+# of a cell: 378 pairs of nodes, 8 points, 15 products and sums
+TANGENT_FLOPS = 378 * 8 * 15 * 2
+NAMES = {NONE: "factor", MULTIGRID: "multigrid", BLOCK_JACOBI: "block Jacobi", SWEEPS: "Gauss-Seidel"}
+
+
+@njit(cache=True)
+def _triad(a, b, c):  # type: ignore[no-untyped-def]
+    for i in range(len(a)):
+        a[i] = b[i] + 3.0 * c[i]
+
+
+def least(work: Callable[[], object], budget: float = 0.3) -> float:
+    """Least CPU time [s] of one call within about `budget` seconds."""
+    best, spent, n = np.inf, 0.0, 0
+    while n < 2 or (spent < budget and n < 200):
+        began = time.process_time()
+        work()
+        took = time.process_time() - began
+        best, spent, n = min(best, took), spent + took, n + 1
+    return best
+
+
+def limits() -> tuple[float, float]:
+    """Flops of a small product and bytes of a triad, a second."""
+    a = np.asfortranarray(np.random.default_rng(0).random((96, 96)))
+    out = np.empty_like(a)
+    flops = 100 * 2 * 96**3 / least(lambda: [np.matmul(a, a, out=out) for _ in range(100)])
+    x, y, z = (np.ones(4_000_000) for _ in range(3))
+    _triad(x, y, z)
+    return flops, 24 * len(x) / least(lambda: _triad(x, y, z))
+
+
+@dataclass
+class Row:
+    """Seconds a call."""
+
+    unknowns: int
+    kind: int
+    build: float
+    assemble: float
+    prepare: float
+    solve: float
+    residual: float
+    contact: float
+    megabytes: float
+    iterations: int = 0
+    flops: float = 0.0
+    bytes: float = 0.0
+    cells: int = 0
+    newton: dict[str, float] = field(default_factory=dict)
+
+
+def measure(counts: tuple[int, int, int], kind: int) -> Row:
+    began = time.process_time()
+    fem_model.MOST_FACTORED = 10**9 if kind == NONE else 0
+    run = FemRun(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2])))
+    build = time.process_time() - began
+    solver = run.solver
+    model, tree, work, memo = solver._model, solver._tree._replace(kind=kind), solver._work, solver._memo
+    tools = solver._tool_tuple(run.request().tools)
+    x, none = model.x_rest.copy(), np.zeros(0, dtype=np.int32)
+    n = 3 * int(np.count_nonzero(tree.position >= 0))
+    contact = solver._committed.contact
+    reach = 0.25 * model.edge
+
+    def assemble() -> None:
+        work.values[:] = 0.0
+        add_diagonal(tree, work.values, model.mass, 1.0 / STEP**2)
+        add_cell_tangents(x, model, tree, work, False)
+
+    def ready() -> None:
+        if kind == NONE:
+            assert factor(tree, work.values, work.factoring) == 0
+        else:
+            assert prepare(tree, work.values, False, work.seam_stiffness, work.grid)
+
+    def both() -> None:
+        assemble()
+        ready()
+
+    def touch() -> None:
+        count = find_candidates(x, model, tools, contact, reach, work)
+        evaluate_contacts(x, model, tools, count, work)
+        add_contact_forces(model, count, work, work.r)
+
+    b = np.random.default_rng(1).standard_normal(n)
+    done = [0]
+
+    def answer() -> None:
+        work.d[:] = b
+        if kind == NONE:
+            solve(tree, work.values, work.d, work.factoring)
+        else:
+            done[0] = conjugate_gradients(
+                tree, work.values, work.grid, False, work.seam_stiffness, none, 1e-3, work.d, work.ints
+            )
+
+    both()
+    row = Row(n, kind, build, least(assemble), 0.0, 0.0, 0.0, 0.0, 0.0)
+    row.prepare = (least(both) - row.assemble) if kind == NONE else least(ready)
+    both()
+    row.solve, row.iterations = least(answer), done[0]
+    if kind == NONE:
+        k, m = 3.0 * tree.meta[:, OWN], 3.0 * tree.meta[:, ALL]
+        row.flops = float((k**3 / 3 + k**2 * (m - k) + k * (m - k) ** 2).sum())
+        row.bytes = 16.0 * len(work.values) / row.solve
+    else:
+        y = np.empty(n)
+        row.bytes = 8.0 * len(work.values) / least(
+            lambda: product(tree, work.values, b, y, work.grid.u, work.grid.t)
+        )  # fmt: skip
+    row.residual = least(lambda: residual(x, model, tools, 0, STEP, work, memo))
+    row.contact = least(touch)
+    row.megabytes = 1e-6 * _size((model, solver._tree, work))
+    row.cells = len(model.cell_nodes)
+    if kind == NONE and n < 20_000:
+        row.newton = steps(run)
+    return row
+
+
+def steps(run: FemRun) -> dict[str, float]:
+    """Newton iterations of a squeeze: how many and how many factors a step, ms an iteration, share of Python."""
+    solver = run.solver
+    inner = [0.0]
+    advance = solver._advance
+
+    def timed(*args: object) -> int:
+        began = time.process_time()
+        status = advance(*args)  # type: ignore[arg-type]
+        inner[0] += time.process_time() - began
+        return status
+
+    run.step(CLOSE)
+    solver._advance = timed  # type: ignore[method-assign]
+    factors, began = solver.factorisations, time.process_time()
+    n_steps = 40 if len(run.region.nodes) < 1000 else 12
+    iterations = sum(run.step(CLOSE).iterations for _ in range(n_steps))
+    spent = time.process_time() - began
+    return {
+        "iterations": iterations / n_steps,
+        "factors": (solver.factorisations - factors) / n_steps,
+        "ms": 1e3 * spent / iterations,
+        "python": 1e3 * (spent - inner[0]) / n_steps,
+    }
+
+
+def _size(arrays: object) -> float:
+    if isinstance(arrays, np.ndarray):
+        return float(arrays.nbytes)
+    return sum(_size(part) for part in arrays) if isinstance(arrays, tuple) else 0.0
+
+
+def exponent(rows: list[Row], what: Callable[[Row], float]) -> float:
+    """Slope of log time over log unknowns, of the larger half of the sizes."""
+    rows = rows[len(rows) // 2 - 1 :]
+    return float(np.polyfit(np.log([r.unknowns for r in rows]), np.log([what(r) for r in rows]), 1)[0])
+
+
+def main(most: int) -> None:
+    flops, rate = limits()
+    print(f"limits: {1e-9 * flops:.0f} GFLOP/s (product of 96 x 96), {1e-9 * rate:.1f} GB/s (triad)\n")
+    print("| unknowns | solved by | build s | assemble | factor | solve | residual | contact | MB | of the limits |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    rows: list[Row] = []
+    for counts in SIZES:
+        unknowns = 3 * int(np.prod(2 * np.array(counts) + 1))
+        kinds = [NONE] if unknowns <= MOST_FACTORED else []
+        kinds += [MULTIGRID] if unknowns > 2000 else []
+        kinds += [BLOCK_JACOBI, SWEEPS] if 3000 < unknowns < 20_000 else []
+        for kind in kinds if unknowns <= most else []:
+            row = measure(counts, kind)
+            rows.append(row)
+            share = TANGENT_FLOPS * row.cells / row.assemble / flops
+            ratio = f"assemble {share:.2f}, "
+            if kind == NONE:
+                ratio += f"factor {row.flops / row.prepare / flops:.2f}, solve {row.bytes / rate:.2f}"
+            else:
+                ratio += f"product {row.bytes / rate:.2f}"
+            name = NAMES[kind] + (f", {row.iterations} its" if row.iterations else "")
+            print(
+                f"| {row.unknowns} | {name} | {row.build:.2f} | {1e3 * row.assemble:.3g} | {1e3 * row.prepare:.3g} | "
+                f"{1e3 * row.solve:.3g} | {1e3 * row.residual:.3g} | {1e3 * row.contact:.3g} | {row.megabytes:.0f} | "
+                f"{ratio} |",
+                flush=True,
+            )
+    print("\n| unknowns | iterations a step | factors a step | ms an iteration, all told | ms of Python a step |")
+    print("|---|---|---|---|---|")
+    for row in rows:
+        if row.newton:
+            values = (row.newton[key] for key in ("iterations", "factors", "ms", "python"))
+            print(f"| {row.unknowns} | " + " | ".join(f"{v:.3g}" for v in values) + " |")
+    for kind in (NONE, MULTIGRID):
+        of_kind = [r for r in rows if r.kind == kind]
+        if len(of_kind) > 2:
+            parts = {"assemble": lambda r: r.assemble, "factor": lambda r: r.prepare, "solve": lambda r: r.solve,
+                     "memory": lambda r: r.megabytes}  # fmt: skip
+            slopes = ", ".join(f"{name} {exponent(of_kind, what):.2f}" for name, what in parts.items())
+            print(f"\ngrowth with unknowns, {NAMES[kind]}: {slopes}")
+    print(f"\npeak memory of the process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10**6)
