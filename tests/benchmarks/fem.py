@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from fem_run import CLOSE, FemRun, tofu
 
 from softseam_services.fem import model as fem_model
-from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts, find_candidates
 from softseam_services.fem.kernels.cells import add_cell_tangents
+from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts, find_candidates
 from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, factor, solve
 from softseam_services.fem.kernels.multigrid import (
     BLOCK_JACOBI,
@@ -148,7 +148,7 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
     else:
         y = np.empty(n)
         row.bytes = 8.0 * len(work.values) / least(
-            lambda: product(tree, work.values, b, y, work.grid.u, work.grid.t)
+            lambda: product(tree, work.values, b, y)
         )  # fmt: skip
     row.residual = least(lambda: residual(x, model, tools, 0, STEP, work, memo))
     row.contact = least(touch)

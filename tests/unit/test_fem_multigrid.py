@@ -73,8 +73,8 @@ def test_the_coarse_matrix_is_the_projected_one(case: str) -> None:
     """P^T A P, and what the sparse product gives is A x."""
     _, tree, work, dense = _problem(case)
     x = np.random.default_rng(1).standard_normal(len(dense))
-    y, t = np.empty_like(x), work.grid.t
-    product(tree, work.values, x, y, work.grid.u, t)
+    y = np.empty_like(x)
+    product(tree, work.values, x, y)
     np.testing.assert_allclose(y, dense @ x, atol=1e-12 * np.abs(dense).max())
     p = _prolongation(work, len(dense) // 3)
     assert prepare(tree, work.values, False, work.seam_stiffness, work.grid)

@@ -51,9 +51,6 @@ class Grid(NamedTuple):
     s: Floats
     e: Floats
     """fine unknowns (3 n_free,)"""
-    u: Floats
-    t: Floats
-    """scratch of a row"""
 
 
 def build_grid(cell_nodes: Ints, cell_grid: Ints, tree: Tree, seam: Ints) -> Grid:
@@ -96,7 +93,6 @@ def build_grid(cell_nodes: Ints, cell_grid: Ints, tree: Tree, seam: Ints) -> Gri
         np.zeros((len(free), 3, 3)),
         np.zeros(3 * int(np.count_nonzero(coarse.position >= 0))),
         *(np.zeros(n) for _ in range(8)),
-        *(np.zeros(3 * tree.widest) for _ in range(2)),
     )
 
 

@@ -119,25 +119,25 @@ def _precondition(tree, values, grid, r, z):
     w, s = grid.w, grid.s
     for i in range(len(r)):
         w[i] = r[i]
-    forward(tree, values, grid.inverse, w, z, grid.t)
+    forward(tree, values, grid.inverse, w, z)
     if tree.kind == SWEEPS:
-        product(tree, values, z, s, grid.u, grid.t)
+        product(tree, values, z, s)
         for i in range(len(r)):
             w[i] = r[i] - s[i]
-        backward(tree, values, grid.inverse, w, s, grid.u)
+        backward(tree, values, grid.inverse, w, s)
         for i in range(len(r)):
             z[i] += s[i]
         return
-    above(tree, values, z, w, grid.u)
+    above(tree, values, z, w)
     for i in range(len(r)):
         w[i] = -w[i]
     _correct(grid, w, s, False)
     for i in range(len(r)):
         z[i] += s[i]
-    product(tree, values, s, grid.e, grid.u, grid.t)
+    product(tree, values, s, grid.e)
     for i in range(len(r)):
         w[i] -= grid.e[i]
-    backward(tree, values, grid.inverse, w, s, grid.u)
+    backward(tree, values, grid.inverse, w, s)
     for i in range(len(r)):
         z[i] += s[i]
 
@@ -145,7 +145,7 @@ def _precondition(tree, values, grid, r, z):
 @njit(cache=True, error_model="numpy")
 def apply_matrix(tree, values, grid, coupled, stiffness, seam_at, x, y, ints):
     """y <- (A + S) x with the seam's stiffness S where `coupled`; seam_at (s,) elimination places."""
-    product(tree, values, x, y, grid.u, grid.t)
+    product(tree, values, x, y)
     if coupled:
         n = len(seam_at)
         for a in range(n):

@@ -25,6 +25,7 @@ from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_f
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, factor, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.fem.kernels.multigrid import NONE, conjugate_gradients, prepare
+from softseam_services.fem.kernels.sparse import dot
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
@@ -145,22 +146,6 @@ def _solve(model, tree, b, tolerance, work):
 
 
 @njit(cache=True, error_model="numpy")
-def _dot(a, b):
-    """Sum of a[i] b[i] in a fixed order, four partial sums wide."""
-    s0 = s1 = s2 = s3 = 0.0
-    n = len(a)
-    whole = n - n % 4
-    for i in range(0, whole, 4):
-        s0 += a[i] * b[i]
-        s1 += a[i + 1] * b[i + 1]
-        s2 += a[i + 2] * b[i + 2]
-        s3 += a[i + 3] * b[i + 3]
-    for i in range(whole, n):
-        s0 += a[i] * b[i]
-    return (s0 + s1) + (s2 + s3)
-
-
-@njit(cache=True, error_model="numpy")
 def _add(a, scale, b):
     """a += scale b, in place."""
     for i in range(len(a)):
@@ -184,13 +169,13 @@ def _accelerate(known, d, d_last, step, q, s):
         for i in range(n):
             q[column, i] = d[i] - d_last[i]
             s[column, i] = step[i] + q[column, i]
-        before = np.sqrt(_dot(q[column], q[column]))
+        before = np.sqrt(dot(q[column], q[column]))
         for other in range(min(known + 1, memory)):
             if other != column:
-                along = _dot(q[other], q[column])
+                along = dot(q[other], q[column])
                 _add(q[column], -along, q[other])
                 _add(s[column], -along, s[other])
-        size = np.sqrt(_dot(q[column], q[column]))
+        size = np.sqrt(dot(q[column], q[column]))
         keep = size > 1e-6 * before
         scale = 1.0 / size if keep else 0.0
         for i in range(n):
@@ -201,7 +186,7 @@ def _accelerate(known, d, d_last, step, q, s):
         d_last[i] = d[i]
         step[i] = d[i]
     for column in range(min(known, memory)):
-        _add(step, -_dot(q[column], d), s[column])
+        _add(step, -dot(q[column], d), s[column])
     return known
 
 
@@ -270,7 +255,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         missing = residual(x, x0, model, tools, count, inertia, share, work, memo)
         if careful and slope > 0.0:
             # where the residual along the last step changed sign by much, go part of the way back
-            ahead = _dot(work.r, work.dx)
+            ahead = dot(work.r, work.dx)
             if ahead < -0.5 * slope:
                 _move(x, model.order, work.dx, slope / (slope - ahead) - 1.0)
                 slope = -1.0
@@ -315,7 +300,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             for i in range(len(work.dx)):
                 work.dx[i] *= limit / moved
         if careful:
-            slope = _dot(work.r, work.dx)
+            slope = dot(work.r, work.dx)
         _move(x, model.order, work.dx, 1.0)
         # one correction says nothing of how fast they shrink, so that one alone must be much smaller
         if largest <= (enough if since > 1 else _FIRST * enough) and moved <= enough:
