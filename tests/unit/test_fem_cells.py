@@ -16,7 +16,7 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.dissection import Tree
 from softseam_services.fem.elements.hex27_box import cell_tables
 from softseam_services.fem.kernels.elements import add_cell_tangents, cauchy_stress, strain_energy, subtract_forces
-from softseam_services.fem.kernels.fronts import factor
+from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.model import FILL_FLOOR, FemModel, Work, build_model, build_work
 
 FILLS = ["full", "partial"]

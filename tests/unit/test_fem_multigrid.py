@@ -71,13 +71,13 @@ def _prolongation(work: Work, n_free: int) -> Matrix:
 @pytest.mark.parametrize("case", ["free", "clamped", "ring"])
 def test_the_coarse_matrix_is_the_projected_one(case: str) -> None:
     """P^T A P, and what the sparse product gives is A x."""
-    _, tree, work, dense = _problem(case)
+    model, tree, work, dense = _problem(case)
     x = np.random.default_rng(1).standard_normal(len(dense))
     y = np.empty_like(x)
     product(tree, work.values, x, y)
     np.testing.assert_allclose(y, dense @ x, atol=1e-12 * np.abs(dense).max())
     p = _prolongation(work, len(dense) // 3)
-    assert prepare(tree, work.values, False, work.seam_stiffness, work.grid)
+    assert prepare(tree, work.values, False, work.seam_stiffness, model.order[model.seam], work.grid)
     coarse_matrix(tree, work.values, work.grid)
     np.testing.assert_allclose(
         _dense(work.grid.tree, work.grid.values), p.T @ dense @ p, atol=1e-12 * np.abs(dense).max()
@@ -94,11 +94,14 @@ def test_iterations_solve_what_a_dense_factor_solves(case: str, kind: int) -> No
     seam_at = model.order[model.seam]
     coupled = n_seam > 0
     if coupled:
-        half = np.random.default_rng(2).standard_normal((n_seam, n_seam))
-        work.seam_stiffness[:] = np.abs(dense).max() / n_seam * (half @ half.T)
+        # another body of the same kind at the other side of the seam: its Schur complement
         dofs = (3 * seam_at[:, None] + np.arange(3)).ravel()
+        rest = np.setdiff1d(np.arange(len(dense)), dofs)
+        across = dense[np.ix_(rest, dofs)]
+        condensed = dense[np.ix_(dofs, dofs)] - across.T @ np.linalg.solve(dense[np.ix_(rest, rest)], across)
+        work.seam_stiffness[:] = 0.5 * (condensed + condensed.T)
         dense[np.ix_(dofs, dofs)] += work.seam_stiffness
-    assert prepare(tree, work.values, coupled, work.seam_stiffness, work.grid)
+    assert prepare(tree, work.values, coupled, work.seam_stiffness, model.order[model.seam], work.grid)
     b = np.random.default_rng(3).standard_normal(len(dense))
     x = b.copy()
     iterations = conjugate_gradients(
@@ -111,9 +114,9 @@ def test_iterations_solve_what_a_dense_factor_solves(case: str, kind: int) -> No
 
 def test_an_early_end_keeps_the_sum_of_forces() -> None:
     """After few iterations the residual is large, but its sum over the nodes of a free body is zero."""
-    _, tree, work, dense = _problem("free")
+    model, tree, work, dense = _problem("free")
     none = np.zeros(0, dtype=np.int32)
-    assert prepare(tree, work.values, False, work.seam_stiffness, work.grid)
+    assert prepare(tree, work.values, False, work.seam_stiffness, model.order[model.seam], work.grid)
     b = np.random.default_rng(3).standard_normal(len(dense))
     x = b.copy()
     assert conjugate_gradients(tree, work.values, work.grid, False, work.seam_stiffness, none, 0.1, x, work.ints) > 0
@@ -125,7 +128,7 @@ def test_an_early_end_keeps_the_sum_of_forces() -> None:
 def test_an_indefinite_matrix_is_reported() -> None:
     model, tree, work, _ = _problem("free")
     add_diagonal(tree, work.values, model.mass, -1e10)
-    assert not prepare(tree, work.values, False, work.seam_stiffness, work.grid)
+    assert not prepare(tree, work.values, False, work.seam_stiffness, model.order[model.seam], work.grid)
 
 
 @pytest.mark.parametrize("seam", [False, True])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from softseam_services.fem.kernels.pair import start_address
 from softseam_services.fem.kernels.panel import NARROW, STRIP
 
 Ints = NDArray[np.int32]
@@ -23,6 +24,8 @@ Longs = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 LEAF_NODES = 12
+PAIR_FLOPS = 3e8
+"""of a factor, beyond which a second thread pays: about 4000 unknowns in a cube"""
 
 
 class Tree(NamedTuple):
@@ -65,6 +68,9 @@ class Tree(NamedTuple):
     """most nodes of a front"""
     strip: int
     """most scratch for a panel"""
+    second: Longs
+    """fronts of the branch that a second thread may take, those before being another branch; none where that does not
+    pay (2,)"""
     kind: int
     """how it is solved with, see kernels/multigrid.py: 0, and the matrix is factored"""
     pair: Ints
@@ -73,7 +79,7 @@ class Tree(NamedTuple):
 
 
 class Factoring(NamedTuple):
-    """Scratch of factor and solve."""
+    """Scratch of factor and solve; tile, strip and ints have a row for each thread."""
 
     rest: Floats
     """what fronts leave over to their parents"""
@@ -82,16 +88,20 @@ class Factoring(NamedTuple):
     t: Floats
     """rows of a front"""
     ints: Ints
+    start: Longs
+    """where a second thread begins, 0 without one (1,)"""
 
 
 def scratch(tree: Tree) -> Factoring:
     """Arrays of the right sizes."""
+    threads = 2 if tree.second[1] > tree.second[0] else 1
     return Factoring(
         rest=np.empty(tree.n_rest),
-        strip=np.empty((1, tree.strip)),
-        tile=np.empty((1, 2 * STRIP * STRIP)),
+        strip=np.empty((threads, tree.strip)),
+        tile=np.empty((threads, 2 * STRIP * STRIP)),
         t=np.zeros(3 * tree.widest),
-        ints=np.zeros((1, 8), dtype=np.int32),
+        ints=np.zeros((threads, 8), dtype=np.int32),
+        start=np.array([start_address() if threads == 2 else 0], dtype=np.int64),
     )
 
 
@@ -197,7 +207,8 @@ class _Dissection:
         flat = np.concatenate(rows).astype(np.int32) if rows else np.zeros(0, dtype=np.int32)
         # rows ascend within each front: one sorted list of (front, position) finds all places at once
         key = np.repeat(np.arange(n_fronts), n_all) * max(n_free, 1) + flat
-        n_rest = self._leftovers(meta)
+        second = _second_branch(meta)
+        n_rest = _leftovers(meta, second)
         runs = _runs(meta, boundary, key, n_free)
         own_front = np.repeat(np.arange(n_fronts, dtype=np.int32), own)
         cells = cell_places(self.cell_nodes, position, own_front, meta, key)
@@ -216,33 +227,61 @@ class _Dissection:
             n_rest=n_rest,
             widest=int(n_all.max(initial=0)),
             strip=int((3 * n_all * np.maximum(narrow, STRIP)).max(initial=0)),
+            second=second,
             kind=0,
             pair=np.zeros((0, 3), dtype=np.int32),
         )
 
-    def _leftovers(self, meta: Longs) -> int:
-        """Link children to parents, and give what fronts leave over its place; returns the room that takes.
 
-        Fronts of even and of odd depth have a stack each: when a front pushes, its children are on top of the other.
-        """
-        n_fronts = len(meta)
-        depth = np.zeros(n_fronts, dtype=np.int64)
-        for front in range(n_fronts - 1, -1, -1):
-            parent = meta[front, 3]
-            if parent >= 0:
-                depth[front] = depth[parent] + 1
-                meta[front, 8], meta[parent, 7] = meta[parent, 7], front
-        top, most = [0, 0], [0, 0]
-        for front in range(n_fronts):
-            side = depth[front] % 2
-            child = meta[front, 7]
-            if child >= 0:
-                top[1 - side] = int(meta[child, 6])
-            meta[front, 6] = top[side]
-            top[side] += int(9 * (meta[front, 2] - meta[front, 1]) ** 2)
-            most[side] = max(most[side], top[side])
-        meta[depth % 2 == 1, 6] += most[0]
-        return most[0] + most[1]
+def _second_branch(meta: Longs) -> Longs:
+    """Link children to parents in `meta`; returns `Tree.second`."""
+    for front in range(len(meta) - 1, -1, -1):
+        parent = meta[front, 3]
+        if parent >= 0:
+            meta[front, 8], meta[parent, 7] = meta[parent, 7], front
+    own, n_all = 3.0 * meta[:, 1], 3.0 * meta[:, 2]
+    if len(meta) == 0 or (own * n_all**2).sum() < PAIR_FLOPS:
+        return np.zeros(2, dtype=np.int64)
+    top = len(meta) - 1
+    while meta[top, 7] >= 0:
+        first = int(meta[top, 7])
+        if meta[first, 8] >= 0:
+            return np.array([first + 1, top], dtype=np.int64)
+        top = first
+    return np.zeros(2, dtype=np.int64)
+
+
+def _leftovers(meta: Longs, second: Longs) -> int:
+    """Give what fronts leave over its place; returns the room that takes.
+
+    Fronts of even and of odd depth have a stack each: when a front pushes, its children are on top of the other. The
+    second branch has a pair of its own.
+    """
+    n_fronts = len(meta)
+    stack = np.zeros(n_fronts, dtype=np.int64)
+    for front in range(n_fronts - 1, -1, -1):
+        if meta[front, 3] >= 0:
+            stack[front] = 1 - stack[meta[front, 3]]
+    stack[second[0] : second[1]] += 2
+    top, most = [0, 0, 0, 0], [0, 0, 0, 0]
+    for front in range(n_fronts):
+        for child in reversed(_children(meta, front)):
+            top[stack[child]] = int(meta[child, 6])
+        mine = stack[front]
+        meta[front, 6] = top[mine]
+        top[mine] += int(9 * (meta[front, 2] - meta[front, 1]) ** 2)
+        most[mine] = max(most[mine], top[mine])
+    meta[:, 6] += np.array([sum(most[:i]) for i in range(4)], dtype=np.int64)[stack]
+    return sum(most)
+
+
+def _children(meta: Longs, front: int) -> list[int]:
+    found = []
+    child = int(meta[front, 7])
+    while child >= 0:
+        found.append(child)
+        child = int(meta[child, 8])
+    return found
 
 
 def cell_places(

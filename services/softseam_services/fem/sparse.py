@@ -42,6 +42,7 @@ def sparse_tree(kind: int, cell_nodes: Ints, fixed: NDArray[np.bool_]) -> Tree:
         n_rest=0,
         widest=int(n_all.max(initial=0)),
         strip=0,
+        second=np.zeros(2, dtype=np.int64),
         kind=kind,
         pair=pair,
     )

@@ -82,57 +82,54 @@ def add_seam_stiffness(tree, values, stiffness):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_to_panel(tree, values, rest, child, front):
+def _add_to_panel(meta, runs, values, rest, child, front):
     """Add the rows and columns of a child's rest that `front` eliminates."""
-    meta = tree.meta
     n_own, m = meta[front, OWN], 3 * meta[front, ALL]
     offset, source = meta[front, VALUES], meta[child, REST]
     size = 3 * (meta[child, ALL] - meta[child, OWN])
     last = meta[child, RUN_END]
     for one in range(meta[child, RUN], last):
-        own = min(tree.runs[one, 1], n_own - tree.runs[one, 2])
+        own = min(runs[one, 1], n_own - runs[one, 2])
         for b in range(3 * own):
-            at = source + (3 * tree.runs[one, 0] + b) * size
-            to = offset + (3 * tree.runs[one, 2] + b) * m
+            at = source + (3 * runs[one, 0] + b) * size
+            to = offset + (3 * runs[one, 2] + b) * m
             for other in range(one, last):
                 below = b if other == one else 0
-                start = 3 * tree.runs[other, 0]
-                shift = to + 3 * tree.runs[other, 2] - at - start
-                for i in range(at + start + below, at + start + 3 * tree.runs[other, 1]):
+                start = 3 * runs[other, 0]
+                shift = to + 3 * runs[other, 2] - at - start
+                for i in range(at + start + below, at + start + 3 * runs[other, 1]):
                     values[i + shift] += rest[i]
-        if own < tree.runs[one, 1]:
+        if own < runs[one, 1]:
             return
 
 
 @njit(cache=True, error_model="numpy")
-def _add_to_rest(tree, rest, child, front):
+def _add_to_rest(meta, runs, rest, child, front):
     """Add the rows and columns of a child's rest that `front` leaves over, too."""
-    meta = tree.meta
     n_own, m = meta[front, OWN], 3 * (meta[front, ALL] - meta[front, OWN])
     offset, source = meta[front, REST], meta[child, REST]
     size = 3 * (meta[child, ALL] - meta[child, OWN])
     last = meta[child, RUN_END]
     for one in range(meta[child, RUN], last):
-        own = 3 * max(0, min(tree.runs[one, 1], n_own - tree.runs[one, 2]))
-        for b in range(own, 3 * tree.runs[one, 1]):
-            at = source + (3 * tree.runs[one, 0] + b) * size
-            to = offset + (3 * (tree.runs[one, 2] - n_own) + b) * m
+        own = 3 * max(0, min(runs[one, 1], n_own - runs[one, 2]))
+        for b in range(own, 3 * runs[one, 1]):
+            at = source + (3 * runs[one, 0] + b) * size
+            to = offset + (3 * (runs[one, 2] - n_own) + b) * m
             for other in range(one, last):
                 below = b if other == one else 0
-                start = 3 * tree.runs[other, 0]
-                shift = to + 3 * (tree.runs[other, 2] - n_own) - at - start
-                for i in range(at + start + below, at + start + 3 * tree.runs[other, 1]):
+                start = 3 * runs[other, 0]
+                shift = to + 3 * (runs[other, 2] - n_own) - at - start
+                for i in range(at + start + below, at + start + 3 * runs[other, 1]):
                     rest[i + shift] += rest[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def factor_fronts(tree, values, rest, begin, end, tile, strip, ints):
-    """Factor the fronts begin .. end in place; returns 0, or 1 + the front that is not positive definite."""
-    meta = tree.meta
+@njit(cache=True, error_model="numpy")
+def factor_fronts(meta, runs, values, rest, begin, end, tile, strip, ints):
+    """Factor the fronts begin .. end of a tree in place; returns 0, or 1 + the one that is not positive definite."""
     for front in range(begin, end):
         child = meta[front, CHILD]
         while child >= 0:
-            _add_to_panel(tree, values, rest, child, front)
+            _add_to_panel(meta, runs, values, rest, child, front)
             child = meta[child, SIBLING]
         k, m = 3 * meta[front, OWN], 3 * meta[front, ALL]
         if not factor_panel(values, meta[front, VALUES], m, k, rest, meta[front, REST], tile, strip, ints):
@@ -140,17 +137,9 @@ def factor_fronts(tree, values, rest, begin, end, tile, strip, ints):
         if m > k:
             child = meta[front, CHILD]
             while child >= 0:
-                _add_to_rest(tree, rest, child, front)
+                _add_to_rest(meta, runs, rest, child, front)
                 child = meta[child, SIBLING]
     return 0
-
-
-@njit(cache=True, error_model="numpy")
-def factor(tree, values, scratch):
-    """Factor all fronts in place; returns 0, or 1 + the front where the matrix is not positive definite."""
-    return factor_fronts(
-        tree, values, scratch.rest, 0, len(tree.meta), scratch.tile[0], scratch.strip[0], scratch.ints[0]
-    )
 
 
 @njit(cache=True, error_model="numpy")

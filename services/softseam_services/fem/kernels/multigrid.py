@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.fem.kernels.fronts import ALL, ROW, VALUES, add_seam_stiffness, factor, solve
+from softseam_services.fem.kernels.fronts import ALL, ROW, VALUES, add_seam_stiffness, solve
 from softseam_services.fem.kernels.lapack import multiply
+from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import above, backward, dot, forward, invert_diagonal, product
 
 NONE, MULTIGRID, BLOCK_JACOBI, SWEEPS = 0, 1, 2, 3
@@ -58,11 +59,13 @@ def coarse_matrix(tree, values, grid):
 
 @njit(cache=True, error_model="numpy")
 def _coarse_seam(grid, stiffness):
-    """Add P^T S P of the seam's stiffness S (3s, 3s) to the coarse matrix."""
+    """Add P^T S P of the seam's stiffness S (3s, 3s), but for its diagonal blocks, to the coarse matrix."""
     grid.seam[:] = 0.0
     for a in range(len(stiffness) // 3):
         for p in range(grid.seam_ptr[a], grid.seam_ptr[a + 1]):
             for b in range(len(stiffness) // 3):
+                if b == a:
+                    continue
                 for q in range(grid.seam_ptr[b], grid.seam_ptr[b + 1]):
                     w = grid.seam_share[p] * grid.seam_share[q]
                     for i in range(3):
@@ -73,14 +76,23 @@ def _coarse_seam(grid, stiffness):
 
 
 @njit(cache=True, error_model="numpy")
-def prepare(tree, values, coupled, stiffness, grid):
-    """Get ready for solves with the matrix in `values`; False where it is seen not to be positive definite."""
+def prepare(tree, values, coupled, stiffness, seam_at, grid):
+    """Get ready for solves with the matrix in `values`; False where it is seen not to be positive definite.
+
+    The diagonal blocks of the seam's stiffness join `values`, so that the sweeps know how stiff the seam is.
+    """
+    if coupled:
+        for a in range(len(seam_at)):
+            at, m = tree.meta[seam_at[a], VALUES], 3 * tree.meta[seam_at[a], ALL]
+            for i in range(3):
+                for k in range(3):
+                    values[at + i * m + k] += stiffness[3 * a + k, 3 * a + i]
     if not invert_diagonal(tree, values, grid.inverse):
         return False
     if tree.kind != MULTIGRID:
         return True
     coarse_matrix(tree, values, grid)
-    if coupled and len(stiffness):
+    if coupled:
         _coarse_seam(grid, stiffness)
     return factor(grid.tree, grid.values, grid.factoring) == 0
 
@@ -154,7 +166,10 @@ def apply_matrix(tree, values, grid, coupled, stiffness, seam_at, x, y, ints):
         multiply(stiffness, grid.seam_x, grid.seam_y, 3 * n, 1, 3 * n, False, ints)
         for a in range(n):
             for i in range(3):
-                y[3 * seam_at[a] + i] += grid.seam_y[3 * a + i, 0]
+                own = 0.0  # is in `values`
+                for k in range(3):
+                    own += stiffness[3 * a + i, 3 * a + k] * grid.seam_x[3 * a + k, 0]
+                y[3 * seam_at[a] + i] += grid.seam_y[3 * a + i, 0] - own
 
 
 @njit(cache=True, error_model="numpy")

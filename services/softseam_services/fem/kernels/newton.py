@@ -22,9 +22,10 @@ from softseam_services.fem.kernels.contact import (
     firm_way,
 )
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
-from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, factor, seam_inverse, solve
+from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.fem.kernels.multigrid import NONE, conjugate_gradients, prepare
+from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import dot
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
@@ -116,7 +117,7 @@ def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
-        if _factor(tree, work):
+        if _factor(model, tree, work):
             memo[FACTORED] = 1.0
             memo[FACTOR_INERTIA] = inertia
             return True
@@ -124,11 +125,13 @@ def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work
 
 
 @njit(cache=True, error_model="numpy")
-def _factor(tree, work):
+def _factor(model, tree, work):
     """Factor work.values, or prepare for iterations with them; False where they are not positive definite."""
     if tree.kind == NONE:
         return factor(tree, work.values, work.factoring) == 0
-    return prepare(tree, work.values, work.seam_coupled[0] == 1, work.seam_stiffness, work.grid)
+    return prepare(
+        tree, work.values, work.seam_coupled[0] == 1, work.seam_stiffness, model.order[model.seam], work.grid
+    )
 
 
 @njit(cache=True, error_model="numpy")
