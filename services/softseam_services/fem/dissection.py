@@ -24,8 +24,8 @@ Longs = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 LEAF_NODES = 12
-PAIR_FLOPS = 3e8
-"""of a factor, beyond which a second thread pays: about 4000 unknowns in a cube"""
+PAIR_FLOPS = 3e9
+"""of a factor, beyond which a second thread may pay: about 9000 unknowns in a cube"""
 
 
 class Tree(NamedTuple):

@@ -28,8 +28,9 @@ FILL_FLOOR = 1e-3
 # Contact penalty r = PENALTY E A / h at a surface point, h the spacing of nodes: softer lets points sink in between
 # steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
-# Unknowns beyond which a matrix is not factored: the factor of a cube then takes more than two minutes and 10 GB.
-MOST_FACTORED = 150_000
+# Unknowns beyond which a matrix is not factored. A cube of as many, in contact, takes as long a step either way, and
+# beyond that the factor's time grows with the power 1.8 and its memory with 1.35 (tests/benchmarks/fem.py).
+MOST_FACTORED = 50_000
 # Columns of Anderson acceleration.
 MEMORY = 12
 

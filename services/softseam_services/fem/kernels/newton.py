@@ -47,7 +47,7 @@ _FIRM = 1e-2
 _FINEST = 1e-7
 _FIRST = 0.1
 # How far conjugate gradients reduce the error, of an iteration and of the seam's compliance.
-_INEXACT = 1e-3
+_INEXACT = 1e-2
 _EXACT = 1e-10
 # Points closer to a tool than this share of a cell edge are in a new factor as if they touched.
 _AHEAD = 1e-3
