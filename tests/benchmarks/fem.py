@@ -22,8 +22,8 @@ from fem_run import CLOSE, FemRun, tofu
 
 from softseam_services.fem import model as fem_model
 from softseam_services.fem.dissection import Factoring
-from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts, find_candidates
+from softseam_services.fem.kernels.elements import add_cell_tangents
 from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, solve
 from softseam_services.fem.kernels.multigrid import (
     BLOCK_JACOBI,

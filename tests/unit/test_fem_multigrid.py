@@ -13,7 +13,7 @@ from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem import model as fem_model
 from softseam_services.fem.dissection import Tree
-from softseam_services.fem.kernels.cells import add_cell_tangents
+from softseam_services.fem.kernels.elements import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal
 from softseam_services.fem.kernels.multigrid import (
     BLOCK_JACOBI,
@@ -40,7 +40,7 @@ def _problem(case: str, kind: int = MULTIGRID) -> tuple[FemModel, Tree, Work, Ma
     region = build_region(
         body, cells, shared_nodes(body, cells, np.setdiff1d(np.arange(body.n_cells, dtype=np.int32), cells))
     )
-    model, tree = build_model(body, region, kind)
+    model, tree = build_model(body, region, solution=kind)
     work = build_work(model, tree, 0)
     x = model.x_rest @ (np.eye(3) + 0.02 * np.random.default_rng(4).standard_normal((3, 3)))
     add_diagonal(tree, work.values, model.mass, 1e6)
