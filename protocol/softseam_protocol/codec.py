@@ -31,6 +31,7 @@ from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
 from softseam_protocol.layouts import Layouts
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, Header
 from softseam_protocol.wire_fields import Wrong, field_reader, field_writer, is_name
+from softseam_protocol.written_layouts import WrittenLayouts
 
 __all__ = ["MAX_BYTES", "decode", "encode", "file_descriptor_set", "full_name", "is_name", "peek"]
 
@@ -91,7 +92,7 @@ class _Form:
         for name, value in zip(self._scalars, self._get_scalars(message), strict=True):
             try:
                 setattr(wire, name, value)
-            except (TypeError, ValueError) as error:
+            except (TypeError, ValueError, OverflowError) as error:
                 raise Wrong(f"{self.cls.__name__}.{name}: {error}") from None
         for write, value in zip(self._writers, self._get_rest(message), strict=True):
             write(wire, value)
@@ -137,20 +138,30 @@ def _form(cls: type) -> _Form:
 
 def encode(message: Any) -> bytes:
     """The bytes of a message. Raises EncodeError if a field is not what it is declared to be."""
+    layouts = _WRITTEN.get(type(message))
+    data = layouts.write(message) if layouts is not None else None
+    if data is None:
+        data = _encode(message)
+        if layouts is not None:
+            layouts.meet(data, message)
+    if len(data) > MAX_BYTES:
+        raise EncodeError(f"{type(message).__name__}: {len(data)} bytes, more than the {MAX_BYTES} allowed")
+    return data
+
+
+def _encode(message: Any) -> bytes:
     form = _form(type(message))
     try:
-        data = form.new(message).SerializeToString(deterministic=True)
+        return bytes(form.new(message).SerializeToString(deterministic=True))
     except Wrong as error:
         raise EncodeError(str(error)) from None
     except (TypeError, ValueError, AttributeError) as error:
         raise EncodeError(f"{type(message).__name__}: {error}") from None
-    if len(data) > MAX_BYTES:
-        raise EncodeError(f"{type(message).__name__}: {len(data)} bytes, more than the {MAX_BYTES} allowed")
-    return bytes(data)
 
 
 _BY_TYPE_NAME = {full_name(cls).encode(): cls for cls in MESSAGES.values()}
 _LAYOUTS: dict[type, Layouts] = {cls: Layouts(cls) for cls in (Advance, Advanced)}
+_WRITTEN: dict[type, WrittenLayouts] = {cls: WrittenLayouts(cls) for cls in (Advance, Advanced)}
 """of the messages of every exchange"""
 _Probe = protobuf_class("Released")
 _VERSION = re.compile(rb"softseam\.v(\d{1,9})\.")

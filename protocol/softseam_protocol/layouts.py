@@ -16,11 +16,11 @@ import numpy as np
 
 from softseam_protocol.descriptors import FIELDS, Field
 from softseam_protocol.wire_fields import suspicious
+from softseam_protocol.wire_walk import FIXED64, VARINT, Unteachable, fields_between
 
 Reader = Callable[[bytes], Any]
 """the message, or None where the codec has to look"""
 
-_VARINT, _FIXED64, _BYTES = 0, 1, 2
 _LEARN_AT = 4
 """messages of one length that are decoded before the last of them teaches"""
 _REST = 1000
@@ -63,10 +63,6 @@ class Layouts:
             self._readers[len(data)] = [reader, *self._readers.get(len(data), ())][:_ALIKE]
 
 
-class _Unteachable(Exception):
-    """A message whose layout is not worth knowing."""
-
-
 class _Lesson:
     """Walks one message and writes the function that reads its like."""
 
@@ -91,7 +87,7 @@ class _Lesson:
     def reader(self, cls: type, message: Any) -> Reader | None:
         try:
             build = self._message(cls, message, 0, len(self._data))
-        except _Unteachable:
+        except Unteachable:
             return None
         self._keep(len(self._data))
         unpack = struct.Struct("".join(self._format)).unpack
@@ -113,11 +109,11 @@ class _Lesson:
         fields = {field.number: field for field in FIELDS[cls]}
         values = {field.number: getattr(message, field.name) for field in FIELDS[cls]}
         if any(field.container or field.of is bytes for field in FIELDS[cls]):
-            raise _Unteachable
+            raise Unteachable
         # in the order of the bytes, which need not be that of the fields
         found = {
             number: self._field(fields[number], values[number], kind, lo, hi)
-            for number, (kind, lo, hi) in self._fields(begin, end).items()
+            for number, (kind, lo, hi) in fields_between(self._data, begin, end).items()
             if number in fields
         }
         absent = {
@@ -133,17 +129,17 @@ class _Lesson:
             return self._message(field.of, value, lo, hi)
         if field.is_array:
             return self._array(field, value, lo, hi)
-        if field.of is float and kind == _FIXED64:
+        if field.of is float and kind == FIXED64:
             self._floats.append(self._value("d", lo, hi))
             return self._floats[-1]
-        if field.of is int and kind == _VARINT and field.name != "schema":
+        if field.of is int and kind == VARINT and field.name != "schema":
             return self._integer(lo, hi)
         return self._constant(value)  # texts, flags, the schema
 
     def _integer(self, lo: int, hi: int) -> str:
         """A varint of as many bytes; never negative, for that takes ten."""
         if hi - lo > 4:
-            raise _Unteachable
+            raise Unteachable
         parts = [self._value("B", at, at + 1) for at in range(lo, hi)]
         self._doubts += [f"{part} < 128" for part in parts[:-1]]
         self._doubts.append(f"{parts[-1]} > 127")
@@ -154,9 +150,9 @@ class _Lesson:
         if value.size == 0:
             return self._empty(value)
         array = field.of
-        data = self._fields(lo, hi)
+        data = fields_between(self._data, lo, hi)
         if 3 not in data or array.dtype.kind != "f":
-            raise _Unteachable
+            raise Unteachable
         part = self._value(f"{value.nbytes}s", data[3][1], data[3][2])
         if array.unbounded:
             self._doubts.append(f"not ndarray({value.size}, {self._constant(array.dtype)}, {part}).min() > -infinity")
@@ -188,35 +184,3 @@ class _Lesson:
             self._fixed.append(self._n)
             self._at = end
             self._n += 1
-
-    def _fields(self, begin: int, end: int) -> dict[int, tuple[int, int, int]]:
-        """Number -> kind, begin and end of each field's bytes, in the order in which they come."""
-        found: dict[int, tuple[int, int, int]] = {}
-        at = begin
-        while at < end:
-            tag, at = self._varint(at)
-            number, kind = tag >> 3, tag & 7
-            if kind == _VARINT:
-                after = self._varint(at)[1]
-            elif kind == _FIXED64:
-                after = at + 8
-            elif kind == _BYTES:
-                size, at = self._varint(at)
-                after = at + size
-            else:
-                raise _Unteachable
-            if number in found:
-                raise _Unteachable  # the last one counts, or they are merged
-            found[number] = (kind, at, after)
-            at = after
-        return found
-
-    def _varint(self, at: int) -> tuple[int, int]:
-        value = shift = 0
-        while True:
-            byte = self._data[at]
-            at += 1
-            value |= (byte & 127) << shift
-            if byte < 128:
-                return value, at
-            shift += 7
