@@ -70,7 +70,7 @@ class ConnectedBackend:
         except errors.BusError as error:
             raise NoConnection(str(error)) from None
         try:
-            self._asker = self._bus.asker(self._key, timeout)
+            self._asker = self._bus.watched_asker(self._key, timeout, self._keys.every_live("orchestrator"))
             self._first: Observation | None = self._ask(Open(self._header(), bundle, record), Observation, SceneRefused)
         except BaseException:
             self._bus.close()
@@ -124,11 +124,8 @@ class ConnectedBackend:
         repeated = False
         while True:
             try:
-                reply: Reply
-                if repeated or isinstance(request, Close):
-                    reply = self._bus.call(self._key, request, kind, max(0.1, end - time.monotonic()))
-                else:
-                    reply = self._asker.call(request, kind)
+                left = max(0.1, end - time.monotonic()) if repeated or isinstance(request, Close) else None
+                reply: Reply = self._asker.call(request, kind, left)
                 return reply
             except errors.Refused as error:
                 raise _refusal(error.failure, invalid) from None

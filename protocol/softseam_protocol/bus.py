@@ -27,6 +27,7 @@ from softseam_protocol.errors import BusError, ForkedBus, NoRouter, PortBusy, Pr
 from softseam_protocol.inbox import Inbox, LiveChange, Received
 from softseam_protocol.live_tokens import LiveTokens
 from softseam_protocol.topics import DEFAULT_ENDPOINT
+from softseam_protocol.watched_asker import WatchedAsker
 
 LEASE = 1.0
 """time after which a frozen or unreachable process counts as gone [s]"""
@@ -54,12 +55,12 @@ def _endpoints(endpoints: str | Iterable[str]) -> tuple[str, ...]:
     return (endpoints,) if isinstance(endpoints, str) else tuple(endpoints)
 
 
-def _direct(callback: Callable[[Any], None]) -> Any:
+def _direct(callback: Callable[[Any], None], drop: Callable[[], None] | None = None) -> Any:
     """A callback run on zenoh's own thread: it must only enqueue.
 
     zenoh would otherwise add a Python thread, which costs a hop and hangs an interpreter that exits without `close`.
     """
-    return zenoh.handlers.Callback(callback, indirect=False)
+    return zenoh.handlers.Callback(callback, drop, indirect=False)
 
 
 class _Closing:
@@ -159,10 +160,11 @@ class Bus(_Closing):
 
     # ---- requests ------------------------------------------------------------------------------------------
 
-    def start(self, key: str, payload: bytes, timeout: float) -> Pending:
-        """Send a request without waiting; `collect` gets the reply."""
+    def start(self, key: str, payload: bytes, timeout: float, handler: Any = None) -> Pending:
+        """Send a request without waiting; `collect` gets the reply, unless zenoh gives it to a `handler`."""
         replies = self._session.get(
             key,
+            handler,
             payload=payload,
             encoding=_PROTOBUF,
             timeout=timeout,
@@ -186,6 +188,15 @@ class Bus(_Closing):
         asker = Asker(key, timeout, querier, self.start)
         self._askers.add(asker)
         return asker
+
+    def watched_asker(self, key: str, timeout: float, live: str) -> WatchedAsker:
+        """As `asker`, for a server that shows a token under `live`: a wait ends soon after a token has gone."""
+        asker = self.asker(key, timeout)
+
+        def send(payload: bytes, reply: Callable[[Any], None], ended: Callable[[], None]) -> None:
+            asker.start(payload, _direct(reply, ended))
+
+        return WatchedAsker(key, timeout, self._tokens_of(live), send)
 
     def request_all(self, requests: Sequence[tuple[str, bytes]], timeout: float) -> list[bytes | ProtocolError]:
         """Send (key, payload) requests at once; replies in their order, an error standing for a lost one."""
@@ -263,11 +274,11 @@ class Bus(_Closing):
 
     def watch_live(self, key: str) -> Inbox[LiveChange]:
         """Collect comings and goings of tokens, starting with those that exist."""
+        return self._tokens_of(key).inbox()
+
+    def _tokens_of(self, key: str) -> LiveTokens:
         with self._watching:
-            tokens = self._watched.get(key)
-            if tokens is None:
-                tokens = self._watch(key)
-        return tokens.inbox()
+            return self._watched.get(key) or self._watch(key)
 
     def _watch(self, key: str) -> LiveTokens:
         """Watch for as long as the bus is open (lock held)."""
@@ -294,4 +305,16 @@ def _first_sentence(error: Exception) -> str:
     return str(error).split(" at /")[0].strip()
 
 
-__all__ = ["LEASE", "Asker", "Bus", "Handler", "Inbox", "LiveChange", "Pending", "Received", "Router", "Server"]
+__all__ = [
+    "LEASE",
+    "Asker",
+    "Bus",
+    "Handler",
+    "Inbox",
+    "LiveChange",
+    "Pending",
+    "Received",
+    "Router",
+    "Server",
+    "WatchedAsker",
+]

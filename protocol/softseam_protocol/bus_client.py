@@ -23,31 +23,24 @@ class Pending:
     def collect(self) -> bytes:
         """Wait for the reply. Raises NoReply, BusTimeout, or Refused with the Failure of the other side."""
         for reply in self._replies:
-            if reply.ok is not None:
-                return bytes(reply.ok.payload.to_bytes())
-            raw = reply.err.payload.to_bytes()
-            if raw == _TIMEOUT_REPLY:
-                raise BusTimeout(
-                    f"{self._key}: no answer within {self._timeout:g} s: the server hangs or is overloaded"
-                )
-            raise _refusal(self._key, raw)
-        raise NoReply(f"{self._key}: nobody serves it, or its server died: start the service and repeat the request")
+            return unwrapped(self._key, self._timeout, reply)
+        raise no_reply(self._key)
 
 
 class Asker:
     """Asks one key again and again: it is announced beforehand, which spares a third of a round trip."""
 
-    def __init__(self, key: str, timeout: float, querier: Any, start: Callable[[str, bytes, float], Pending]) -> None:
+    def __init__(self, key: str, timeout: float, querier: Any, start: Callable[..., Pending]) -> None:
         self._key, self._timeout, self._start = key, timeout, start
         self._querier: Any = querier
         self._pid = os.getpid()
 
-    def start(self, payload: bytes) -> Pending:
-        """Send a request without waiting; `collect` gets the reply."""
+    def start(self, payload: bytes, handler: Any = None) -> Pending:
+        """Send a request without waiting; `collect` gets the reply, unless zenoh gives it to a `handler`."""
         if self._querier is None or os.getpid() != self._pid:
             # where the bus is closed or inherited through a fork this raises
-            return self._start(self._key, payload, self._timeout)
-        return Pending(self._key, self._timeout, self._querier.get(payload=payload), self._querier)
+            return self._start(self._key, payload, self._timeout, handler)
+        return Pending(self._key, self._timeout, self._querier.get(handler, payload=payload), self._querier)
 
     def call(self, message: Any, allowed: Any) -> Any:
         """Send a message and decode its reply; errors as `Bus.call`."""
@@ -58,6 +51,24 @@ class Asker:
         querier, self._querier = self._querier, None
         if querier is not None:
             querier.undeclare()
+
+
+def unwrapped(key: str, timeout: float, reply: Any) -> bytes:
+    """The payload of zenoh's reply. Raises BusTimeout, or Refused with the Failure of the other side."""
+    if reply.ok is not None:
+        return bytes(reply.ok.payload.to_bytes())
+    raw = reply.err.payload.to_bytes()
+    if raw == _TIMEOUT_REPLY:
+        raise timed_out(key, timeout)
+    raise _refusal(key, raw)
+
+
+def timed_out(key: str, timeout: float) -> BusTimeout:
+    return BusTimeout(f"{key}: no answer within {timeout:g} s: the server hangs or is overloaded")
+
+
+def no_reply(key: str) -> NoReply:
+    return NoReply(f"{key}: nobody serves it, or its server died: start the service and repeat the request")
 
 
 def _refusal(key: str, raw: bytes) -> ProtocolError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 from softseam_protocol.inbox import Inbox, LiveChange
 
@@ -15,7 +16,9 @@ class LiveTokens:
 
     def __init__(self) -> None:
         self._known: set[str] = set()
-        self._inboxes: list[Inbox[LiveChange]] = []
+        self._ever = False
+        """whether a token was ever heard of"""
+        self._inboxes: list[Inbox[Any]] = []
         self._lock = threading.Lock()
 
     def heard(self, key: str, alive: bool) -> None:
@@ -25,9 +28,10 @@ class LiveTokens:
                 return
             if alive:
                 self._known.add(key)
+                self._ever = True
             else:
                 self._known.remove(key)
-            self._inboxes = [inbox for inbox in self._inboxes if not inbox.closed]
+            self._forget_closed()
             for inbox in self._inboxes:
                 inbox.put(LiveChange(key, alive), 0)
 
@@ -39,11 +43,21 @@ class LiveTokens:
     def inbox(self) -> Inbox[LiveChange]:
         """Comings and goings from now on, beginning with those that exist."""
         inbox: Inbox[LiveChange] = Inbox()
+        self.tell(inbox)
+        return inbox
+
+    def tell(self, inbox: Inbox[Any]) -> bool:
+        """Put the same into an inbox that is there already; whether all tokens that there ever were have gone."""
         with self._lock:
+            self._forget_closed()
             for key in sorted(self._known):
                 inbox.put(LiveChange(key, True), 0)
             self._inboxes.append(inbox)
-        return inbox
+            return self._ever and not self._known
+
+    def _forget_closed(self) -> None:
+        """Inboxes that nobody reads any more (lock held)."""
+        self._inboxes = [inbox for inbox in self._inboxes if not inbox.closed]
 
     def close(self) -> None:
         """Nothing more will be heard."""

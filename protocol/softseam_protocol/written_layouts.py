@@ -42,7 +42,7 @@ class WrittenLayouts:
         """The message's bytes, or None if no layout fits."""
         try:
             sender = _sender(message)
-            writers = self._writers.get(sender, ())
+            writers = self._writers.get(sender, [])
             for writer in writers:
                 data = writer(message)
                 if data is not None:
