@@ -13,6 +13,7 @@ import atexit
 import json
 import os
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import TracebackType
@@ -31,6 +32,9 @@ from softseam_protocol.watched_asker import WatchedAsker
 
 LEASE = 1.0
 """time after which a frozen or unreachable process counts as gone [s]"""
+
+_INTRODUCTION = 1.0
+"""time in which a publisher learns of those who have subscribed before [s]"""
 
 _PROTOBUF = zenoh.Encoding.APPLICATION_PROTOBUF
 
@@ -136,7 +140,7 @@ class Bus(_Closing):
     ) -> None:
         """Connect to a router, trying for `connect_timeout` [s]. Raises NoRouter."""
         self.endpoints = _endpoints(endpoints)
-        self._publishers: dict[tuple[str, bool], Any] = {}
+        self._publishers: dict[tuple[str, bool], tuple[Any, float]] = {}
         self._publishing = threading.Lock()
         self._open: list[Server | Inbox[Any]] = []
         self._askers: weakref.WeakSet[Asker] = weakref.WeakSet()
@@ -229,20 +233,29 @@ class Bus(_Closing):
 
     def publish(self, key: str, payload: bytes, droppable: bool = False) -> None:
         """Publish; `droppable` gives way under congestion instead of waiting."""
+        self._publisher(key, droppable)[0].put(payload)
+
+    def listened(self, key: str) -> bool:
+        """Whether anybody subscribes to what is published, droppable, under `key`; not sure at first, so it is True."""
+        publisher, since = self._publisher(key, True)
+        return bool(publisher.matching_status.matching) or time.monotonic() - since < _INTRODUCTION
+
+    def _publisher(self, key: str, droppable: bool) -> tuple[Any, float]:
+        """The publisher and when it was declared."""
         session = self._session
         with self._publishing:
-            publisher = self._publishers.get((key, droppable))
-            if publisher is None:
+            known = self._publishers.get((key, droppable))
+            if known is None:
                 control = zenoh.CongestionControl.DROP if droppable else zenoh.CongestionControl.BLOCK
                 publisher = session.declare_publisher(key, encoding=_PROTOBUF, congestion_control=control)
-                self._publishers[key, droppable] = publisher
-        publisher.put(payload)
+                known = self._publishers[key, droppable] = publisher, time.monotonic()
+        return known
 
     def forget(self, prefix: str) -> None:
         """Undeclare the publishers of keys that begin with `prefix`: a session has ended."""
         with self._publishing:
             for key in [k for k in self._publishers if k[0].startswith(prefix)]:
-                self._publishers.pop(key).undeclare()
+                self._publishers.pop(key)[0].undeclare()
 
     def subscribe(self, key: str, latest: bool = False, limit_bytes: int = 256 * 2**20) -> Inbox[Received]:
         """Collect what is published; `latest` keeps only the newest. What does not fit is dropped and counted."""

@@ -24,7 +24,7 @@ _LEARN_AT = 4
 """messages of one sender that are encoded before the last of them teaches"""
 _REST = 1000
 """messages that are left in peace after one that could not teach"""
-_MOST, _ALIKE = 64, 8
+_MOST, _ALIKE = 64, 16
 """senders that are kept of one class, and layouts of one sender"""
 _sender = attrgetter("header.session", "header.participant")
 

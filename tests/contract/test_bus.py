@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from softseam_protocol import bus as bus_module
 from softseam_protocol.bus import Bus, Inbox, Received, Router
 from softseam_protocol.bus_server import MOST_WAITING
 from softseam_protocol.codec import decode, encode
@@ -272,6 +273,21 @@ def test_published_messages_arrive_in_order_and_are_counted_when_lost(bus: Bus, 
     assert last is not None and last.key == key and len(newest) == 0
     assert newest.get(0.01) is None
     bus.forget(f"{KEYS.root}/session/s")
+
+
+def test_whether_anybody_listens(bus: Bus, other: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unsure at first, which counts as yes; who subscribes and then asks is known before the question arrives."""
+    key = KEYS.session("listened", Event)
+    assert bus.listened(key)
+    monkeypatch.setattr(bus_module, "_INTRODUCTION", 0.0)
+    assert not bus.listened(key)
+    bus.serve({KEY: lambda _: b"yes" if bus.listened(key) else b"no"}).start()
+    assert served(other)
+    for _ in range(20):
+        inbox = other.subscribe(KEYS.session_all())
+        assert other.request(KEY, b"", 5.0) == b"yes"
+        inbox.close()
+        assert until(lambda: not bus.listened(key))
 
 
 def _arrives(bus: Bus, key: str, inbox: Inbox[Received], payload: bytes) -> bool:

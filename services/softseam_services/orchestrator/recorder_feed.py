@@ -104,11 +104,14 @@ class RecorderFeed:
         self._bus.forget(self._keys.session(self._session, StepReport).rpartition("/")[0] + "/")
 
     def _publish(self, message: Begin | End | StepReport | Frame | Event) -> int:
+        """Publish; the message's size [B]. A step's report to nobody is not even encoded."""
+        key = self._keys.session(self._session, type(message))
+        if isinstance(message, StepReport) and not self._following and not self._bus.listened(key):
+            return 0
         payload = encode(message)
-        topic = topic_of(type(message))
         # without a recorder that keeps up, nobody may slow the run down
-        droppable = topic.droppable or not self._following or self._late
-        self._bus.publish(self._keys.session(self._session, type(message)), payload, droppable)
+        droppable = topic_of(type(message)).droppable or not self._following or self._late
+        self._bus.publish(key, payload, droppable)
         return len(payload)
 
     def _invite(self, begin: Begin) -> None:
