@@ -142,12 +142,11 @@ class _Lesson:
         elif field.is_array:
             self._array(field, value, expression, lo, hi)
         elif field.of is float and kind == FIXED64:
-            if field.has_presence:
-                raise Unteachable
-            if value == 0.0:
+            if value == 0.0 and not field.has_presence:
                 self._zero(value, expression)
             else:
-                self._tests.append(f"isinstance({self._local(expression)}, float) and {self._last} != 0.0")
+                test = f"isinstance({self._local(expression)}, float)"
+                self._tests.append(test if field.has_presence else f"{test} and {self._last} != 0.0")
                 self._value("d", self._last, lo, hi)
         elif field.of is int and kind == VARINT:
             self._integer(field, expression, lo, hi)
@@ -167,9 +166,9 @@ class _Lesson:
     def _integer(self, field: Field, expression: str, lo: int, hi: int) -> None:
         """A varint of as many bytes; never negative, for that takes ten."""
         n = hi - lo
-        if n > 4 or field.has_presence:
+        if n > 4:
             raise Unteachable
-        least = 128 ** (n - 1)  # 0 is left out
+        least = 128 ** (n - 1) if n > 1 or not field.has_presence else 0  # 0 is left out unless it has presence
         self._tests.append(f"type({self._local(expression)}) is int and {least} <= {self._last} < {128**n}")
         name = self._last
         for i in range(n - 1):

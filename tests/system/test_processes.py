@@ -191,7 +191,7 @@ def test_an_orchestrator_lost_in_a_request_is_an_error_too(services: Services, b
 
     with pytest.raises(SoftseamError, match="open it again"):
         run(services, bus, bar, 20, kill)
-    assert 0.0 < time.monotonic() - began < READY / 2
+    assert 0.0 < time.monotonic() - began < 60.0
     services.wait_well()
 
 
