@@ -134,6 +134,8 @@ class Configured:
     n_cells: Count
     substeps: Count
     """substeps a step that the participant takes (1 for FEM)"""
+    strain: float = 0.0
+    """strain energy of the state it begins with [J]"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,10 @@ class Solver(Protocol):
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
 
+    @property
+    def strain(self) -> float:
+        """Strain energy of the state as it stands [J]."""
+
     def fields(self, request_header: Header) -> Fields: ...
 
     def snapshot(self) -> bytes: ...

@@ -78,7 +78,7 @@ def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
         solver, substeps = pbd, pbd.substeps
     else:
         raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
-    return solver, Configured(request.header, len(region.nodes), len(region.cells), substeps)
+    return solver, Configured(request.header, len(region.nodes), len(region.cells), substeps, solver.strain)
 
 
 @dataclass

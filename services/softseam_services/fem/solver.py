@@ -17,7 +17,7 @@ from softseam_services.fem.integrators.scheme import STATIC
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme
 from softseam_services.fem.kernels import step as kernel
-from softseam_services.fem.kernels.elements import cauchy_stress
+from softseam_services.fem.kernels.elements import cauchy_stress, strain_energy
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
     FACTORED,
@@ -133,6 +133,11 @@ class FemSolver:
     def state(self) -> FemState:
         """State at the end of the last advanced step, or the committed one."""
         return self._next if self._tentative else self._committed
+
+    @property
+    def strain(self) -> float:
+        """Strain energy of the last advanced step [J]."""
+        return float(strain_energy(self.state.x, self._model, self._work))
 
     def advance(self, request: Advance) -> Advanced:
         """Advance tentatively by request.dt; a new step number commits the tentative step before it."""

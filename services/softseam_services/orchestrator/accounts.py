@@ -129,11 +129,15 @@ class Accounts:
             command[:, 3:].copy(),
         )
 
-    def switched(self, kinetic_change: float) -> None:
-        """Regions switched since the last step, which changed the kinetic energy by this much [J]."""
+    def switched(self, kinetic_change: float, strain: float) -> None:
+        """Regions switched after the last step.
+
+        kinetic_change  of the kinetic energy [J]
+        strain          energy of the models that hold the body now [J]
+        """
         if self._ledger is not None:
             last = self._ledger.last
-            self._book.switched(self._ledger, Energies(last.kinetic + kinetic_change, last.strain, last.gravity))
+            self._book.switched(self._ledger, Energies(last.kinetic + kinetic_change, strain, last.gravity))
 
     def to_array(self) -> Floats:
         """What evolves, for a snapshot."""

@@ -17,6 +17,7 @@ from softseam_protocol.messages import (
     BodyState,
     Bundle,
     Configure,
+    Configured,
     Event,
     Fields,
     Frame,
@@ -187,7 +188,7 @@ class Simulation:
         if frame is not None:
             quantities |= self._probes.measure(frame, self._near.model, self.scene.regions.default)
         header, sides = self._last_header(), self._sides
-        kinetic_change = self._follow_tools(replies)
+        switched = self._follow_tools(replies)
         if self._step % _CHECKPOINT_STEPS == 0:
             self._snapshot()
         report = self._accounts.report(
@@ -203,7 +204,8 @@ class Simulation:
             done=self.done,
             command=command,
         )
-        self._accounts.switched(kinetic_change)
+        if switched is not None:
+            self._accounts.switched(*switched)
         for alarm in self._accounts.raised:
             self._event("energy", f"step {self._step - 1}: {alarm.value}")
         crushed = sum(reply.n_crushed for reply in replies.values())
@@ -368,37 +370,43 @@ class Simulation:
 
     # ---- regions
 
-    def _follow_tools(self, replies: Mapping[str, Advanced]) -> float:
-        """Let the regions follow the tools; by how much a switch changed the kinetic energy [J]."""
+    def _follow_tools(self, replies: Mapping[str, Advanced]) -> tuple[float, float] | None:
+        """Let the regions follow the tools; what a switch did (see `_switch`), None where there was none."""
         reason = self._near.follow(self._sides, replies)
         if not reason:
-            return 0.0
-        change = self._switch()
+            return None
+        done = self._switch()
         self._event("regions", reason)
-        return change
+        return done
 
     def set_near(self, near: NDArray[np.bool_]) -> float:
         """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
         self._near.mask = near
-        return self._switch()
+        kinetic_change, strain = self._switch()
+        self._accounts.switched(kinetic_change, strain)
+        return kinetic_change
 
-    def _switch(self) -> float:
+    def _switch(self) -> tuple[float, float]:
+        """Cut the body anew; by how much that changed the kinetic energy, and the strain energy from now on [J]."""
         old, fields = self._sides, self._observe()
         state, kinetic_change = merged_state(self.body, old, fields)
         cauchy = np.empty((self.body.n_cells, 8, 6))
         for name, side in fields.items():
             cauchy[old.cells[name]] = side.cauchy
-        self._configure(state, cauchy)
+        strain = self._configure(state, cauchy)
         self._release(set(old.names) - set(self._sides.names))
         self._frame = None
-        return kinetic_change
+        return kinetic_change, strain
 
-    def _configure(self, state: BodyState | None, cauchy: Floats | None) -> None:
-        """Build both sides for the present cut in a new epoch; cauchy (C, 8, 6) as the body stands, None for none."""
+    def _configure(self, state: BodyState | None, cauchy: Floats | None) -> float:
+        """Build both sides for the present cut in a new epoch; their strain energy [J].
+
+        cauchy (C, 8, 6) as the body stands, None for none.
+        """
         self._epoch += 1
         self._sides: Sides = cut(self.body, self._near.mask, self._near.model, self.scene.regions.default)
         sides = self._sides
-        self._exchange(
+        replies = self._exchange(
             {
                 name: Configure(
                     self._header(name),
@@ -423,6 +431,7 @@ class Simulation:
             self._loop = SeamLoop(
                 self._seam, tie, len(sides.seam), first, condensable, max(self.scene.seam.exchanges, 1)
             )
+        return sum(reply.strain for reply in replies.values() if isinstance(reply, Configured))
 
     def _release(self, names: Sequence[str] | set[str]) -> None:
         if names:

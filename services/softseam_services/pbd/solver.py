@@ -140,6 +140,11 @@ class PbdSolver:
         state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None)
         self._floor = 1e-8 * model.body.material.mu * float(blocks.volume.sum())
 
+    @property
+    def strain(self) -> float:
+        """Strain energy of the last committed step [J]."""
+        return float(self._committed.monitor[2])
+
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
         committed, work = self._committed, self._work
