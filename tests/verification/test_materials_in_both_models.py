@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from softseam.variants import Model, with_model
+from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.kinds import KNOWN_MATERIALS, MaterialKind
 from softseam_protocol.scene import MaterialSpec, Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
@@ -29,8 +29,11 @@ def forces(scene: Scene, model: Model) -> tuple[float, float]:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", sorted(set(KNOWN_MATERIALS["pbd"]) - {"linear", "neo_hookean"}))
 def test_hybrid_grips_as_fem_does(kind: MaterialKind) -> None:
-    """The laws differ by 40 % in force; the two models of one law by less than 1 %."""
-    scene = load_scene(GRASP).scene
+    """The laws differ by 40 % in force; the two models of one law by less than 1 %.
+
+    Squeezed by a tenth: at 15 % St. Venant-Kirchhoff, which softens in compression, may fold below the plates' edges.
+    """
+    scene = with_settings(load_scene(GRASP).scene, ["motion.1.until.compression=0.1"])
     ratio = 0.2 if kind == "mooney_rivlin" else None
     material = MaterialSpec.model_validate({**scene.body.material.model_dump(), "kind": kind, "ratio": ratio})
     scene = scene.model_copy(update={"body": scene.body.model_copy(update={"material": material})})
