@@ -13,7 +13,7 @@ from time import process_time
 
 import numpy as np
 from numba import njit
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene, cantilever
 from rich.console import Console
@@ -74,7 +74,17 @@ def limits() -> tuple[float, float]:
 
 
 @njit(error_model="numpy")
-def _sweeps(n, ws, xw, nodes, volume, softness, stress, constants, h):
+def _sweeps(
+    n: int,
+    ws: Floats,
+    xw: Floats,
+    nodes: NDArray[np.int32],
+    volume: Floats,
+    softness: Floats,
+    stress: Floats,
+    constants: Floats,
+    h: float,
+) -> None:
     for _ in range(n):
         sweep(ws, xw, nodes, volume, softness, stress, constants, False, 0.5, h)
 
@@ -137,13 +147,18 @@ def sweep_table(console: Console, flops: float, copied: float) -> None:
     console.print(f"time ~ blocks^{slope:.3f} from 1e2 to 1e6; a block among 32 costs {small:.2f} of one among 1e4")
 
 
+def _allocated() -> int:
+    """How often numba has allocated in this process."""
+    return int(rtsys.get_allocation_stats().alloc)  # type: ignore[no-untyped-call]
+
+
 def _allocations(solver: PbdSolver, request: Advance, substeps: int) -> int:
     """What numba allocates in a step; handing an array over counts, too, so only differences mean something."""
     solver._planned = substeps
-    before = rtsys.get_allocation_stats().alloc
+    before = _allocated()
     solver._try(request, 0)
     solver._planned = 11
-    return int(rtsys.get_allocation_stats().alloc - before)
+    return _allocated() - before
 
 
 def small_body(console: Console) -> None:

@@ -108,7 +108,12 @@ def asker_of(bus: Bus, timeout: float = LONG) -> WatchedAsker:
 def test_a_server_that_goes_without_an_answer_is_given_up(endpoint: str, server: Hanging) -> None:
     with Bus(endpoint) as bus:
         asker = asker_of(bus)
-        lost = threading.Thread(target=lambda: server.asked.wait(10.0) and server.lose_token())
+
+        def lose_token_when_asked() -> None:
+            if server.asked.wait(10.0):
+                server.lose_token()
+
+        lost = threading.Thread(target=lose_token_when_asked)
         lost.start()
         began = time.monotonic()
         with pytest.raises(NoReply, match="its server died"):

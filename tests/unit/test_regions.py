@@ -98,14 +98,14 @@ def test_cells_are_raised_in_batches() -> None:
     state = rule.init(grid, np.full(12, 9.0))
     raised = []
     for step in range(40):
-        choice = rule.choose(state, grid, 1.29 + 0.1 * np.arange(12) - 0.05 * step)
+        choice = rule.choose(state, grid, 1.29 + 0.1 * np.arange(12.0) - 0.05 * step)
         if choice.switches:
             raised.append((step, choice.n_raised))
             rule.accept(state, choice)
     assert raised == [(6, 4), (14, 4), (22, 4)]
     kept = RegionRule(within=1.0, release=1.1, min_patch=1)
     state = kept.init(grid, np.full(12, 9.0))
-    assert kept.choose(state, grid, 0.95 + 0.1 * np.arange(12)).n_raised == 2  # never what the rule would let go
+    assert kept.choose(state, grid, 0.95 + 0.1 * np.arange(12.0)).n_raised == 2  # never what the rule would let go
 
 
 def test_cells_are_lowered_in_batches() -> None:

@@ -41,7 +41,7 @@ class Chain:
                 self.told = side.stiffness
             matrix[:3, :3] += self.told
             right[:3] += self.told @ side.anchor[0]
-        self.next_x = np.linalg.solve(matrix, right)
+        self.next_x = np.linalg.solve(matrix, right).astype(np.float64, copy=False)
         seam = self.next_x[:3].reshape(1, 3)
         force = side.force if side.anchor is None else side.force + (side.anchor - seam) @ self.told
         return Advanced(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from element_statics import Floats, Statics, lattice
+from element_statics import Floats, Mask, Statics, lattice
 
 from softseam_services.body.materials import point
 from softseam_services.fem.elements import ELEMENTS
@@ -22,13 +22,14 @@ def test_patch(element: str) -> None:
     rng = np.random.default_rng(1)
 
     def shift(x: Floats) -> Floats:
-        inside = ((x > 1e-9) & (x < SIDE - 1e-9)).all(axis=1)
+        inside: Mask = np.all((x > 1e-9) & (x < SIDE - 1e-9), axis=1)
         return np.where(inside[:, None], rng.uniform(-0.06 * SIDE / 2, 0.06 * SIDE / 2, x.shape), 0.0)
 
     case = Statics(lattice((SIDE, SIDE, SIDE), (2, 2, 2), shift), element)
     F = np.eye(3) + 0.25 * rng.uniform(-1.0, 1.0, (3, 3))
     exact = case.x_rest @ F.T
-    held = np.repeat(((case.x_rest < 1e-9) | (case.x_rest > SIDE - 1e-9)).any(axis=1)[:, None], 3, axis=1)
+    surface: Mask = np.any((case.x_rest < 1e-9) | (case.x_rest > SIDE - 1e-9), axis=1)
+    held = np.repeat(surface[:, None], 3, axis=1)
     assert np.count_nonzero(~held) == 81
     start = np.where(held, exact, exact + 1e-4 * rng.standard_normal(exact.shape))
     x = case.solve(start, held, tolerance=1e-13)
@@ -64,7 +65,7 @@ def _error(element: str, n: int) -> float:
     x = case.x_rest
     held = np.zeros(x.shape, dtype=np.bool_)
     held[:, 2] = (x[:, 2] < 1e-9) | (x[:, 2] > side / n - 1e-9)
-    edge = (np.abs(x[:, :2] - side / 2) > side / 2 - 1e-9).any(axis=1)
+    edge: Mask = np.any(np.abs(x[:, :2] - side / 2) > side / 2 - 1e-9, axis=1)
     held[edge] = True
     u = _papkovich(x, poisson, k)
     solution = case.solve(np.where(edge[:, None], x + u, x), held)

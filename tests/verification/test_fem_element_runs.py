@@ -11,6 +11,7 @@ from fem_run import CLOSE, FemRun, block, tofu
 from scipy.optimize import brentq
 
 from softseam_coupling.mortar import TRACES, mortar_tie
+from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
 from softseam_services.body.interpolate import FUNCTIONS
@@ -21,12 +22,12 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
 
-def _with(element: str, **keys: Any) -> dict[str, Any]:
+def _with(element: ElementKind, **keys: Any) -> dict[str, Any]:
     return {"models": {"fem": {"element": element, "tolerance": 1e-7}}, "regions": {"default": "fem"}, **keys}
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_contact_passes_uniform_stress(element: str) -> None:
+def test_contact_passes_uniform_stress(element: ElementKind) -> None:
     """Contact patch test: smooth plates squeeze by 15 %, 8.798 N and -3043.6 Pa (closed form) in every octant."""
     run = FemRun(tofu(friction=0.0, gravity=0.0, **_with(element)))
     run.run(0.025 + 3 * 0.0625, CLOSE)
@@ -57,7 +58,7 @@ def test_the_law_moves_the_squeeze_as_other_solvers_say(kind: str) -> None:
 def _uniaxial(case: Statics, stretch: float) -> Floats:
     mu, lam = case.model.mu, case.model.lambda_
     across = brentq(lambda t: mu * (t - 1.0 / t) + lam * np.log(stretch * t * t) / t, 0.5, 4.0)
-    return case.x_rest * np.array([across, across, stretch])
+    return case.x_rest * np.array([across, across, stretch], dtype=np.float64)
 
 
 def test_crushed_cells_stay_definite() -> None:
@@ -109,7 +110,7 @@ def _face_share(trace: str) -> Floats:
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_elements_push_on_a_face_as_the_seam_takes_them_to(element: str) -> None:
+def test_elements_push_on_a_face_as_the_seam_takes_them_to(element: ElementKind) -> None:
     """Uniform stress in one cell: the forces on its nodes are P n A times the shares of the element's trace."""
     case = Statics(lattice((0.02, 0.02, 0.02), (1, 1, 1)), element)
     F, P = np.eye(3) + 0.2 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3)), np.empty((3, 3))
@@ -160,7 +161,7 @@ def test_crushed_cells_are_an_event() -> None:
 
 
 @pytest.mark.parametrize("element", ["hex8_bbar", "tet10", "tet4_fbar"])
-def test_a_cut_body_at_rest_under_its_weight(element: str) -> None:
+def test_a_cut_body_at_rest_under_its_weight(element: ElementKind) -> None:
     """A bar of two models hangs as one body: the seam carries the weight beyond it, without a gap."""
     size, density = (0.08, 0.02, 0.02), 1000.0
     scene = Scene.model_validate(

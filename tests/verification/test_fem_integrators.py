@@ -45,9 +45,8 @@ def kicked(kind: IntegratorKind, radius: float | None = None) -> FemRun:
 def energies(run: FemRun, time: float, dt: float) -> NDArray[np.float64]:
     """Kinetic + strain energy after each step, over the initial one."""
     v = run.solver.state.v
-    start = 0.5 * (run.solver._model.mass[:, None] * v**2).sum() + strain_energy(
-        run.x, run.solver._model, run.solver._work
-    )
+    kinetic = 0.5 * float((run.solver._model.mass[:, None] * v**2).sum())
+    start = kinetic + float(strain_energy(run.x, run.solver._model, run.solver._work))
     return np.array([r.kinetic + r.strain for r in run.run(time, dt=dt)]) / start
 
 
@@ -246,7 +245,8 @@ def test_statics_in_contact() -> None:
     """A clamped cube pressed flat by 10 %: the force is where implicit Euler's settles."""
     plate = {"top": {"kind": "box", "size": (0.2, 0.2, 0.01), "position": (0.0, 0.0, 0.055), "friction": 0.3}}
     forces = []
-    for kind, n, dt in (("static", 5, 0.1), ("implicit_euler", 50, 0.01)):
+    settled: tuple[tuple[IntegratorKind, int, float], ...] = (("static", 5, 0.1), ("implicit_euler", 50, 0.01))
+    for kind, n, dt in settled:
         run = FemRun(with_integrator(block(gravity=(0.0, 0.0, 0.0), body=CLAMPED, tools=plate), kind))
         run.run(n * dt, {"top": (0.0, 0.0, -0.01)}, dt=dt)
         forces.append(run.run(3 * dt, dt=dt)[-1].wrench[0, 2])

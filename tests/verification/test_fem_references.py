@@ -9,6 +9,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import eigsh
 
 from softseam_coupling.mortar import TRACES
+from softseam_protocol.kinds import ElementKind
 from softseam_services.body.interpolate import FUNCTIONS
 
 # Cook's membrane, plane strain, nu 0.4999, a quarter of the full load: tip uy [m], dolfinx Q2/Q1 mixed, case 03_cook.
@@ -29,7 +30,7 @@ def _uniform_face(functions: str) -> Floats:
     return np.asarray(share)
 
 
-def _cook(element: str, n: int) -> float:
+def _cook(element: ElementKind, n: int) -> float:
     """Tip uy [m] on n x n x 1 general hexahedra."""
     width, left, bottom, right, thick = 0.048, 0.044, 0.044, 0.016, 0.004
 
@@ -58,7 +59,7 @@ def _cook(element: str, n: int) -> float:
     ("element", "limit"),
     [("hex27", 0.01), ("hex8", 0.02), ("hex8_bbar", 0.025), ("hex8_reduced", 0.035), ("tet4_fbar", 0.04)],
 )
-def test_cook_s_membrane(element: str, limit: float) -> None:
+def test_cook_s_membrane(element: ElementKind, limit: float) -> None:
     """On 8 x 8 cells; on 4 x 4 the error is more than twice as large."""
     coarse, fine = _cook(element, 4) / COOK - 1.0, _cook(element, 8) / COOK - 1.0
     assert abs(fine) < limit
@@ -66,14 +67,14 @@ def test_cook_s_membrane(element: str, limit: float) -> None:
 
 
 @pytest.mark.parametrize(("element", "limit"), [("hex8_full", 0.6), ("tet4", 0.08), ("hex27_full", 0.05)])
-def test_cook_s_membrane_shows_who_locks(element: str, limit: float) -> None:
+def test_cook_s_membrane_shows_who_locks(element: ElementKind, limit: float) -> None:
     assert 1.0 - _cook(element, 8) / COOK > limit
 
 
 @pytest.mark.parametrize(
     ("element", "limit"), [("hex27", 0.005), ("hex27_full", 0.01), ("tet10", 0.02), ("hex8_bbar", 0.03), ("hex8", 0.06)]
 )
-def test_torsion(element: str, limit: float) -> None:
+def test_torsion(element: ElementKind, limit: float) -> None:
     """3 x 3 x 12 cells turned by 60 degrees in three steps; hex8's hourglass stiffness resists warping."""
     size, n_steps = (0.03, 0.03, 0.12), 3
     case = Statics(lattice(size, (3, 3, 12), young=50e3, poisson=0.45), element)
@@ -98,7 +99,7 @@ def test_torsion(element: str, limit: float) -> None:
 
 
 @pytest.mark.parametrize(("element", "limit"), [("hex27", 0.01), ("tet10", 0.025), ("hex8_bbar", 0.03), ("hex8", 0.09)])
-def test_natural_frequencies(element: str, limit: float) -> None:
+def test_natural_frequencies(element: ElementKind, limit: float) -> None:
     """The six lowest on 8 x 2 x 2 cells, masses as the product lumps them."""
     case = Statics(lattice((0.1, 0.02, 0.02), (8, 2, 2), young=1e5, poisson=0.3, density=1000.0), element)
     free = np.flatnonzero(np.repeat(case.x_rest[:, 0] > 1e-9, 3))

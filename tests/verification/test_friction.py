@@ -67,7 +67,7 @@ def speeds(model: str, slope: float, young: float = 2e4, tolerance: float = 1e-9
     motion = [{"hold": 0.3}, {"tools": ["ground"], "turn": [0, slope, 0], "speed": 0.5}, {"hold": 0.6}]
     reports, _ = simulate(SLAB, young, ground, motion, {"default": model}, tolerance=tolerance)
     down = np.array([np.cos(slope), 0.0, -np.sin(slope)])
-    return np.array([r.momentum @ down for r in reports]) / (DENSITY * np.prod(SLAB))
+    return np.array([r.momentum @ down for r in reports]) / (DENSITY * float(np.prod(SLAB)))
 
 
 def test_a_slab_sticks_below_the_friction_angle_and_slides_above() -> None:

@@ -113,7 +113,8 @@ def test_the_ledger_books_what_a_switch_does_to_the_strain_energy() -> None:
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
     everywhere, nowhere = np.ones(simulation.body.n_cells, bool), np.zeros(simulation.body.n_cells, bool)
     energy = simulation.step().energy
-    jumps, losses = [], []
+    jumps: list[float] = []
+    losses: list[float] = []
     for step in range(60):
         switches = step % 10 == 0
         if switches:

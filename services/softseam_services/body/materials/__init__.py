@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from softseam_protocol.kinds import MaterialKind
 from softseam_protocol.scene import MaterialSpec
 from softseam_services.body.body import Material
 from softseam_services.body.elastic_constants import ElasticConstants
@@ -11,7 +12,7 @@ from softseam_services.body.materials import point
 
 __all__ = ["MATERIALS", "build_material"]
 
-MATERIALS = {
+MATERIALS: dict[MaterialKind, int] = {
     "neo_hookean": point.NEO_HOOKEAN,
     "linear": point.LINEAR,
     "corotated": point.COROTATED,
