@@ -162,7 +162,7 @@ def translated() -> Iterator[None]:
     """Turn what the services raise into the client's errors."""
     from softseam_services.body.errors import MeshError
     from softseam_services.orchestrator.archive import ArchiveError
-    from softseam_services.orchestrator.simulation import StepFailed
+    from softseam_services.orchestrator.regions import StepFailed
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
     from softseam_services.recorder.whole_file import RecordError
     from softseam_services.tools.errors import ToolError

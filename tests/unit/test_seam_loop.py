@@ -28,6 +28,7 @@ class Chain:
     v: Floats = field(default_factory=lambda: np.zeros(9))
     next_x: Floats = field(default_factory=lambda: np.zeros(9))
     asked: int = 0
+    touches: bool = True
 
     def advance(self, side: SideRequest) -> Advanced:
         """The step under the seam's force, with the other side's stiffness where it is told."""
@@ -47,7 +48,8 @@ class Chain:
         return Advanced(
             Header(SCHEMA_VERSION, "", "", 0, 0, 0, 0.0), "converged", seam,
             np.linalg.inv(matrix)[:3, :3] if side.compliance else np.zeros((0, 0)), np.zeros((0, 6)),
-            *(0.0,) * 5, np.zeros(3), np.zeros(3), 0.0, 0.0, 1, 2, 0.0, np.zeros(0), np.zeros((2, 3)), force,
+            *(0.0,) * 5, np.zeros(3), np.zeros(3), 0.0, 0.0, int(self.touches), 2, 0.0, np.zeros(0),
+            np.zeros((2, 3)), force,
         )  # fmt: skip
 
     def commit(self) -> None:
@@ -76,3 +78,20 @@ def test_repeats_are_condensed_and_calm_steps_are_direct_again() -> None:
     assert asks[:2] == [(2, 2)] * 2
     assert asks[2:60] == [(1, 2)] * 58
     assert asks[-18:] == [(1, 1)] * 18  # 64 steps after the last failure would be later
+
+
+def test_what_repeats_before_the_first_touch_does_not_count() -> None:
+    """Jolts in free flight leave both sides asked at once; two steps in contact later the near side is condensed."""
+    sides = {NEAR: Chain(4e3), FAR: Chain(3e3)}
+    loop = SeamLoop(SeamSolver(tolerance=TOLERANCE), identity_tie(1), 1, None, True, 16)
+    rng = np.random.default_rng(5)
+    asks = []
+    for step in range(12):
+        sides[FAR].load = rng.normal(size=9)
+        before = {name: side.asked for name, side in sides.items()}
+        loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()})
+        asks.append(tuple(sides[name].asked - before[name] for name in (NEAR, FAR)))
+        for side in sides.values():
+            side.touches = step >= 4
+            side.commit()
+    assert asks == [(2, 2)] * 7 + [(1, 2)] * 5

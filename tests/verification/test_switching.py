@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
+from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -42,7 +44,7 @@ def test_momentum_survives_switches() -> None:
     """
     scene = spinning_cube()
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
-    near = simulation._near.mask.copy()
+    near = simulation.regions.near.mask.copy()
     grid = simulation.body.cell_grid
     columns = [grid[:, 0] < k for k in (1, 2)] + [grid[:, 1] < 2, np.ones(len(grid), bool), np.zeros(len(grid), bool)]
     first = None
@@ -79,8 +81,8 @@ def momentum(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
     linear, angular = np.zeros(3), np.zeros(3)
     from softseam_services.orchestrator.sides import side_mass
 
-    for name, fields in simulation._observe().items():
-        mass = side_mass(simulation.body, simulation._sides.cells[name])[fields.nodes]
+    for name, fields in simulation.regions.observe().items():
+        mass = side_mass(simulation.body, simulation.regions.sides.cells[name])[fields.nodes]
         p = mass[:, None] * fields.v
         linear += p.sum(axis=0)
         angular += np.cross(fields.x, p).sum(axis=0)
@@ -105,6 +107,27 @@ def test_saved_state_continues_bit_for_bit() -> None:
     for _ in range(60):
         a.step()
     np.testing.assert_array_equal(a.frame().x, b.frame().x)
+
+
+@pytest.mark.parametrize("missing", ["regions.idle", "regions.cut", "numbers", "ledger", "participant.far"])
+def test_a_state_that_is_not_whole_changes_nothing(missing: str) -> None:
+    """Refused by name, and the simulation goes on as if nobody had asked."""
+    asked, other = (Simulation(Bundle(spinning_cube().model_dump_json(), {}), EmbeddedTransport()) for _ in range(2))
+    for simulation in (asked, other):
+        simulation.step()
+        state = simulation.save()
+    entries = unpack(state)
+    del entries[missing]
+    with pytest.raises(ArchiveError, match=missing.split(".")[-1]):
+        asked.load(pack(entries))
+    entries = unpack(state)
+    entries["regions.near"] = entries["regions.near"][1:]
+    with pytest.raises(ArchiveError, match="cells"):
+        asked.load(pack(entries))
+    for simulation in (asked, other):
+        simulation.step()
+    assert asked.time == other.time
+    np.testing.assert_array_equal(asked.frame().x, other.frame().x)
 
 
 def test_the_ledger_books_what_a_switch_does_to_the_strain_energy() -> None:

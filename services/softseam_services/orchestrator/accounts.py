@@ -24,7 +24,8 @@ class Accounts:
         self.reset()
 
     def reset(self) -> None:
-        self._ledger: LedgerState | None = None
+        self.ledger: LedgerState | None = None
+        """what evolves; None before the first step"""
         self.raised: tuple[Alarm, ...] = ()
         """alarms that the last step was the first of the run to raise"""
         self._told: set[Alarm] = set()
@@ -85,10 +86,10 @@ class Accounts:
         assert momentum is not None and angular is not None
         energies = Energies(kinetic, strain, gravity)
         dissipation = switch = 0.0
-        if self._ledger is None:
-            self._ledger = self._book.open(energies)
+        if self.ledger is None:
+            self.ledger = self._book.open(energies)
         else:
-            entry = self._book.step(self._ledger, energies, tool_work, seam_work, 0.0)
+            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0)
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
             self._told.update(self.raised)
@@ -135,14 +136,6 @@ class Accounts:
         kinetic_change  of the kinetic energy [J]
         strain          energy of the models that hold the body now [J]
         """
-        if self._ledger is not None:
-            last = self._ledger.last
-            self._book.switched(self._ledger, Energies(last.kinetic + kinetic_change, strain, last.gravity))
-
-    def to_array(self) -> Floats:
-        """What evolves, for a snapshot."""
-        return np.array(self._ledger.to_list() if self._ledger is not None else [], dtype=np.float64)
-
-    def from_array(self, values: NDArray[np.generic]) -> None:
-        numbers = [float(value) for value in values]
-        self._ledger = LedgerState.from_list(numbers) if numbers else None
+        if self.ledger is not None:
+            last = self.ledger.last
+            self._book.switched(self.ledger, Energies(last.kinetic + kinetic_change, strain, last.gravity))

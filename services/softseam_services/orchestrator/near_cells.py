@@ -121,6 +121,8 @@ class NearCells:
         return self._state.to_arrays() | {"cut": self._cut.astype(np.int32)}
 
     def take(self, arrays: Mapping[str, NDArray[np.int32]]) -> None:
-        """Continue from `to_arrays`."""
-        self._state = RegionState.from_arrays(arrays)
-        self._cut = arrays["cut"].astype(np.bool_)
+        """Continue from `to_arrays`. Raises KeyError or ValueError, and has changed nothing, where these are others."""
+        state, cut = RegionState.from_arrays(arrays), arrays["cut"].astype(np.bool_)
+        if not len(state.near) == len(state.idle) == len(cut) == self._body.n_cells:
+            raise ValueError(f"it is not of {self._body.n_cells} cells")
+        self._state, self._cut = state, cut

@@ -37,8 +37,8 @@ _DIRECT_EXCHANGES = 2
 _SLOW = 0.3
 """share of the gap that an exchange may leave without the near side being condensed [1]"""
 _REPEATS = 2
-"""steps in a row that took more than one exchange after which the near side is condensed: it is then asked once a step
-where the far side, the cheaper one, is asked twice"""
+"""steps in contact in a row that took more than one exchange after which the near side is condensed: it is then asked
+once a step where the far side, the cheaper one, is asked twice"""
 _PATIENCE = 64
 """condensed steps before both sides are tried at once again"""
 _TOIL = 60
@@ -128,7 +128,7 @@ class SeamLoop:
         self._condensable = condensable
         self._condensed = False
         self._wait = 0
-        self._repeated = 0  # steps in a row that took more than one exchange or, condensed, were calm
+        self._repeated = 0  # steps in a row that touched and took more than one exchange or, condensed, were calm
         self._fresh = True
         self._stiffness: Floats | None = None
         self._base: Floats | None = None
@@ -172,8 +172,8 @@ class SeamLoop:
             if answer.outcome is Outcome.NOT_FINITE:
                 raise SeamDiverged(answer.outcome.value)
             if answer.outcome is Outcome.ACCEPT:
-                self._repeated = self._repeated + 1 if exchange > 1 else 0
-                if self._repeated == _REPEATS and _touches(replies):
+                self._repeated = self._repeated + 1 if exchange > 1 and _touches(replies) else 0
+                if self._repeated >= _REPEATS:
                     self._condense_on()
                 return self._agree(replies, lambda_, answer.gap, exchange, "")
             # without contact the answers are smooth, and the solver's corrections learn them faster

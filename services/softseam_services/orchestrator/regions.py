@@ -1,0 +1,260 @@
+"""The regions of a body, each with its participant: cut, configured, advanced until the seam closes, cut anew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.seam import SeamSolver
+from softseam_protocol.messages import (
+    Advance,
+    Advanced,
+    BodyState,
+    Bundle,
+    Configure,
+    Configured,
+    Fields,
+    Frame,
+    Observe,
+    Release,
+    Reply,
+    Request,
+    Restore,
+    Snapshot,
+    SnapshotTaken,
+    ToolMotion,
+)
+from softseam_services.body.interpolate import model_functions
+from softseam_services.orchestrator.accounts import Accounts
+from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.first_multiplier import first_multiplier
+from softseam_services.orchestrator.near_cells import NearCells
+from softseam_services.orchestrator.parts import parts_of, sum_replies
+from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SeamUnsettled, SideRequest
+from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
+from softseam_services.orchestrator.tie import tie_sides
+from softseam_services.orchestrator.transport import Transport
+from softseam_services.server import Setup
+
+Floats = NDArray[np.float64]
+
+_FREE = np.zeros((0, 3))
+"""no forces, and no anchor"""
+_KEPT = np.zeros((0, 0))
+"""stands for the stiffness that the near side has"""
+_PARTS = 4
+"""of a step whose seam will not settle"""
+
+
+class StepFailed(RuntimeError):
+    """A step could not be taken; the simulation stands at the last committed step and can be stepped again."""
+
+
+class Regions:
+    """The cut of one body, its participants, and the seam between them.
+
+    clock     of the simulation; cuts count its epochs, advances its ticks
+    accounts  are told where the time goes
+    tell      receives kind and text of every event
+    """
+
+    def __init__(
+        self,
+        bundle: Bundle,
+        setup: Setup,
+        transport: Transport,
+        clock: Clock,
+        accounts: Accounts,
+        tell: Callable[[str, str], None],
+    ) -> None:
+        self._scene, self._body, self._bundle = setup.scene, setup.body, bundle
+        self._transport, self._clock, self._accounts, self._tell = transport, clock, accounts, tell
+        self._solver = SeamSolver(tolerance=self._scene.seam.tolerance * float(self._body.edges.min()))
+        self._loop: SeamLoop | None = None
+        self._n_asked = -1  # exchanges of the tick at hand
+        self.near = NearCells(self._scene, self._body, setup.tools)
+        self.sides: Sides
+        """the present cut"""
+
+    # ---- one step
+
+    def advance(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+        """Advance all sides by a step until they agree at the seam; where they will not, in parts of the step.
+
+        fields  ask for the sides' fields in the exchange that is likely to be the last
+        """
+        try:
+            try:
+                solution = self._advance(motion, self._clock.dt, fields, may_cut=True)
+            except SeamUnsettled:
+                return self._advance_parts(motion, fields)
+        except SeamDiverged as error:
+            raise StepFailed(f"step {self._clock.step}: {error}") from error
+        if solution.note:
+            gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
+            self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}")
+        return solution
+
+    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool) -> SeamSolution:
+        def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+            self._n_asked += 1
+            requests: dict[str, Request] = {}
+            for name, side in wanted.items():
+                header = self._clock.request(name, self._n_asked)
+                last = fields and (self._n_asked > 0 or self._loop is None)  # it may well be
+                anchor = _FREE if side.anchor is None else side.anchor
+                stiffness = _KEPT if side.stiffness is None else side.stiffness
+                requests[name] = Advance(header, dt, side.force, motion, side.compliance, anchor, stiffness, last)
+            return self._advanced(self._exchange(requests))
+
+        if self._loop is None:
+            solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
+        else:
+            solution = self._loop.solve(ask, may_cut)
+        self._clock.tick += 1
+        self._n_asked = -1
+        return solution
+
+    def _advance_parts(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+        """Take the step in parts; each is committed by the next."""
+        assert self._loop is not None
+        self._loop.change_step()
+        dt = self._clock.dt / _PARTS
+        parts = [self._advance(part, dt, fields, may_cut=False) for part in parts_of(motion, _PARTS)]
+        self._loop.change_step()
+        gap, exchanges = parts[-1].gap, sum(part.exchanges for part in parts)
+        text = f"step {self._clock.step}: taken in {_PARTS} parts, {exchanges} exchanges, gap {1e6 * gap:.3g} um"
+        self._tell("seam", f"{text}{': ' if parts[-1].note else ''}{parts[-1].note}")
+        return SeamSolution(sum_replies([part.replies for part in parts]), parts[-1].lambda_, gap, exchanges, "")
+
+    def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
+        found = {}
+        for name, reply in replies.items():
+            assert isinstance(reply, Advanced)
+            model = self.sides.models[name]
+            if reply.status != "converged":
+                text = f"step {self._clock.step}, {name} ({model}): {reply.status}"
+                if not math.isfinite(reply.kinetic):
+                    raise StepFailed(text)
+                self._tell("solver", text)
+            found[name] = reply
+            self._accounts.spent(model, reply.seconds)
+        return found
+
+    # ---- cuts
+
+    def start(self, state: BodyState) -> None:
+        """Cut the body as the scene asks for at the start; its state then."""
+        self.near.reset()
+        self._configure(state, None)
+
+    def follow(self, replies: Mapping[str, Advanced]) -> tuple[float, float] | None:
+        """Let the cut follow the tools after a step; what a switch did (see `switch`), None where there was none."""
+        reason = self.near.follow(self.sides, replies)
+        if not reason:
+            return None
+        done = self.switch()
+        self._tell("regions", reason)
+        return done
+
+    def switch(self) -> tuple[float, float]:
+        """Cut the body anew; by how much that changed the kinetic energy, and the strain energy from now on [J]."""
+        old, fields = self.sides, self.observe()
+        state, kinetic_change = merged_state(self._body, old, fields)
+        cauchy = np.empty((self._body.n_cells, 8, 6))
+        for name, side in fields.items():
+            cauchy[old.cells[name]] = side.cauchy
+        strain = self._configure(state, cauchy)
+        self._release(set(old.names) - set(self.sides.names))
+        return kinetic_change, strain
+
+    def _configure(self, state: BodyState | None, cauchy: Floats | None) -> float:
+        """Build both sides for the present cut in a new epoch; their strain energy [J].
+
+        cauchy (C, 8, 6) as the body stands, None for none.
+        """
+        self._clock.epoch += 1
+        self._n_asked = -1
+        scene, body = self._scene, self._body
+        self.sides = sides = cut(body, self.near.mask, self.near.model, scene.regions.default)
+        replies = self._exchange(
+            {
+                name: Configure(
+                    self._clock.request(name),
+                    self._bundle,
+                    sides.models[name],
+                    sides.cells[name],
+                    sides.seam,
+                    state,
+                    name == NEAR,
+                )
+                for name in sides.names
+            }
+        )
+        self._loop = None
+        if len(sides.seam):
+            functions = model_functions(scene.models)
+            tie = tie_sides(body, sides, self.near.neighbours, functions)
+            first = None
+            if state is not None and cauchy is not None:
+                first = first_multiplier(body, sides, state, cauchy, tie, functions)
+            condensable = sides.models[NEAR] == "fem"
+            self._loop = SeamLoop(self._solver, tie, len(sides.seam), first, condensable, max(scene.seam.exchanges, 1))
+        return sum(reply.strain for reply in replies.values() if isinstance(reply, Configured))
+
+    def close(self) -> None:
+        """Release the participants and the transport."""
+        self._release(self.sides.names)
+        self._transport.close()
+
+    def _release(self, names: Sequence[str] | set[str]) -> None:
+        if names:
+            self._exchange({name: Release(self._clock.request(name)) for name in sorted(names)})
+
+    # ---- what the participants know
+
+    def frame(self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> Frame:
+        """The whole body as it stands, with tools at (t, 3), (t, 4); fields that the last replies brought are used."""
+        fields = {name: reply.fields for name, reply in replies.items() if reply.fields is not None}
+        if fields.keys() != self.sides.cells.keys():
+            fields = self.observe()
+        sides = self.sides
+        multiplier = np.zeros((len(sides.seam), 3)) if self._loop is None else self._loop.multiplier()
+        header = self._clock.last_step()
+        return whole_frame(header, self._body, sides, fields, self.near.mask, multiplier, position, orientation)
+
+    def observe(self) -> dict[str, Fields]:
+        """Each side's fields."""
+        replies = self._exchange({name: Observe(self._clock.request(name)) for name in self.sides.names})
+        return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+
+    def snapshot(self) -> dict[str, bytes]:
+        """Each side's state, which the transport keeps to recover a participant with."""
+        if self._loop is not None:
+            self._loop.forget_told()
+        replies = self._exchange({name: Snapshot(self._clock.request(name)) for name in self.sides.names})
+        return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
+
+    def seam_arrays(self) -> dict[str, Floats]:
+        """What of the seam evolves, for a snapshot; empty where there is none."""
+        return {} if self._loop is None else self._loop.to_arrays()
+
+    def restore(self, seam: dict[str, Floats], states: Mapping[str, bytes]) -> None:
+        """Continue with the near cells as they are from `seam_arrays` and `snapshot`."""
+        self._configure(None, None)
+        if self._loop is not None:
+            self._loop.take(seam)
+        restores: dict[str, Request] = {
+            name: Restore(self._clock.request(name), states[name]) for name in self.sides.names
+        }
+        self._exchange(restores)
+
+    def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        began = perf_counter()
+        replies = self._transport.exchange(requests)
+        self._accounts.exchanged(perf_counter() - began, replies)
+        return replies

@@ -1,0 +1,94 @@
+"""What a simulation saves of itself: all that evolves, its participants' snapshots among it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.ledger import LedgerState
+from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
+from softseam_services.orchestrator.program import Progress
+from softseam_services.orchestrator.sides import FAR, NEAR
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+_CELLS, _SEAM, _PARTICIPANT = "regions.", "seam.", "participant."
+"""how the names of such entries begin"""
+
+
+@dataclass(frozen=True, slots=True)
+class SavedState:
+    """A simulation between two steps."""
+
+    scene: str
+    """in JSON"""
+    step: int
+    progress: Progress
+    lift_base: float
+    """[m]"""
+    lifting: bool
+    seed: int
+    position: Floats
+    """of tools (t, 3) [m]"""
+    orientation: Floats
+    """of tools (t, 4)"""
+    ledger: LedgerState | None
+    """None before the first step"""
+    drives: Floats
+    cells: dict[str, Ints]
+    """see `NearCells.to_arrays`"""
+    seam: dict[str, Floats]
+    """see `SeamLoop.to_arrays`; empty where there is no seam"""
+    participants: dict[str, bytes]
+
+    def pack(self) -> bytes:
+        """As bytes, which `unpack` reads."""
+        progress = self.progress
+        numbers = [self.step, progress.phase, progress.elapsed, self.lift_base, self.lifting, self.seed]
+        entries: dict[str, NDArray[np.generic] | bytes] = {
+            "scene": self.scene.encode(),
+            "numbers": np.array(numbers, dtype=np.float64),
+            "position": self.position,
+            "orientation": self.orientation,
+            "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
+            "drives": self.drives,
+        }
+        entries.update({_CELLS + name: array for name, array in self.cells.items()})
+        entries.update({_SEAM + name: array for name, array in self.seam.items()})
+        entries.update({_PARTICIPANT + name: state for name, state in self.participants.items()})
+        return pack(entries)
+
+    @classmethod
+    def unpack(cls, data: bytes) -> SavedState:
+        """From bytes. Raises ArchiveError where anything is missing."""
+        entries = unpack(data)
+        try:
+            step, phase, elapsed, lift_base, lifting, seed = entries["numbers"].astype(np.float64).tolist()
+            near = entries[_CELLS + "cut"] != 0
+            ledger = entries["ledger"].astype(np.float64).tolist()
+            held = [name for name, cells in ((NEAR, near), (FAR, ~near)) if cells.any()]
+            return cls(
+                scene=entries["scene"].tobytes().decode(),
+                step=int(step),
+                progress=Progress(int(phase), elapsed),
+                lift_base=lift_base,
+                lifting=bool(lifting),
+                seed=int(seed),
+                position=entries["position"].astype(np.float64),
+                orientation=entries["orientation"].astype(np.float64),
+                ledger=LedgerState.from_list(ledger) if ledger else None,
+                drives=entries["drives"].astype(np.float64),
+                cells={name: array.astype(np.int32) for name, array in _named(entries, _CELLS)},
+                seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM)},
+                participants={name: entries[_PARTICIPANT + name].tobytes() for name in held},
+            )
+        except (KeyError, ValueError, TypeError) as error:
+            raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
+
+
+def _named(entries: dict[str, NDArray[np.generic]], begin: str) -> list[tuple[str, NDArray[np.generic]]]:
+    """Entries whose names begin like this, by the rest of their names."""
+    return [(name.removeprefix(begin), array) for name, array in entries.items() if name.startswith(begin)]
