@@ -401,7 +401,7 @@ class PbdSpec(Spec):
     substeps: Annotated[
         Annotated[int, Field(ge=1), Tag("a count")] | Annotated[Literal["auto"], Tag("automatic")],
         Discriminator(_substeps_tag),
-    ] = Field(default="auto", description="substeps a step; auto: wave-speed rule")
+    ] = Field(default="auto", description="substeps a step; auto: as many as its stiffest block needs")
     sweeps: int = Field(default=1, ge=1, description="Gauss-Seidel sweeps a substep")
     hourglass: Literal["physical", "fitted"] = "physical"
 

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import json
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast, get_args
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import Advanced
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import parse_scene
 from softseam_services.body.build import build_body
+from softseam_services.orchestrator.cost import DEARER
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.tools.build import build_tools
 
-SMALL, LONG = (3, 1, 1), (64, 4, 2)
+SMALL, FEW, MIDDLING, LONG = (3, 1, 1), (4, 2, 2), (8, 4, 2), (64, 4, 2)
 
 
-def _scene(cells: tuple[int, int, int], split: str) -> Scene:
+def _scene(cells: tuple[int, int, int], split: str, models: dict[str, Any]) -> Scene:
     size = [0.01 * n for n in cells]
     near = {"model": "fem", "within": 0.004, "patience": 2, "split": split}
     return parse_scene(
@@ -45,14 +47,15 @@ def _scene(cells: tuple[int, int, int], split: str) -> Scene:
                 },
                 "motion": [{"tools": ["finger"], "move": [0.01, 0, 0], "speed": 0.01}],
                 "regions": {"default": "pbd", "near": near},
+                "models": models,
             }
         ),
         "bar",
     )
 
 
-def _near(cells: tuple[int, int, int], split: str) -> tuple[NearCells, Sides]:
-    scene = _scene(cells, split)
+def _near(cells: tuple[int, int, int], split: str, models: dict[str, Any] | None = None) -> tuple[NearCells, Sides]:
+    scene = _scene(cells, split, models or {})
     body = build_body(scene, {})
     near = NearCells(scene, body, build_tools(scene, body))
     return near, cut(body, near.mask, "fem", "pbd")
@@ -70,6 +73,24 @@ def test_a_body_is_cut_where_that_is_cheaper(cells: tuple[int, int, int], split:
     """Three cells are not worth a seam; of 512 cells, eight touched ones are."""
     near, _ = _near(cells, split)
     assert np.count_nonzero(near.mask) == n_near
+
+
+@pytest.mark.parametrize(
+    ("cells", "models", "whole"),
+    [
+        (MIDDLING, {}, False),
+        (MIDDLING, {"pbd": {"substeps": 40}}, True),
+        (MIDDLING, {"pbd": {"substeps": 10, "sweeps": 4}}, True),
+        (FEW, {}, True),
+        (FEW, {"fem": {"element": "hex8_bbar"}}, False),
+    ],
+)
+def test_what_the_models_are_told_to_do_has_its_price(
+    cells: tuple[int, int, int], models: dict[str, Any], whole: bool
+) -> None:
+    """A far side of many substeps or sweeps is worth less of a seam, a dear element more."""
+    near, _ = _near(cells, "when_cheaper", models)
+    assert near.mask.all() == whole
 
 
 def test_all_cells_are_lowered_once_the_tool_has_left() -> None:
@@ -92,3 +113,7 @@ def test_a_cut_made_by_hand_and_a_spared_one_survive_a_snapshot() -> None:
         near.reset()
         near.take(arrays)
         assert np.array_equal(near.mask, mask)
+
+
+def test_every_element_has_a_price() -> None:
+    assert set(DEARER) == set(get_args(ElementKind))

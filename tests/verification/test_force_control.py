@@ -18,7 +18,11 @@ SPEED, STEP = 0.02, 0.005
 
 
 def scene(
-    motion: Sequence[Any], regions: Any, finger: dict[str, Any] | None = None, gravity: float = -9.81, **other: Any
+    motion: Sequence[Any],
+    regions: Any,
+    finger: dict[str, Any] | None = None,
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    **other: Any,
 ) -> Scene:
     """A cube of 5 cm on the ground between two plates, 0.5 mm clear of them."""
     plate = {"kind": "box", "size": [0.01, 0.08, 0.08], "friction": 0.6, **(finger or {})}
@@ -28,7 +32,7 @@ def scene(
             "softseam": 1,
             "name": "force",
             "step": STEP,
-            "gravity": [0, 0, gravity],
+            "gravity": gravity,
             "body": {"shape": {"kind": "block", "size": [0.05] * 3}, "cell": 0.025, "material": material},
             "tools": {
                 "ground": {"kind": "plane", "friction": 0.6},
@@ -119,6 +123,16 @@ def test_a_collision_exceeds_the_limit_by_a_bounded_impact(regions: Any, mass: f
     free, _ = simulate(scene(motion, regions))
     assert forces(free).max() > 20.0
     assert free[-1].quantities["compression"] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_the_limit_is_one_for_each_plate_also_where_their_mean_is_held() -> None:
+    """A cube that weighs 1 N sideways rests on one plate, which would feel 4.5 N where 4 N are held on average."""
+    limit, across = 4.2, (8.0, 0.0, 0.0)
+    motion = [close(force=4.0, until={"time": 0.5}), {"hold": 0.2}]
+    reports, _ = simulate(scene(motion, {"default": "fem"}, {"force_limit": limit}, across))
+    found = forces(reports)[-1]
+    assert found[1] - found[0] > 0.8 * 1050.0 * 0.05**3 * 8.0  # the ground's friction takes or gives the rest
+    assert found.max() == pytest.approx(limit, rel=0.01)
 
 
 def test_a_tool_that_moves_gives_way_at_its_limit() -> None:

@@ -6,7 +6,7 @@ most of a run's time goes:
   FEM   ITERATIONS of forces and a solve, and FACTORS factorisations: the cells' matrices, nested dissection of the
         region (times of the order of its unknowns to the power 1.95, fitted from 216 to 3993 unknowns) and the dense
         front of the seam's unknowns
-  PBD   eight blocks a cell in each substep of the wave-speed rule
+  PBD   eight blocks a cell in each sweep of each substep
 
 and CALL for a call of either. The choice must be the same on every machine and in every replay: so nothing is timed
 while a simulation runs, and the constants were measured once (docs/decisions/0029).
@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import math
 
+from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene import ModelsSpec, PbdSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.sides import Sides
 
@@ -27,31 +29,51 @@ ITERATIONS, ITERATION = 5.0, 4.4
 """Newton iterations an exchange; one costs so much a cell [us]"""
 FACTORS, ASSEMBLY = 0.45, 9.4
 """factorisations an exchange; the matrix costs so much a cell [us]"""
+DEARER: dict[ElementKind, tuple[float, float]] = {
+    "hex27": (0.0, 0.0),
+    "hex27_full": (5.0, 102.0),
+    "hex8": (2.5, 2.0),
+    "hex8_bbar": (11.3, 80.0),
+    "hex8_full": (7.5, 43.0),
+    "hex8_reduced": (2.6, 1.0),
+    "tet4": (10.3, 29.0),
+    "tet4_fbar": (9.0, 58.0),
+    "tet10": (3.2, 22.0),
+}
+"""what an iteration and a matrix of other elements cost more than hex27's (docs/elements.md), a cell [us]"""
 FACTOR = 100.0 / 375.0**1.95
 """factor of n unknowns: FACTOR n^1.95 [us]"""
 DENSE = 1.0 / 3.0 / 15e3
 """dense factor of n unknowns: DENSE n^3 [us], at 15 GFLOP/s"""
 BLOCK = 0.1
-"""a block of PBD and substep [us]"""
-COURANT = 0.9
-"""c_p h / dx of the substep rule"""
+"""a block of PBD, sweep and substep [us]"""
+COURANT, LONGER = 0.9, 1.5
+"""c_p h / dx of a substep with one sweep; how much longer one is with more [1]"""
 
 
-def step_cost(body: Body, sides: Sides, dt: float) -> float:
+def step_cost(body: Body, sides: Sides, models: ModelsSpec, dt: float) -> float:
     """Cost of one step of length dt [s] cut like this [us]."""
+    force, matrix = DEARER[models.fem.element]
     seam = 3 * len(sides.seam)
     cost = 0.0
     for name, model in sides.models.items():
         n_cells = len(sides.cells[name])
         cost += CALL
         if model == "fem":
-            cost += n_cells * (ITERATIONS * ITERATION + FACTORS * ASSEMBLY)
+            cost += n_cells * (ITERATIONS * (ITERATION + force) + FACTORS * (ASSEMBLY + matrix))
             cost += FACTORS * (FACTOR * (3 * sides.n_nodes[name]) ** 1.95 + DENSE * seam**3)
         else:
-            cost += 8 * n_cells * BLOCK * substeps(body, dt)
+            cost += 8 * n_cells * BLOCK * models.pbd.sweeps * substeps(body, models.pbd, dt)
     return cost * (EXCHANGES if len(sides.models) > 1 else 1.0)
 
 
-def substeps(body: Body, dt: float) -> int:
-    """Substeps of the wave-speed rule, h <= COURANT dx / c_p with dx the least edge of a block."""
-    return max(1, math.ceil(dt * body.material.wave_speed / (COURANT * 0.5 * float(body.edges.min()))))
+def substeps(body: Body, spec: PbdSpec, dt: float) -> int:
+    """Substeps that PBD takes, as the scene has them or expected: h = COURANT dx / c_p, dx the least edge of a block.
+
+    PBD's own rule, omega_max h <= its stable limit, needs the blocks; on the scenes that come along, this is within a
+    quarter of it (the blocks of a body whose cells are cubes swing with omega_max = 2.6 to 3.7 c_p / dx).
+    """
+    if spec.substeps != "auto":
+        return spec.substeps
+    courant = COURANT * (LONGER if spec.sweeps > 1 else 1.0)
+    return max(1, math.ceil(dt * body.material.wave_speed / (courant * 0.5 * float(body.edges.min()))))

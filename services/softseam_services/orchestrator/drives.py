@@ -25,8 +25,9 @@ from softseam_services.orchestrator.program import Grip, Program, Progress
 
 Floats = NDArray[np.float64]
 
-SPEED, STIFFNESS, RESISTANCE, WAY = 0, 1, 2, 3
-"""columns of the state: [m/s], [N/m], [N], way of the last step [m]"""
+SPEED, STIFFNESS, RESISTANCE, WAY, LARGEST = 0, 1, 2, 3, 4
+"""columns of the state: [m/s], [N/m], resistance [N], way of the last step [m], resistance to the tool that feels most
+[N]; a force is held on average, so where one is, the third is the tools' mean, else it is the last"""
 _FALL = 0.8
 _LEAST = 0.02
 """of k_0: below it a resistance that does not grow is not believed"""
@@ -69,7 +70,7 @@ class Drives:
         self._dt = scene.step
         self._drives = _drives(scene, body, program)
         self._last = _last_phases(scene, self._drives)
-        self.state = np.zeros((len(self._drives), 4))
+        self.state = np.zeros((len(self._drives), 5))
         self._chosen = np.zeros(len(self._drives))
         self.reset()
 
@@ -95,14 +96,13 @@ class Drives:
                 command[other, :3] -= change * way
 
     def _speed(self, row: int, drive: Drive, asked: float) -> float:
-        """Eq. (2) for the force that is held and for the limit; the slower counts."""
-        before, k, resistance, _ = self.state[row].tolist()
+        """Eq. (2) for the force that is held and for the limit, which is one for each tool; the slower counts."""
+        before, stiffness, mean, _, largest = self.state[row].tolist()
         speed = asked
-        touches = resistance > 0.0
-        k = k if touches else 0.0
-        damping = 2.0 * math.sqrt(k * drive.mass)
         inertia = drive.mass / self._dt
-        for force in (drive.force, drive.limit):
+        for force, resistance in ((drive.force, mean), (drive.limit, largest)):
+            k = stiffness if resistance > 0.0 else 0.0
+            damping = 2.0 * math.sqrt(k * drive.mass)
             needed = inertia * (asked - before) + resistance + k * self._dt * asked
             if needed > force:
                 give = inertia + damping + k * self._dt
@@ -115,8 +115,8 @@ class Drives:
             way = drive.direction(orientation)
             felt = [-float(wrench[drive.tools[0], :3] @ way)]
             felt += [float(wrench[other, :3] @ way) for other in drive.tools[1:]]
-            # a force is held on average, a limit is one for each
-            resistance = max(0.0, sum(felt) / len(felt) if math.isfinite(drive.force) else max(felt))
+            largest = max(0.0, *felt)
+            resistance = max(0.0, sum(felt) / len(felt)) if math.isfinite(drive.force) else largest
             state = self.state[row]
             moved = self._chosen[row] * self._dt
             k = float(state[STIFFNESS])
@@ -125,7 +125,7 @@ class Drives:
                 k = drive.stiffness
             elif state[RESISTANCE] > 0.0 and moved != 0.0 and abs(change) > _TOLD * resistance:
                 k = min(_MOST * drive.stiffness, max(change / moved, _FALL * k, _LEAST * drive.stiffness))
-            state[:] = self._chosen[row], k, resistance, moved
+            state[:] = self._chosen[row], k, resistance, moved, largest
 
 
 def _drives(scene: Scene, body: Body, program: Program) -> list[Drive]:
@@ -167,7 +167,7 @@ def _drives(scene: Scene, body: Body, program: Program) -> list[Drive]:
 
 
 def _last_phases(scene: Scene, drives: list[Drive]) -> list[int]:
-    """The phase before which each drive ends: the next that closes or moves one of its tools anew; none for a grip."""
+    """The phase before which each drive ends: the next that closes one of its tools, or moves it unless it grips."""
     names = list(scene.tools)
     ends = []
     for drive in drives:

@@ -42,9 +42,10 @@ class NearCells:
             self._rule = RegionRule(near.within, near.release, near.patience)
         self.model = "fem" if near is None else near.model
         """model of the near cells"""
-        self._far_model, self._dt = scene.regions.default, scene.step
+        self._far_model, self._models, self._dt = scene.regions.default, scene.models, scene.step
         self._spares = near is not None and near.split == "when_cheaper" and not self._fixed
         self._spares = self._spares and (self.model, self._far_model) == ("fem", "pbd")
+        self._alone = self._cost(np.ones(body.n_cells, dtype=np.bool_)) if self._spares else 0.0
         self.reset()
 
     @property
@@ -107,14 +108,17 @@ class NearCells:
         """The cut to make where the rule asks for `near` (C,), and why it is another."""
         if not self._spares or near.all() or not near.any():
             return near, ""
-        sides = cut(self._body, near, self.model, self._far_model)
-        whole = np.ones_like(near)
-        split = step_cost(self._body, sides, self._dt)
-        alone = step_cost(self._body, cut(self._body, whole, self.model, self._far_model), self._dt)
-        if alone > split:
+        split = self._cost(near)
+        if self._alone > split:
             return near, ""
         cells = f"{self.model} on all {len(near)} cells"
-        return whole, f"one model is enough: {cells} costs {alone / split:.2g} of a cut at {int(near.sum())}"
+        why = f"one model is enough: {cells} costs {self._alone / split:.2g} of a cut at {int(near.sum())}"
+        return np.ones_like(near), why
+
+    def _cost(self, near: Mask) -> float:
+        """Expected cost of a step cut like this (C,) [us]."""
+        sides = cut(self._body, near, self.model, self._far_model)
+        return step_cost(self._body, sides, self._models, self._dt)
 
     def to_arrays(self) -> dict[str, NDArray[np.int32]]:
         """What evolves, for a snapshot."""
