@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from softseam_services.by_reference import by_reference
 from softseam_services.fem.kernels.pair import start_address
 from softseam_services.fem.kernels.panel import NARROW, STRIP
 
@@ -28,6 +29,7 @@ PAIR_FLOPS = 3e9
 """of a factor, beyond which a second thread may pay: about 9000 unknowns in a cube"""
 
 
+@by_reference
 class Tree(NamedTuple):
     """Fronts in the order of elimination; children before parents. A plain tuple of arrays for the kernels."""
 
@@ -78,6 +80,7 @@ class Tree(NamedTuple):
     """
 
 
+@by_reference
 class Factoring(NamedTuple):
     """Scratch of factor and solve; tile, strip and ints have a row for each thread."""
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import FUNCTIONS, point_weights
+from softseam_services.by_reference import by_reference
 from softseam_services.fem.coarse import Grid, build_grid, no_grid
 from softseam_services.fem.dissection import Factoring, Tree, dissect, scratch
 from softseam_services.fem.elements import ELEMENTS
@@ -39,6 +40,7 @@ MEMORY = 12
 _SPLITS = ("neo_hookean", "linear")
 
 
+@by_reference
 class FemModel(NamedTuple):
     """n nodes, c cells, p surface points, s seam nodes. A plain tuple of arrays for the kernels."""
 
@@ -116,6 +118,7 @@ class FemModel(NamedTuple):
     """tools that touch at points inside faces (t,)"""
 
 
+@by_reference
 class Tools(NamedTuple):
     """Tools over one step (t tools), for the kernels."""
 
@@ -129,6 +132,7 @@ class Tools(NamedTuple):
     orientation_next: Floats
 
 
+@by_reference
 class Work(NamedTuple):
     """Scratch of one solver; nothing in it outlives a step but the factor, and `snapshot` drops that."""
 

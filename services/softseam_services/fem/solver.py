@@ -100,6 +100,8 @@ class FemSolver:
         self._knows_stiffness = False
         self._step: tuple[int, int] | None = None
         self._n_tools, self._n_seam = n_tools, len(region.seam)
+        poses = (np.zeros((n_tools, width)) for width in (3, 4, 3, 4))
+        self._whole = Tools(tools.kind, tools.shape, tools.friction, tools.near, *poses)
         n_seam = self._n_seam
         self._wrench = np.zeros((n_tools, 6))
         self._out = np.zeros(kernel.N_OUT)
@@ -107,18 +109,12 @@ class FemSolver:
         self._inverse = np.zeros((3 * n_seam, 3 * n_seam))
         self._distance = np.zeros(len(region.cells))
 
-    def _tool_tuple(self, motion: ToolMotion) -> Tools:
-        tools = self._tools
-        return Tools(
-            tools.kind,
-            tools.shape,
-            tools.friction,
-            tools.near,
-            motion.position,
-            motion.orientation,
-            motion.position_next,
-            motion.orientation_next,
-        )
+    def _moved(self, motion: ToolMotion) -> Tools:
+        """The tools over a step; the arrays are the same in every step."""
+        whole = self._whole
+        whole.position[:], whole.orientation[:] = motion.position, motion.orientation
+        whole.position_next[:], whole.orientation_next[:] = motion.position_next, motion.orientation_next
+        return whole
 
     @property
     def n_nodes(self) -> int:
@@ -155,7 +151,7 @@ class FemSolver:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
         self._couple(request)
-        whole = self._tool_tuple(request.tools)
+        whole = self._moved(request.tools)
         status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
         if status == STALLED:
             # slow, but not lost: points that slip on the bound of friction; go on with a new factor

@@ -240,7 +240,7 @@ def _too_slow(largest, first, tolerance, since):
     return rate >= 1.0 or np.log(tolerance / largest) < _PATIENCE * np.log(rate)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, work, memo):
     """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
 

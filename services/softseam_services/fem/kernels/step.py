@@ -105,7 +105,7 @@ def _summarise(x0, x, v, seam_force, model, work, out):
             out[SEAM_WORK] += force * (x[model.seam[s], i] - x0[model.seam[s], i])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _implicit(scheme, x0, v0, past, history, contact0, dt, model, tree, tools, tolerance, most, careful,
               work, memo, x, v, history_next):  # fmt: skip
     """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""

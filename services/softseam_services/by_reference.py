@@ -1,0 +1,137 @@
+"""Named tuples of arrays that kernels take as one pointer.
+
+A kernel that takes a tuple takes every array of it, as seven or more numbers each; one with a hundred arrays that calls
+others with the same tuple compiles for minutes, and each call from Python unpacks all of them. Here the numbers lie in
+one block of memory, laid out when the record is made, and a kernel loads what it names. The block never changes, so the
+compiler may load a number once, before a loop. Arrays belong to the record; kernels borrow them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from llvmlite import ir
+from numba import typeof, types
+from numba.core import cgutils
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    lower_getattr_generic,
+    models,
+    register_model,
+    unbox,
+)
+
+_T = TypeVar("_T")
+_WORD = ir.IntType(64)
+
+
+def by_reference(declared: type[_T]) -> type[_T]:
+    """Decorates a NamedTuple: its instances are records that kernels take by reference; fields read as before.
+
+    Fields are arrays, numbers, truth values, or other records. Raises TypeError for any other value.
+    """
+    return cast(type[_T], type(declared.__name__, (_Record,), {"_declared": declared, "__doc__": declared.__doc__}))
+
+
+class _Record:
+    """Keeps the block of memory, and alive what it points to."""
+
+    _declared: type[Any]
+    _numba_type_: RecordType
+    _address: int
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        values = self._declared(*arguments, **named)
+        words: list[int] = []
+        fields = []
+        for name, value in zip(values._fields, values, strict=True):
+            fields.append((name, len(words), typeof(value)))
+            words += _words(name, value)
+        block = np.array(words, dtype=np.int64)
+        vars(self).update(
+            values._asdict(),
+            _block=block,
+            _address=block.ctypes.data,
+            _numba_type_=RecordType(self._declared.__name__, tuple(fields)),
+        )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{self._declared.__name__}.{name} is fixed: fill arrays in place, or use _replace")
+
+    def _replace(self, **named: Any) -> Any:
+        """Another record that differs in the fields named."""
+        return type(self)(**{name: getattr(self, name) for name in self._declared._fields} | named)
+
+
+def _words(name: str, value: Any) -> list[int]:
+    """A value as 64-bit numbers; an array as number and bytes of its items, address, shape, strides."""
+    if isinstance(value, np.ndarray):
+        return [value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+    if isinstance(value, _Record):
+        return [value._address]
+    if isinstance(value, bool | int):
+        return [int(value)]
+    if isinstance(value, float):
+        return [struct.unpack("q", struct.pack("d", value))[0]]
+    raise TypeError(f"{name} is {type(value).__name__}: records for kernels hold arrays, numbers and records")
+
+
+class RecordType(types.Type):
+    """Numba's type of a record: fields are (name, place of the first word, type)."""
+
+    def __init__(self, title: str, fields: tuple[tuple[str, int, types.Type], ...]) -> None:
+        self.fields = {name: (place, kind) for name, place, kind in fields}
+        digest = hashlib.sha256(repr(fields).encode()).hexdigest()[:16]
+        super().__init__(name=f"{title}.{digest}")
+
+
+register_model(RecordType)(models.OpaqueModel)
+
+
+@unbox(RecordType)
+def _unbox(kind: Any, record: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(record, "_address")
+    word = c.pyapi.long_as_ulonglong(address)
+    c.pyapi.decref(address)
+    return NativeValue(c.builder.inttoptr(word, cgutils.voidptr_t))
+
+
+@infer_getattr
+class _Attributes(AttributeTemplate):
+    key = RecordType
+
+    def generic_resolve(self, typ: Any, attr: str) -> Any:  # type: ignore[override]  # numba has NotImplemented there
+        return typ.fields[attr][1] if attr in typ.fields else None
+
+
+@lower_getattr_generic(RecordType)
+def _load_field(context: Any, builder: Any, record: RecordType, pointer: Any, name: str) -> Any:
+    place, kind = record.fields[name]
+    block = builder.bitcast(pointer, _WORD.as_pointer())
+
+    def word(offset: int) -> Any:
+        value = builder.load(builder.gep(block, [_WORD(place + offset)]))
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return value
+
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
+        array.nitems, array.itemsize = word(0), word(1)
+        array.data = builder.inttoptr(word(2), array.data.type)
+        array.shape = cgutils.pack_array(builder, [word(3 + axis) for axis in range(kind.ndim)])
+        array.strides = cgutils.pack_array(builder, [word(3 + kind.ndim + axis) for axis in range(kind.ndim)])
+        return array._getvalue()
+    if isinstance(kind, RecordType):
+        return builder.inttoptr(word(0), cgutils.voidptr_t)
+    if isinstance(kind, types.Boolean):
+        return builder.icmp_signed("!=", word(0), _WORD(0))
+    if isinstance(kind, types.Float):
+        return builder.bitcast(word(0), ir.DoubleType())
+    return word(0)
