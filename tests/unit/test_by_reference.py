@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba import njit
 from numpy.typing import NDArray
+
 from softseam_services.by_reference import by_reference
 
 

@@ -7,8 +7,9 @@ import pytest
 from fem_run import FemRun, block
 
 from softseam_protocol.messages import BodyState, Header
+from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem.face_forces import gathered_at_nodes, spread_over_faces
-from softseam_services.fem.face_points import PATCHES
+from softseam_services.fem.face_points import PATCHES, face_points
 from softseam_services.fem.kernels.cover import covered, overlap, side_gap
 
 # A bonded pad of 3 x 3 cm on both ends of a cube of 5 cm, E = 20 kPa, nu = 0.45, neo-Hookean: force [N] at nominal
@@ -117,3 +118,15 @@ def test_forces_at_nodes_and_inside_faces_have_the_same_sums() -> None:
     again.position = run.position
     before, after = run.step(), again.step()
     assert after.wrench[1, 2] == pytest.approx(before.wrench[1, 2], rel=0.05)
+
+
+@pytest.mark.parametrize("near", [[0, 2], [1, 3]])
+def test_the_side_that_owns_the_seam_has_the_points_in_faces(near: list[int]) -> None:
+    """Whatever numbers its nodes have: a pad presses both halves of a body, one of them owns what is on the seam."""
+    whole = pads(2)
+    cells = np.array(near, dtype=np.int32)
+    others = np.setdiff1d(np.arange(whole.body.n_cells), cells).astype(np.int32)
+    seam = shared_nodes(whole.body, cells, others)
+    mine, far = build_region(whole.body, cells, seam), build_region(whole.body, others, seam, owns_seam_points=False)
+    assert face_points(whole.body, mine, whole.tools, "hex27").edged.all()
+    assert not face_points(whole.body, far, whole.tools, "hex27").edged.any()

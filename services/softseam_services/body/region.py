@@ -36,7 +36,7 @@ def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bo
         inside = cell_number >= 0
         _carry_across(body, inside if owns_seam_points else ~inside, carrier, point_local)
     point_cell = cell_number[carrier]
-    node = _node_of_point(body)
+    node = node_of_point(body)
     on_seam = np.flatnonzero(np.isin(node, seam_nodes))
     if owns_seam_points:
         order = np.argsort(cell_nodes, axis=None, kind="stable")
@@ -87,7 +87,7 @@ def _carry_across(body: Body, inside: Mask, cell: Ints, local: Floats) -> None:
         local[chosen, axis] -= 2.0 * side
 
 
-def _node_of_point(body: Body) -> Ints:
+def node_of_point(body: Body) -> Ints:
     """Node that each surface point sits on, -1 for none (P,)."""
     place = np.rint(body.surface.local).astype(np.int32)
     exact = (np.abs(body.surface.local - place) < 1e-9).all(axis=1)

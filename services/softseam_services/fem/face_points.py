@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, rest_points
 from softseam_services.body.kernels.shape_functions import fill_weights
+from softseam_services.body.region import node_of_point
 from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import BOX, ToolSet
 
@@ -58,7 +59,8 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
     """
     n_tools = 0 if tools is None else len(tools.names)
     edged = np.zeros(n_tools, dtype=np.bool_)
-    owns = len(region.seam) == 0 or bool(np.isin(_node_of_points(body, region), region.seam).any())
+    own = node_of_point(body)[region.points]
+    owns = len(region.seam) == 0 or bool(np.isin(own, region.nodes[region.seam]).any())
     if tools is not None and owns and _is_block(body):
         edged[:] = [_has_edge(tools, tool, body) for tool in range(n_tools)]
     cells: list[Ints] = []
@@ -90,7 +92,7 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))
     count = fill_weights(local, cell, region.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
-    held = np.isin(_node_of_points(body, region), region.nodes[np.unique(node[:count])])
+    held = np.isin(own, region.nodes[np.unique(node[:count])])
     return FacePoints(
         edged=edged,
         alone=~held,
@@ -109,15 +111,6 @@ def _is_block(body: Body) -> bool:
     """Whether the surface points are the lattice nodes of filled cells."""
     local = body.surface.local
     return bool(np.abs(local - np.rint(local)).max(initial=0.0) < 1e-9 and (body.fill == 1.0).all())
-
-
-def _node_of_points(body: Body, region: Region) -> Ints:
-    """Global id of the node at each of a region's surface points, -1 for none (p,)."""
-    place = np.rint(body.surface.local[region.points]).astype(np.int32)
-    exact = (np.abs(body.surface.local[region.points] - place) < 1e-9).all(axis=1)
-    number = (place + 1) @ np.array(_STRIDE, dtype=np.int32)
-    cell = body.surface.cell[region.points]
-    return np.where(exact, body.cell_nodes[cell, np.where(exact, number, 0)], -1).astype(np.int32)
 
 
 def _has_edge(tools: ToolSet, tool: int, body: Body) -> bool:

@@ -64,13 +64,13 @@ class FemModel(NamedTuple):
     crushable: bool
     """cells may pass to the element of `full`, see kernels/crushed.py"""
     full: Rule
+    mean_gradient: Floats
+    """over a cell, of each of its shapes in `full` (t, m, 3) [1/m]"""
     kind: int
     """of the material, for body.materials.point"""
     parameters: Floats
-    additive: bool
-    """small strains: a mean volume ratio is one of traces"""
     linear: bool
-    """small-strain material"""
+    """small-strain material; a mean volume ratio is one of traces"""
     mu: float
     lambda_: float
     edge: float
@@ -233,16 +233,20 @@ def build_model(
     poisson = body.material.elastic.poisson
     crushable = element == "hex27" and body.material.kind != "linear"
     # the fast path needs no table of points but that of crushed cells
-    full = build_rule(ELEMENTS["hex27_full" if crushable else element](x, poisson), fill, mu, shape)
+    table = ELEMENTS["hex27_full" if crushable else element](x, poisson)
+    full = build_rule(table, fill, mu, shape)
+    mean_gradient = (
+        np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
+    )
     rule = build_rule(ELEMENTS[element](x, poisson), fill, mu, shape) if general and crushable else full
     model = FemModel(
         general=general,
         rule=rule,
         crushable=crushable,
         full=full,
+        mean_gradient=mean_gradient,
         kind=body.material.number,
         parameters=body.material.parameters,
-        additive=body.material.kind == "linear",
         x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
         mass=region.mass,
         acceleration=body.gravity,

@@ -22,14 +22,19 @@ _ROUNDING = 1e-16
 
 
 @njit(cache=True, error_model="numpy")
-def _turn(a, b, c, M, p, q, vectors):
-    """Turn columns p, q of M and `vectors` by the angle that annihilates c of the symmetric [[a, c], [c, b]]."""
+def _rotation(a, b, c):
+    """Cosine and sine of the Jacobi rotation that annihilates c of the symmetric [[a, c], [c, b]]."""
     zeta = (b - a) / (2.0 * c)
     t = 1.0 / (abs(zeta) + np.hypot(1.0, zeta))
     if zeta < 0.0:
         t = -t
     cosine = 1.0 / np.hypot(1.0, t)
-    sine = t * cosine
+    return cosine, t * cosine
+
+
+@njit(cache=True, error_model="numpy")
+def _turn(cosine, sine, M, p, q, vectors):
+    """Turn columns p, q of M and `vectors`."""
     for i in range(3):
         m, n = M[i, p], M[i, q]
         M[i, p], M[i, q] = cosine * m - sine * n, sine * m + cosine * n
@@ -65,7 +70,8 @@ def signed_svd(F, U, stretch, V):
                     c += U[i, p] * U[i, q]
                 if abs(c) > _ROUNDING * np.sqrt(a * b):
                     turned = True
-                    _turn(a, b, c, U, p, q, V)
+                    cosine, sine = _rotation(a, b, c)
+                    _turn(cosine, sine, U, p, q, V)
         if not turned:
             break
     for k in range(3):
@@ -139,14 +145,8 @@ def raise_to_zero(h):
 @njit(cache=True, error_model="numpy")
 def _two_sided(h, p, q, vectors):
     """One Jacobi rotation of the symmetric h that makes h_pq zero; h and the eigenvectors in place."""
-    a, b, c = h[p, p], h[q, q], h[p, q]
-    _turn(a, b, c, h, p, q, vectors)  # columns
-    zeta = (b - a) / (2.0 * c)
-    t = 1.0 / (abs(zeta) + np.hypot(1.0, zeta))
-    if zeta < 0.0:
-        t = -t
-    cosine = 1.0 / np.hypot(1.0, t)
-    sine = t * cosine
+    cosine, sine = _rotation(h[p, p], h[q, q], h[p, q])
+    _turn(cosine, sine, h, p, q, vectors)  # columns
     for i in range(3):  # rows
         m, n = h[p, i], h[q, i]
         h[p, i], h[q, i] = cosine * m - sine * n, sine * m + cosine * n

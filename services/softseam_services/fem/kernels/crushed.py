@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.fem.kernels.cells import deformation, least_square_stretch
+from softseam_services.fem.kernels.cells import least_square_stretch
 
 FIRST, LAST = 0.55, 0.45
 
@@ -21,17 +21,21 @@ def share_cells(x, model, work):
     """Set work.part, work.full (c,) and their count work.mixed by eq. (1) from x (n, 3), the start of a step."""
     if not model.crushable:
         return
-    deformation(x, model, work)
     mean = np.empty((3, 3))
     work.mixed[0] = 0
     for cell in range(len(model.cell_nodes)):
-        F = work.F[cell]
+        gradient = model.mean_gradient[model.full.shape[cell]]
+        centre = model.cell_nodes[cell, 13]
+        mean[:] = 0.0
+        for a in range(27):
+            node = model.cell_nodes[cell, a]
+            for i in range(3):
+                away = x[node, i] - x[centre, i]
+                for j in range(3):
+                    mean[i, j] += away * gradient[a, j]
         square = 0.0
         for i in range(3):
             for j in range(3):
-                mean[i, j] = 0.0
-                for q in range(8):
-                    mean[i, j] += 0.125 * F[i, 3 * q + j]
                 d = mean[i, j] - (1.0 if i == j else 0.0)
                 square += d * d
         b = 0.0

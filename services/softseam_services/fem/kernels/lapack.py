@@ -66,16 +66,6 @@ def _apply(m, k, sign, a, at_a, ld, transposed, x, at_x, add, y, at_y, ints):
            y.ctypes.data + 8 * at_y, p + 12)  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
-def _multiply(a, b, c, m, n, k, add, ints):
-    numbers = _NUMBERS.ctypes.data
-    plain = _CHARACTERS.ctypes.data + 1
-    pm, pn, pk = ints.ctypes.data, ints.ctypes.data + 4, ints.ctypes.data + 8
-    ints[0], ints[1], ints[2] = m, n, k
-    beta = numbers if add else numbers + 16
-    _dgemm(plain, plain, pn, pm, pk, numbers, b.ctypes.data, pn, a.ctypes.data, pk, beta, c.ctypes.data, pn)
-
-
 def _view(a, at, ld, rows, columns):
     step = a.itemsize
     return np.lib.stride_tricks.as_strided(a[at:], (rows, columns), (step, step * ld))
@@ -102,12 +92,6 @@ def _apply_plain(m, k, sign, a, at_a, ld, transposed, x, at_x, add, y, at_y, int
     target[:] = sign * (matrix @ x[at_x : at_x + columns]) + (target if add else 0.0)
 
 
-def _multiply_plain(a, b, c, m, n, k, add, ints):
-    product = a.reshape(-1)[: m * k].reshape(m, k) @ b.reshape(k, n)
-    target = c.reshape(-1)[: m * n].reshape(m, n)
-    target[:] = target + product if add else product
-
-
 _OFF = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
 
 product = _product_plain if _OFF else _product
@@ -118,5 +102,9 @@ minus_square = _minus_square_plain if _OFF else _minus_square
 """(n, k, a, at_a, ld_a, c, at_c, ints). Lower triangle of C (n, n) <- -A A^T; A (n, k)."""
 apply = _apply_plain if _OFF else _apply
 """(m, k, sign, a, at_a, ld, transposed, x, at_x, add, y, at_y, ints). y <- [y +] sign A x, or A^T x; A (m, k)."""
-multiply = _multiply_plain if _OFF else _multiply
-"""(a, b, c, m, n, k, add, ints). c (m, n) <- a (m, k) b (k, n) [+ c where add], all row-major."""
+
+
+@njit(cache=True, error_model="numpy")
+def multiply(a, b, c, m, n, k, add, ints):
+    """c (m, n) <- a (m, k) b (k, n) [+ c where add], all row-major, of any shapes with as many numbers."""
+    product(n, m, k, 1, b.reshape(-1), 0, n, a.reshape(-1), 0, k, False, add, c.reshape(-1), 0, n, ints)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from softseam_services.body.materials.invariants import cofactor
 from softseam_services.body.materials.neo_hookean import J_MIN
 
 
@@ -45,10 +46,8 @@ def volume_gradient(F, additive, H):
                 H[i, j] = 1.0 if i == j else 0.0
         return F[0, 0] + F[1, 1] + F[2, 2]
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for a in range(3):
-            b, c = (a + 1) % 3, (a + 2) % 3
-            H[i, a] = F[j, b] * F[k, c] - F[j, c] * F[k, b]
+        for j in range(3):
+            H[i, j] = cofactor(F, i, j)
     return F[0, 0] * H[0, 0] + F[0, 1] * H[0, 1] + F[0, 2] * H[0, 2]
 
 

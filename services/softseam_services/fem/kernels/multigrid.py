@@ -188,6 +188,7 @@ def conjugate_gradients(tree, values, grid, coupled, stiffness, seam_at, toleran
     size = first = dot(r, z)
     if size == 0.0:
         return 0
+    rounding = 1e-15 * np.sqrt(dot(b, b))
     for iteration in range(1, _MOST + 1):
         apply_matrix(tree, values, grid, coupled, stiffness, seam_at, p, q, ints)
         curvature = dot(p, q)
@@ -197,12 +198,12 @@ def conjugate_gradients(tree, values, grid, coupled, stiffness, seam_at, toleran
         for i in range(len(b)):
             x[i] += alpha * p[i]
             r[i] -= alpha * q[i]
-        if tree.kind == MULTIGRID and np.sqrt(dot(r, r)) <= 1e-15 * np.sqrt(dot(b, b)):
+        if tree.kind == MULTIGRID and np.sqrt(dot(r, r)) <= rounding:
             size = 0.0
         else:
             _precondition(tree, values, grid, r, z)
             last, size = size, dot(r, z)
-        if size <= tolerance * tolerance * first:
+        if abs(size) <= tolerance * tolerance * first:
             if tree.kind == MULTIGRID:
                 _correct(grid, r, x, True)
             for i in range(len(b)):

@@ -268,6 +268,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         renew = careful or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         largest = 0.0
         definite = True
+        safe = careful
         for attempt in range(3):
             if renew:
                 safe = careful or not definite
@@ -279,10 +280,9 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             definite = _solve(model, tree, work.d, _INEXACT, work)
             largest = _largest(work.d)
             slow = attempt == 0 and not renew and _too_slow(largest, first, enough, since)
-            if slow or not definite:
-                renew = True
-            else:
+            if not slow and (definite or safe):
                 break
+            renew = True
         if not definite:
             return INDEFINITE, iteration
         if not np.isfinite(largest):

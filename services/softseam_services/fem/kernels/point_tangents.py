@@ -99,11 +99,11 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
             J_bar, total, mean_p, s = 1.0, 1.0, 0.0, 0.0
             if averaged:
                 v[:], g[:] = 0.0, 0.0
-                J_bar, total = group_volumes(F, weight, model.additive, H, J)
+                J_bar, total = group_volumes(F, weight, model.linear, H, J)
                 for at in range(size):
-                    modify(F[at], J[at], J_bar, model.additive, F_bar)
+                    modify(F[at], J[at], J_bar, model.linear, F_bar)
                     stress(model.kind, model.parameters, F_bar, P)
-                    mean_p += weight[at] / total * mean_pressure(P, F_bar, model.additive)
+                    mean_p += weight[at] / total * mean_pressure(P, F_bar, model.linear)
             at = 0
             for element in range(group * per_group, (group + 1) * per_group):
                 nodes = rule.nodes[element]
@@ -117,11 +117,11 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                 for q in range(n_points):
                     G, w = rule.gradient[shape, element, q], part[cell] * weight[at]
                     if averaged:
-                        theta = modify(F[at], J[at], J_bar, model.additive, F_bar)
+                        theta = modify(F[at], J[at], J_bar, model.linear, F_bar)
                         stress(model.kind, model.parameters, F_bar, P)
                         tangent(model.kind, model.parameters, F_bar, A, definite)
                         s += w * modify_tangent(
-                            A, P, F[at], F_bar, H[at], J[at], J_bar, theta, mean_p, model.additive, definite, coupled
+                            A, P, F[at], F_bar, H[at], J[at], J_bar, theta, mean_p, model.linear, definite, coupled
                         )
                         for a in range(n_nodes):
                             for i in range(3):

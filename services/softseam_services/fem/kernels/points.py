@@ -112,7 +112,7 @@ def subtract_forces(x, model, rule, part, work, r):
         for group in range(n_elements // per_group):
             point_gradients(xe, rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
-            group_stresses(model.kind, model.parameters, model.additive, averaged, F, weight, F_bar, H, J, P)
+            group_stresses(model.kind, model.parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
             at = 0
             for element in range(group * per_group, (group + 1) * per_group):
                 nodes = rule.nodes[element]
@@ -165,10 +165,10 @@ def strain_energy(x, model, rule, part, work):
             weight = rule.weight[cell, group * size : (group + 1) * size]
             J_bar = 1.0
             if averaged:
-                J_bar, _ = group_volumes(F, weight, model.additive, H, J)
+                J_bar, _ = group_volumes(F, weight, model.linear, H, J)
             for at in range(size):
                 if averaged:
-                    modify(F[at], J[at], J_bar, model.additive, F_bar)
+                    modify(F[at], J[at], J_bar, model.linear, F_bar)
                     own += weight[at] * energy(model.kind, model.parameters, F_bar)
                 else:
                     own += weight[at] * energy(model.kind, model.parameters, F[at])
@@ -207,9 +207,9 @@ def cauchy_stress(x, model, rule, work, out):
         for group in range(n_elements // per_group):
             point_gradients(work.xe[cell], rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
-            group_stresses(model.kind, model.parameters, model.additive, averaged, F, weight, F_bar, H, J, P)
+            group_stresses(model.kind, model.parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
             for at in range(size):
-                det = 1.0 if model.additive else _determinant(F[at])
+                det = 1.0 if model.linear else _determinant(F[at])
                 share = rule.share[group * per_group + at // n_points, at % n_points]
                 for octant in range(8):
                     w = share[octant] * weight[at]
@@ -217,7 +217,7 @@ def cauchy_stress(x, model, rule, work, out):
                     for n in range(6):
                         i, j = (0, 1, 2, 1, 0, 0)[n], (0, 1, 2, 2, 2, 1)[n]
                         sigma = P[at, i, j]
-                        if not model.additive:
+                        if not model.linear:
                             sigma = P[at, i, 0] * F[at, j, 0] + P[at, i, 1] * F[at, j, 1] + P[at, i, 2] * F[at, j, 2]
                         out[cell, octant, n] += w * sigma / det
         for octant in range(8):
