@@ -21,11 +21,12 @@ PERIOD = 0.25
 """time between beats [s]"""
 
 
-_STOP = frozenset((signal.SIGTERM, signal.SIGINT))
+STOPPING = frozenset((signal.SIGTERM, signal.SIGINT))
+"""signals that ask a service to stop"""
 
 
-def _nothing(number: int, frame: FrameType | None) -> None:
-    """Handle a signal whose number is read elsewhere."""
+def heard_elsewhere(number: int, frame: FrameType | None) -> None:
+    """Handle a signal whose number is read from the wake-up pipe."""
 
 
 class Lifeline:
@@ -42,6 +43,7 @@ class Lifeline:
         self._state = state
         self._signals = signals
         self._end = threading.Event()
+        self._waking = threading.Lock()
         self._woken, self._waker = os.pipe()
         os.set_blocking(self._woken, False)
         os.set_blocking(self._waker, False)
@@ -56,8 +58,8 @@ class Lifeline:
             # a handler in Python only runs once the main thread comes round, which may be waiting for a request;
             # the number of the signal is written here at once
             signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
-            for number in _STOP:
-                signal.signal(number, _nothing)
+            for number in STOPPING:
+                signal.signal(number, heard_elsewhere)
         self._thread.start()
         return self
 
@@ -69,8 +71,10 @@ class Lifeline:
         self._thread.join()
         if self._signals:
             signal.set_wakeup_fd(-1)
-        os.close(self._woken)
-        os.close(self._waker)
+        with self._waking:
+            os.close(self._woken)
+            os.close(self._waker)
+            self._waker = -1
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1
@@ -98,12 +102,15 @@ class Lifeline:
         self.stop.set()
         self._wake()
 
-    def _wake(self, byte: int = 0) -> None:
-        """Let the thread beat now."""
-        try:
-            os.write(self._waker, bytes([byte]))
-        except BlockingIOError:
-            return  # it will
+    def _wake(self) -> None:
+        """Let the thread beat now, if it still does."""
+        with self._waking:
+            if self._waker < 0:
+                return
+            try:
+                os.write(self._waker, b"\0")
+            except BlockingIOError:
+                return  # it will
 
     def _beat(self) -> None:
         told = False
@@ -120,7 +127,7 @@ class Lifeline:
                 call()
             if self._end.is_set():
                 return
-            if select.select([self._woken], [], [], PERIOD)[0] and not _STOP.isdisjoint(os.read(self._woken, 4096)):
+            if select.select([self._woken], [], [], PERIOD)[0] and not STOPPING.isdisjoint(os.read(self._woken, 4096)):
                 self.stop.set()
 
     def _tell(self) -> bool:

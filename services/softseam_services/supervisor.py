@@ -19,9 +19,9 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from types import FrameType, TracebackType
+from types import TracebackType
 
-from softseam_services.lifeline import BEAT_VARIABLE
+from softseam_services.lifeline import BEAT_VARIABLE, STOPPING, heard_elsewhere
 
 WRONG_SET_UP = 2
 """exit code of a service that no restart would help"""
@@ -31,13 +31,6 @@ _STARTING = 30.0
 run, on a busy machine [s]"""
 _GOOD_RUN = 20.0
 """a child that lived this long starts its count of failures anew [s]"""
-
-
-_STOP = frozenset((signal.SIGTERM, signal.SIGINT))
-
-
-def _nothing(number: int, frame: FrameType | None) -> None:
-    """Handle a signal whose number is read elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +128,7 @@ class Supervisor:
     def stopped_by_signals(self) -> Iterator[None]:
         """SIGTERM and SIGINT (Ctrl-C) begin to stop the children; call from the main thread."""
         # the number of a signal is written to the loop's pipe at once, whatever the main thread waits for
-        before = {number: signal.signal(number, _nothing) for number in _STOP}
+        before = {number: signal.signal(number, heard_elsewhere) for number in STOPPING}
         waker = signal.set_wakeup_fd(self._wake_write, warn_on_full_buffer=False)
         try:
             yield
@@ -239,7 +232,7 @@ class Supervisor:
 
     def _read(self, key: selectors.SelectorKey) -> None:
         if key.data is None:
-            if not _STOP.isdisjoint(os.read(self._wake_read, 4096)):
+            if not STOPPING.isdisjoint(os.read(self._wake_read, 4096)):
                 self._stopping = True
             return
         self._drain(key.data, key.fd)
