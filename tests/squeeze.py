@@ -25,6 +25,7 @@ from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.recorder.begin import begin
+from softseam_services.tools.build import build_tools
 
 SCENE = {
     "softseam": 1,
@@ -58,7 +59,7 @@ class Squeeze:
         self.scene = Scene.model_validate({**SCENE, "body": body_spec})
         self.bundle = Bundle(scene=self.scene.model_dump_json(), files={"notes.txt": b"carried along"})
         self.body: Body = build_body(self.scene, {})
-        self.begin: Begin = begin(self.bundle, self.body, session, seed=7)
+        self.begin: Begin = begin(self.bundle, self.body, build_tools(self.scene, self.body), session, seed=7)
         self.n_steps, self.drop, self.session = n_steps, drop, session
         mid = self.body.x_rest[self.body.cell_nodes[:, 13]]
         self.cell_mid = mid

@@ -43,6 +43,8 @@ _MOST = 1000
 """steps asked for at once; the orchestrator answers after a tenth of a second"""
 _CONNECT_TIMEOUT = 5.0
 _CLOSE_TIMEOUT = 10.0
+_INTRODUCTION = 0.1
+"""time after which an orchestrator that shows on the bus, but did not answer, is asked again [s]"""
 
 
 class ConnectedBackend:
@@ -61,6 +63,7 @@ class ConnectedBackend:
         self._key = self._keys.orchestrator
         self._record = record
         self.recorded: Recorded | None = None
+        self.unrecorded = ""
         self._endpoint, self._timeout = endpoint, timeout
         self._count = 0
         self.session = secrets.token_hex(8)
@@ -72,7 +75,7 @@ class ConnectedBackend:
         try:
             self._asker = self._bus.watched_asker(self._key, timeout, self._keys.every_live("orchestrator"))
             self._first: Observation | None = self._ask(Open(self._header(), bundle, record), Observation, SceneRefused)
-        except BaseException:
+        except BaseException:  # nothing is kept back: whoever interrupts leaves no bus behind
             self._bus.close()
             raise
 
@@ -99,17 +102,32 @@ class ConnectedBackend:
         return self._ask(Load(self._header(), state), Observation, BadSnapshot)
 
     def close(self) -> None:
+        """Close the session there; one that cannot be reached or is at work closes it itself once it is idle."""
+        self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
         try:
-            self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
-            self._ask(Close(self._header()), Closed, SimulationFailed)
+            why = self._hang_up()
             if self._record:
-                # the orchestrator has ended the recording already: this asks what became of it
-                end = End(self._header(), "closed")
-                self.recorded = self._bus.call(self._keys.recorder, end, Recorded, self._timeout)
-        except (NoConnection, SimulationFailed, errors.ProtocolError):
-            return  # whoever is gone holds nothing for this session
+                self._end_recording(why)
         finally:
             self._bus.close()
+
+    def _hang_up(self) -> str:
+        """Ask the orchestrator to close the session; why it did not, '' where it did."""
+        try:
+            self._ask(Close(self._header()), Closed, SimulationFailed)
+        except (NoConnection, SimulationFailed) as error:
+            return f"; the session was not closed either: {error}"
+        return ""
+
+    def _end_recording(self, why: str) -> None:
+        """Ask the recorder what became of the recording, which ends with the session, if not before."""
+        try:
+            end = End(self._header(), "closed")
+            self.recorded = self._bus.call(self._keys.recorder, end, Recorded, self._timeout)
+        except errors.Refused as error:
+            self.unrecorded = f"the recorder refused: {error.failure.message}{why}"
+        except errors.ProtocolError as error:
+            self.unrecorded = f"no recorder answered: {error}{why}"
 
     def _header(self) -> Header:
         """Each request has a number of its own; its repetition has the same."""
@@ -147,12 +165,13 @@ class ConnectedBackend:
                 raise NoConnection(f"{self._endpoint}: {error}") from None
 
     def _wait_for_orchestrator(self, end: float) -> None:
-        """Until an orchestrator shows on the bus, or the time is over."""
+        """Until an orchestrator shows on the bus and may have been introduced, or the time is over."""
         watch = self._bus.watch_live(self._keys.every_live("orchestrator"))
         try:
             while (left := end - time.monotonic()) > 0.0:
                 change = watch.get(left)
                 if change is None or change.alive:
+                    watch.get(min(left, _INTRODUCTION))  # it did not answer just now: it goes, or is still to be heard
                     return
         finally:
             watch.close()

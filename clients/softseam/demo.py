@@ -15,7 +15,7 @@ from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
 from softseam.processes import services
 from softseam.report import write_report
-from softseam.running import follow
+from softseam.running import follow, note_recording, print_recording
 from softseam.scenes import bundle_of
 from softseam.session import open as open_session
 from softseam.showing import draw, drawing_errors, save_rrd
@@ -58,11 +58,7 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
         shutil.move(written[0], recording)
     print_closing(console, report)
     console.print()
-    recorded = session.recorded
-    lost = 0 if recorded is None else recorded.lost
-    report["recording"].update(path=recording.name, lost_messages=lost)
-    if lost:
-        console.print(Text(f"the recorder lost {lost} messages", style="bold red"))
+    note_recording(report, session, recording.relative_to(folder))
     write_report(report, folder / "report.json")
     with drawing_errors():
         from softseam.recording import Recording
@@ -70,7 +66,8 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
         opened = Recording(recording)
         if opened.note:
             console.print(Text(f"the recording is not whole: {opened.note}", style="bold red"))
-        console.print(f"recording: {recording}\nreport: {folder / 'report.json'}", highlight=False)
+        print_recording(console, report)
+        console.print(f"report: {folder / 'report.json'}", highlight=False)
         save_rrd(opened, folder / "run.rrd", console)
         draw(opened, folder, console)
     console.print(

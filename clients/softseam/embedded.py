@@ -43,6 +43,7 @@ class EmbeddedBackend:
         self._recorder: McapRecorder | None = None
         self._last: StepReport | None = None
         self.recorded: Recorded | None = None
+        self.unrecorded = ""
         with translated():
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
@@ -85,6 +86,8 @@ class EmbeddedBackend:
             self.simulation.close()
         finally:
             self._stop_recording()
+        if self._record is not None and self.recorded is None:
+            self.unrecorded = "the session ended before it was reset"
 
     def _observation(self, fields: bool) -> Observation:
         from softseam_services.orchestrator.client_view import observation
@@ -105,7 +108,7 @@ class EmbeddedBackend:
 
         path.parent.mkdir(parents=True, exist_ok=True)
         with translated():
-            start = begin(self._bundle, self.simulation.body, seed=seed)
+            start = begin(self._bundle, self.simulation.body, self.simulation.tools, seed=seed)
             self._recorder = McapRecorder(path, start, existing="replace", on_loss=self._tell_loss)
 
     def _stop_recording(self) -> None:

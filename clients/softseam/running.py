@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import platform
 import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from rich.console import Console
+from rich.text import Text
 
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
@@ -24,6 +23,7 @@ from softseam.session import Session
 from softseam.session import open as open_session
 from softseam.showing import draw, drawing_errors
 from softseam.variants import Model
+from softseam_protocol.facts import facts
 
 
 @dataclass(frozen=True)
@@ -60,15 +60,13 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
         ) as session:
             report = follow(session, console, began=began, model=wishes.model)
         if recording is not None:
-            _keep(session, recording, report)
+            note_recording(report, session, _brought(session, recording))
         print_closing(console, report)
         if wishes.report is not None:
             write_report(report, wishes.report)
             console.print(f"\nreport: {wishes.report}", highlight=False)
         if wishes.record is not None:
-            told = report["recording"]
-            lost = f", {told['lost_messages']} messages lost: {told['note']}" if told["lost_messages"] else ""
-            console.print(f"recording: {told['path'] or 'none: ' + str(told['note'])}{lost}", highlight=False)
+            print_recording(console, report)
         if wishes.pictures is not None or wishes.view:
             assert recording is not None
             if not recording.exists():
@@ -85,7 +83,7 @@ def follow(
     began    when its set-up began, on the clock of perf_counter [s]
     """
     scene = session.scene
-    builder = ReportBuilder(session.bundle, facts=_facts(), model=None if model == "hybrid" else model)
+    builder = ReportBuilder(session.bundle, facts=facts(), model=None if model == "hybrid" else model)
     setup: float | None = None
 
     def step(observation: Observation) -> None:
@@ -103,18 +101,38 @@ def follow(
     return builder.build(setup_seconds=setup or 0.0)
 
 
-def _keep(session: Session, wanted: Path, report: dict[str, Any]) -> None:
-    """Note in the report what became of the recording, and bring it here where a recorder of this machine wrote it."""
+def note_recording(report: dict[str, Any], session: Session, path: Path | None) -> None:
+    """Say in a report what became of the recording of a closed session, which lies here at `path` if anywhere.
+
+    Where nobody knows how many messages it lost, that is None.
+    """
     recorded = session.recorded
-    if recorded is None:
-        report["recording"]["note"] = "no recorder answered"
-        return
-    path = Path(recorded.path)
+    lost, note = (None, session.unrecorded) if recorded is None else (recorded.lost, recorded.note)
+    report["recording"].update(
+        path=None if path is None else str(path), lost_messages=lost, note=None if note == "closed" else note
+    )
+
+
+def print_recording(console: Console, report: Mapping[str, Any]) -> None:
+    """One line on what `note_recording` said."""
+    path, lost, note = (report["recording"][name] for name in ("path", "lost_messages", "note"))
+    text = f"recording: {path or 'none'}"
+    if lost:
+        text += f", {lost} messages lost"
+    elif lost is None and path is not None:
+        text += ", nobody knows what it lost"
+    console.print(Text(f"{text}: {note}" if note else text, style="bold red" if lost or note else ""), soft_wrap=True)
+
+
+def _brought(session: Session, wanted: Path) -> Path | None:
+    """Bring the recording here where a recorder of this machine wrote it; where it is now."""
+    if session.recorded is None:
+        return None
+    path = Path(session.recorded.path)
     if path.is_file() and path.resolve() != wanted.resolve():
         shutil.copyfile(path, wanted)
         path = wanted
-    note = None if recorded.note == "closed" else recorded.note
-    report["recording"].update(path=str(path), lost_messages=recorded.lost, note=note)
+    return path
 
 
 def _show(path: Path, wishes: Wishes, console: Console) -> None:
@@ -138,14 +156,3 @@ def _writable(path: Path) -> None:
         raise BadInput(f"cannot make the folder of {path}: {error.strerror}") from None
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise BadInput(f"cannot write {path}: choose a file in a folder that you may write to")
-
-
-def _facts() -> Mapping[str, str]:
-    """Versions and machine of this process."""
-    found = {"python": platform.python_version(), "machine": platform.platform(), "cores": str(os.cpu_count() or 0)}
-    for package in ("softseam", "numpy", "numba", "scipy"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found

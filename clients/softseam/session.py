@@ -28,6 +28,7 @@ class Backend(Protocol):
     """What runs the simulation: this process, or an orchestrator on the bus. Every call may raise SoftseamError."""
 
     recorded: messages.Recorded | None
+    unrecorded: str
     """what became of the last recording that was ended"""
 
     def reset(self, seed: int) -> messages.Observation: ...
@@ -103,6 +104,8 @@ class Session:
         self._length = expected_duration(scene)
         self.recorded: messages.Recorded | None = None
         """after `close`: where the recording is, and what it lost; None without one"""
+        self.unrecorded = ""
+        """after `close`: why nothing is known of a recording that was asked for"""
 
     @property
     def done(self) -> bool:
@@ -195,7 +198,7 @@ class Session:
         backend, self._backend = self._backend, None
         if backend is not None:
             backend.close()
-            self.recorded = backend.recorded
+            self.recorded, self.unrecorded = backend.recorded, backend.unrecorded
 
     def __enter__(self) -> Session:
         return self

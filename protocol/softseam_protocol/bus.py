@@ -194,7 +194,7 @@ class Bus(_Closing):
         return asker
 
     def watched_asker(self, key: str, timeout: float, live: str) -> WatchedAsker:
-        """As `asker`, for a server that shows a token under `live`: a wait ends soon after a token has gone."""
+        """As `asker`, for a server that shows a token under `live`: a wait ends soon after the last one has gone."""
         asker = self.asker(key, timeout)
 
         def send(payload: bytes, reply: Callable[[Any], None], ended: Callable[[], None]) -> None:

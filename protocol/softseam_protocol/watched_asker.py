@@ -1,4 +1,4 @@
-"""Requests to a server whose life is watched: a wait ends soon after the server's liveliness token has gone.
+"""Requests to a server whose life is watched: a wait ends soon after the last of its liveliness tokens has gone.
 
 A request that the router hands to a process in the moment of its death is answered by nobody, and zenoh may not notice
 before the request's timeout.
@@ -51,10 +51,15 @@ class WatchedAsker:
 
     def _collect(self, inbox: Inbox[Any], wait: float, gone: bool) -> bytes:
         end = time.monotonic() + (min(wait, GRACE) if gone else wait)
+        shown: set[str] = set()
         while True:
             item = inbox.get(max(0.0, end - time.monotonic()))
             if isinstance(item, LiveChange):
-                if not item.alive:
+                if item.alive:
+                    shown.add(item.key)
+                    continue
+                shown.discard(item.key)
+                if not shown:  # any of them may be the one that was asked
                     gone, end = True, min(end, time.monotonic() + GRACE)
             elif isinstance(item, _Ended) or (item is None and (gone or inbox.closed)):
                 raise no_reply(self._key)

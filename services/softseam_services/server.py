@@ -100,7 +100,7 @@ class ParticipantServer:
 
     def __init__(self) -> None:
         self._seats: dict[tuple[str, str], _Seat] = {}
-        self._setups: dict[bytes, Setup] = {}
+        self._setups: dict[bytes, Setup] = {}  # these two in the order of their last use
 
     def adopt(self, bundle: Bundle, setup: Setup) -> None:
         """Share a set-up that the same process has built already."""
@@ -124,7 +124,7 @@ class ParticipantServer:
 
     def _serve(self, request: Request) -> Reply:
         key = (request.header.session, request.header.participant)
-        seat = self._seats.get(key)
+        seat = self._used(key)
         if isinstance(request, Configure):
             if seat is not None:
                 kept = seat.replies.get(Configure)
@@ -146,14 +146,19 @@ class ParticipantServer:
             seat.replies[type(request)] = (request, reply)
         return reply
 
+    def _used(self, key: tuple[str, str]) -> _Seat | None:
+        """A seat, which is then the last of all to be given up."""
+        seat = self._seats.pop(key, None)
+        if seat is not None:
+            self._seats[key] = seat
+        return seat
+
     def _configure(self, key: tuple[str, str], request: Configure) -> Reply:
         digest = _digest(request.bundle)
-        setup = self._setups.get(digest)
-        if setup is None:
-            setup = build_setup(request.bundle)
-            while len(self._setups) >= _BODIES_KEPT:
-                self._setups.pop(next(iter(self._setups)))
-            self._setups[digest] = setup
+        setup = self._setups.pop(digest, None) or build_setup(request.bundle)
+        while len(self._setups) >= _BODIES_KEPT:
+            self._setups.pop(next(iter(self._setups)))
+        self._setups[digest] = setup
         solver, reply = build_solver(setup, request)
         self._seats.pop(key, None)
         while len(self._seats) >= _SEATS_KEPT:

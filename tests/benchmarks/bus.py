@@ -19,11 +19,11 @@ import softseam
 from softseam.variants import Model
 from softseam_protocol.bus import Bus, Inbox, Received
 from softseam_protocol.codec import decode
+from softseam_protocol.facts import machine
 from softseam_protocol.messages import Event
 from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
 from softseam_services.launch import UpOptions, supervisor
-from softseam_services.recorder.begin import machine
 
 ROOT = Path(__file__).resolve().parents[2]
 MODELS: tuple[Model | None, ...] = (None, "fem", "pbd", "hybrid")

@@ -17,11 +17,11 @@ from rich.console import Console
 from rich.progress import Progress
 
 from softseam.variants import Model, with_model
+from softseam_protocol.facts import machine
 from softseam_protocol.messages import StepReport
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_services.recorder.begin import machine
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ("tofu_grasp", "tofu_pads", "tofu_slab", "cantilever")

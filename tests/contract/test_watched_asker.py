@@ -156,6 +156,28 @@ def test_the_last_answer_of_a_server_that_goes_is_taken(endpoint: str, server: H
         going.join()
 
 
+def test_the_going_of_another_server_ends_no_wait(endpoint: str, server: Hanging) -> None:
+    """Two of a kind show their tokens, as where one is being replaced: which of them was asked, nobody knows."""
+    with Bus(endpoint) as bus, Bus(endpoint) as old:
+        asker = asker_of(bus)
+        watch = bus.watch_live(EVERY)
+        old.declare_live(KEYS.live("orchestrator", "orchestrator", "old"))
+        while (change := watch.get(5.0)) is not None and not change.key.endswith("/old"):
+            continue
+        answers: list[Committed] = []
+        asking = threading.Thread(target=lambda: answers.append(ask(asker, 2)))
+        asking.start()
+        assert server.asked.wait(10.0)
+        old.close()
+        while (change := watch.get(5.0)) is not None and change.alive:
+            continue
+        asking.join(GRACE + 0.5)
+        assert asking.is_alive()
+        server.released.set()
+        asking.join(10.0)
+        assert len(answers) == 1
+
+
 def test_every_failure_has_its_error(endpoint: str, server: Hanging) -> None:
     """As it has with any other request; a server that shows no token is waited for as long."""
     with Bus(endpoint) as bus:

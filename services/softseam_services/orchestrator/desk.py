@@ -86,7 +86,7 @@ class Desk:
         self._feed = RecorderFeed(self._bus, self._keys, self._session, record=record, warn=self._warn)
         try:
             self._simulation = Simulation(bundle, self._transport, session=self._session, emit=self._emit)
-        except BaseException:
+        except BaseException:  # nothing is kept back: whatever ends this leaves no feed behind
             self._feed.close()
             raise
         self._seed = self._simulation.scene.seed
@@ -109,8 +109,9 @@ class Desk:
         return self._each(request) if request.each else self._steps(request)
 
     def _steps(self, request: Step) -> Observation:
+        commands = _commands(request)
         for remaining in range(request.count, 0, -1):
-            if not self._step(request, fields=request.fields and remaining == 1):
+            if not self._step(commands, fields=request.fields and remaining == 1):
                 break
         return self._observe(request.fields)
 
@@ -118,9 +119,10 @@ class Desk:
         """Take as many steps as fit into a turn, one at least."""
         began = time.monotonic()
         taken: list[Observation] = []
+        commands = _commands(request)
         while len(taken) < request.count and time.monotonic() - began < _TURN:
             try:
-                if not self._step(request, request.fields):
+                if not self._step(commands, request.fields):
                     break
             except (StepFailed, ParticipantFailed, ParticipantLost) as error:
                 if not taken:
@@ -130,16 +132,16 @@ class Desk:
             taken.append(self._observe(request.fields))
         return Observations(request.header, taken or [self._observe(request.fields)])
 
-    def _step(self, request: Step, fields: bool) -> bool:
-        """Take a step, unless the scene's motion is over."""
+    def _step(self, commands: dict[str, list[float]] | None, fields: bool) -> bool:
+        """Take a step with these velocities; None follows the scene's motion, unless that is over."""
         if not self._feed.begun:
             self._feed.begin(self._begin())
         if self.cancelled or self._stopping():
             raise Stopped("the session is being closed: the steps left were not taken")
-        if request.program and self.simulation.done:
+        if commands is None and self.simulation.done:
             return False
         due = self._record and (self.steps + 1) % self._frame_every == 0
-        self._last = self.simulation.step(_commands(request), fields=due or fields)
+        self._last = self.simulation.step(commands, fields=due or fields)
         self.steps += 1
         self.used = time.monotonic()
         return True
@@ -165,7 +167,7 @@ class Desk:
             simulation.close()
 
     def _begin(self) -> Begin:
-        return begin(self._bundle, self.simulation.body, self._session, self._seed)
+        return begin(self._bundle, self.simulation.body, self.simulation.tools, self._session, self._seed)
 
     def _observe(self, fields: bool) -> Observation:
         events, self._events = self._events, []

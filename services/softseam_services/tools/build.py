@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from softseam_protocol.messages import ToolSurface
 from softseam_protocol.scene import BoxTool, CapsuleTool, CylinderTool, HoldPhase, MeshTool, PlaneTool, Scene, ToolSpec
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.errors import MeshError
@@ -47,6 +48,7 @@ def build_tools(scene: Scene, body: Body | None = None, files: Mapping[str, byte
         ).reshape(-1, 3),
         orientation=np.array([_orientation(tool) for tool in specs], dtype=np.float64).reshape(-1, 4),
         outline=tuple(outlines),
+        surfaces={name: ToolSurface(mesh.vertices, mesh.triangles) for name, mesh in meshes.items()},
     )
     if body is not None:
         check_clear(tools, body)

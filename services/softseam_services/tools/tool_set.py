@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from softseam_protocol.messages import ToolSurface
 
 PLANE, BOX, SPHERE, CAPSULE, CYLINDER, MESH = 0, 1, 2, 3, 4, 5
 
@@ -31,3 +34,5 @@ class ToolSet:
     """unit quaternions w, x, y, z at time 0 (t, 4)"""
     outline: tuple[NDArray[np.float64], ...] = ()
     """points (n, 3) of each tool's surface in its own frame, as many as tell where it is; none for a plane [m]"""
+    surfaces: Mapping[str, ToolSurface] = field(default_factory=dict)
+    """of tools that are meshes, by their names"""

@@ -1,0 +1,39 @@
+"""What a recording or a report says about where it came from."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+_PACKAGES = ("softseam", "numpy", "numba", "scipy", "protobuf", "mcap", "eclipse-zenoh")
+
+
+def facts() -> dict[str, str]:
+    """Versions and machine of this process."""
+    found = {"python": platform.python_version(), "machine": processor(), "cores": str(_cores())}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def machine() -> str:
+    """Processor and cores in words."""
+    return f"{processor()}, {_cores()} cores"
+
+
+def processor() -> str:
+    """The processor's name, or its kind where it tells no name."""
+    kind = platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, kind)
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1

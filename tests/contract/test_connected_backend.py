@@ -1,0 +1,107 @@
+"""What a connected session makes of an orchestrator and a recorder that do not do as they are asked."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from squeeze import Squeeze
+
+from softseam.connected import ConnectedBackend
+from softseam.errors import NoConnection
+from softseam_protocol.bus import Bus, Router
+from softseam_protocol.codec import decode, encode
+from softseam_protocol.errors import Refused
+from softseam_protocol.messages import SCHEMA_VERSION, Close, Failure, Header, Observation, SeamReport, StepReport
+from softseam_protocol.topics import Keys
+
+KEYS = Keys()
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with Router(where):
+        yield where
+
+
+def at_rest() -> Observation:
+    header = Header(SCHEMA_VERSION, "s", "", 0, 0, 0, 0.0)
+    none, zero = np.zeros((0, 3)), np.zeros(3)
+    report = StepReport(
+        header, -1, none, np.zeros((0, 4)), np.zeros((0, 6)), {}, SeamReport(0.0, 0, 0, 0.0, 0.0), {}, {}, zero, zero,
+        0.0, {}, False, none,
+    )  # fmt: skip
+    return Observation(header, report, None, [])
+
+
+def serve(endpoint: str, key: str, answer: Callable[[bytes], bytes], role: str) -> Bus:
+    """One process's part, with its token."""
+    bus = Bus(endpoint)
+    bus.serve({key: answer}).start()
+    bus.declare_live(KEYS.live(role, role, "only"))
+    return bus
+
+
+def opened(endpoint: str, *, record: bool, timeout: float = 20.0) -> ConnectedBackend:
+    """A session of an orchestrator that is there, which the router may not have introduced yet."""
+    bundle = Squeeze(1).bundle
+    for _ in range(50):
+        try:
+            return ConnectedBackend(bundle, endpoint, record=record, timeout=timeout)
+        except NoConnection:
+            continue
+    raise AssertionError("the orchestrator was never introduced")
+
+
+def refusing_to_close(payload: bytes) -> bytes:
+    if isinstance(decode(payload), Close):
+        raise Refused(Failure("busy", "the request before is still at work: close again"))
+    return encode(at_rest())
+
+
+def test_why_there_is_no_recording_is_told(endpoint: str) -> None:
+    """A session that is not closed, or not recorded, closes here all the same, and says what it was told."""
+
+    def unasked(payload: bytes) -> bytes:
+        raise Refused(Failure("not_configured", "it was not being recorded"))
+
+    with serve(endpoint, KEYS.orchestrator, refusing_to_close, "orchestrator"):
+        backend = opened(endpoint, record=True)
+        backend.close()
+        assert backend.recorded is None
+        assert backend.unrecorded.startswith("no recorder answered: ")
+        assert backend.unrecorded.endswith("not closed either: the request before is still at work: close again")
+        with serve(endpoint, KEYS.recorder, unasked, "recorder"):
+            backend = opened(endpoint, record=True)
+            backend.close()
+            assert backend.unrecorded.startswith("the recorder refused: it was not being recorded; the session")
+
+
+def test_an_orchestrator_that_shows_itself_and_is_deaf_is_asked_now_and_then(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be about to serve, or about to go: ten requests a second find out."""
+    timeout = 2.0
+    with Bus(endpoint) as holder:
+        orchestrator = serve(endpoint, KEYS.orchestrator, lambda payload: encode(at_rest()), "orchestrator")
+        backend = opened(endpoint, record=False, timeout=timeout)
+        holder.declare_live(KEYS.live("orchestrator", "orchestrator", "deaf"))
+        orchestrator.close()
+        asked = 0
+        call = backend._asker.call
+
+        def counted(message: object, allowed: object, left: float | None = None) -> object:
+            nonlocal asked
+            asked += 1
+            return call(message, allowed, left)
+
+        monkeypatch.setattr(backend._asker, "call", counted)
+        with pytest.raises(NoConnection, match="softseam up"):
+            backend.reset(1)
+        assert 2 < asked <= 10.0 * timeout + 2
+        backend.close()

@@ -1,0 +1,40 @@
+"""A participant serves many sessions; those whose orchestrators died make room, those in use stay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Configure, Configured, Failure, Fields, Header, Observe
+from softseam_protocol.scene import Scene
+from softseam_services.server import _SEATS_KEPT, ParticipantServer
+
+SCENE = Scene.model_validate(
+    {
+        "softseam": 1,
+        "name": "seats",
+        "duration": 0.01,
+        "body": {
+            "shape": {"kind": "block", "size": [0.01] * 3},
+            "cell": 0.01,
+            "material": {"young": 2e4, "poisson": 0.4, "density": 1050.0},
+        },
+        "regions": {"default": "pbd"},
+    }
+)
+
+
+def test_the_seat_used_longest_ago_makes_room() -> None:
+    server = ParticipantServer()
+    bundle, cells, none = Bundle(SCENE.model_dump_json(), {}), np.zeros(1, np.int32), np.zeros(0, np.int32)
+
+    def header(session: int) -> Header:
+        return Header(SCHEMA_VERSION, f"s{session}", "near", 0, 0, 0, 0.0)
+
+    for session in range(_SEATS_KEPT):
+        reply = server.handle(Configure(header(session), bundle, "pbd", cells, none, None, True))
+        assert isinstance(reply, Configured)
+    assert isinstance(server.handle(Observe(header(0))), Fields)
+    assert isinstance(server.handle(Configure(header(-1), bundle, "pbd", cells, none, None, True)), Configured)
+    assert isinstance(server.handle(Observe(header(0))), Fields)
+    refused = server.handle(Observe(header(1)))
+    assert isinstance(refused, Failure) and refused.kind == "not_configured"
