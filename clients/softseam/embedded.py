@@ -160,9 +160,19 @@ def resimulate(bundle: Bundle, seed: int) -> Iterator[Resimulation]:
             simulation.close()
 
 
-@contextmanager
-def translated() -> Iterator[None]:
-    """Turn what the services raise into the client's errors."""
+class translated:  # reads as the function that it is used as
+    """A context that turns what the services raise into the client's errors."""
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if error is not None:
+            _translate(error)
+
+
+def _translate(error: BaseException) -> None:
+    """Raise the client's error for one of the services; return for any other."""
     from softseam_services.body.errors import MeshError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.regions import StepFailed
@@ -170,13 +180,11 @@ def translated() -> Iterator[None]:
     from softseam_services.recorder.whole_file import RecordError
     from softseam_services.tools.errors import ToolError
 
-    try:
-        yield
-    except (SceneError, MeshError, ToolError) as error:
+    if isinstance(error, SceneError | MeshError | ToolError):
         raise SceneRefused(str(error)) from error
-    except ArchiveError as error:
+    if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error
-    except RecordError as error:
+    if isinstance(error, RecordError):
         raise BadInput(str(error)) from error
-    except (StepFailed, ParticipantLost, ParticipantFailed) as error:
+    if isinstance(error, StepFailed | ParticipantLost | ParticipantFailed):
         raise SimulationFailed(str(error)) from error

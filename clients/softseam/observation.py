@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -30,7 +31,7 @@ class ToolView:
     """angular velocity about the position that was applied in the step (3,) [rad/s]"""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Observation:
     """State and error indicators of the simulation at the end of a step.
 
@@ -44,31 +45,67 @@ class Observation:
     """steps taken since the reset"""
     done: bool
     """whether the scene's motion or duration is over"""
-    tools: Mapping[str, ToolView]
-    wrench: Mapping[str, Floats]
-    """force and torque about its centre that the body exerts on each tool (6,) [N, N m]"""
-    quantities: Mapping[str, float]
-    """every quantity of the scene, SI units"""
-    seam: SeamReport
-    """gap [m], exchanges, nodes, largest multiplier [N] and work [J] of the seam"""
-    regions: Mapping[str, RegionReport]
-    """model, size, energies [J] and cost of the near and the far region"""
-    energies: Mapping[str, float]
-    """ledger of the step [J]"""
-    penetration: float
-    """deepest penetration of a surface point into a tool [m]"""
-    momentum: Floats
-    """(3,) [kg m/s]"""
-    angular_momentum: Floats
-    """about the world's origin (3,) [kg m^2/s]"""
     events: tuple[Event, ...]
     """what happened since the observation before: switches, phases, fallbacks, recoveries, alarms"""
-    seconds: Mapping[str, float]
-    """wall time of the step by part [s]"""
     report: StepReport
     """the message that all this came in"""
     frame: Frame | None
     """the fields' message, None where they were not asked for"""
+    tool_names: tuple[str, ...]
+    """in the scene's order"""
+
+    @cached_property
+    def tools(self) -> Mapping[str, ToolView]:
+        """The tools by name."""
+        report = self.report
+        turning = report.turning if len(report.turning) else np.zeros((len(self.tool_names), 3))
+        views = map(ToolView, report.tool_position, report.tool_orientation, report.command, turning)
+        return MappingProxyType(dict(zip(self.tool_names, views, strict=True)))
+
+    @cached_property
+    def wrench(self) -> Mapping[str, Floats]:
+        """Force and torque about its centre that the body exerts on each tool (6,) [N, N m]."""
+        return MappingProxyType(dict(zip(self.tool_names, self.report.wrench, strict=True)))
+
+    @property
+    def quantities(self) -> Mapping[str, float]:
+        """Every quantity of the scene, SI units."""
+        return MappingProxyType(self.report.quantities)
+
+    @property
+    def seam(self) -> SeamReport:
+        """Gap [m], exchanges, nodes, largest multiplier [N] and work [J] of the seam."""
+        return self.report.seam
+
+    @property
+    def regions(self) -> Mapping[str, RegionReport]:
+        """Model, size, energies [J] and cost of the near and the far region."""
+        return MappingProxyType(self.report.regions)
+
+    @property
+    def energies(self) -> Mapping[str, float]:
+        """Ledger of the step [J]."""
+        return MappingProxyType(self.report.energy)
+
+    @property
+    def penetration(self) -> float:
+        """Deepest penetration of a surface point into a tool [m]."""
+        return self.report.penetration
+
+    @property
+    def momentum(self) -> Floats:
+        """(3,) [kg m/s]"""
+        return self.report.momentum
+
+    @property
+    def angular_momentum(self) -> Floats:
+        """About the world's origin (3,) [kg m^2/s]."""
+        return self.report.angular_momentum
+
+    @property
+    def seconds(self) -> Mapping[str, float]:
+        """Wall time of the step by part [s]."""
+        return MappingProxyType(self.report.seconds)
 
     @property
     def grip_force(self) -> float:
@@ -158,40 +195,13 @@ def principal_stress(cauchy: Floats) -> Floats:
 def observation_from(message: messages.Observation, tool_names: tuple[str, ...]) -> Observation:
     """The client's view of an Observation message; `tool_names` in the scene's order."""
     report, frame = message.report, message.frame
-    tools, wrench = {}, {}
-    for i, name in enumerate(tool_names):
-        turning = report.turning[i] if len(report.turning) else np.zeros(3)
-        tools[name] = ToolView(
-            _frozen(report.tool_position[i]),
-            _frozen(report.tool_orientation[i]),
-            _frozen(report.command[i]),
-            _frozen(turning),
-        )
-        wrench[name] = _frozen(report.wrench[i])
+    arrays = [report.tool_position, report.tool_orientation, report.command, report.turning, report.wrench]
+    arrays += [report.momentum, report.angular_momentum]
     if frame is not None:
-        for array in (frame.x, frame.cauchy, frame.cell_near, frame.point_x, frame.contact_force, frame.contact_tool):
-            array.setflags(write=False)
-    return Observation(
-        time=message.header.time,
-        step=message.header.step,
-        done=report.done,
-        tools=MappingProxyType(tools),
-        wrench=MappingProxyType(wrench),
-        quantities=MappingProxyType(dict(report.quantities)),
-        seam=report.seam,
-        regions=MappingProxyType(dict(report.regions)),
-        energies=MappingProxyType(dict(report.energy)),
-        penetration=report.penetration,
-        momentum=_frozen(report.momentum),
-        angular_momentum=_frozen(report.angular_momentum),
-        events=tuple(message.events),
-        seconds=MappingProxyType(dict(report.seconds)),
-        report=report,
-        frame=frame,
-    )
-
-
-def _frozen(array: Floats) -> Floats:
-    view = array.view()
-    view.setflags(write=False)
-    return view
+        arrays += [frame.x, frame.cauchy, frame.point_x, frame.contact_force]
+        frame.cell_near.setflags(write=False)
+        frame.contact_tool.setflags(write=False)
+    for array in arrays:
+        array.setflags(write=False)
+    header, events = message.header, tuple(message.events)
+    return Observation(header.time, header.step, report.done, events, report, frame, tool_names)

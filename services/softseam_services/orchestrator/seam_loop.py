@@ -98,7 +98,7 @@ class _Round:
 
 def largest(vectors: Floats) -> float:
     """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
-    return math.sqrt(np.einsum("si,si->s", vectors, vectors).max(initial=0.0))
+    return math.sqrt(np.einsum("si,si->s", vectors, vectors).max()) if len(vectors) else 0.0
 
 
 def _touches(replies: dict[str, Advanced]) -> bool:

@@ -16,7 +16,8 @@ Floats = NDArray[np.float64]
 def tool_motion(tools: ToolSet, position: Floats, orientation: Floats, velocities: Floats, dt: float) -> ToolMotion:
     """Poses at the start and the end of a step in which tools move and turn about their positions at constant rates.
 
-    position (t, 3) [m], orientation (t, 4), velocities (t, 6) [m/s, rad/s], dt [s]; raises ValueError where one turns
+    position (t, 3) [m], orientation (t, 4), velocities (t, 6) [m/s, rad/s], dt [s]; the poses are kept, not copied.
+    Raises ValueError where one turns
     too far in the step for its way to be clear
     """
     n_tools = len(tools.names)
@@ -25,9 +26,11 @@ def tool_motion(tools: ToolSet, position: Floats, orientation: Floats, velocitie
             f"{n_tools} tools need positions ({n_tools}, 3), orientations ({n_tools}, 4) and velocities "
             f"({n_tools}, 6); got {position.shape}, {orientation.shape}, {velocities.shape}"
         )
-    orientation_next = orientation.copy()
+    orientation_next = orientation
     for tool, rates in enumerate(velocities[:, 3:].tolist()):
         if any(rates):
+            if orientation_next is orientation:
+                orientation_next = orientation.copy()
             turn = dt * np.array(rates)
             if float(np.linalg.norm(turn)) > LARGEST_TURN:
                 raise ValueError(
@@ -37,8 +40,8 @@ def tool_motion(tools: ToolSet, position: Floats, orientation: Floats, velocitie
             turned = product(quaternion_turning(turn), orientation[tool])
             orientation_next[tool] = turned / np.linalg.norm(turned)
     return ToolMotion(
-        position=position.copy(),
-        orientation=orientation.copy(),
+        position=position,
+        orientation=orientation,
         position_next=position + dt * velocities[:, :3],
         orientation_next=orientation_next,
     )
