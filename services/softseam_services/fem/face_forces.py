@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from softseam_services.body.body import Floats
 from softseam_services.fem.model import FemModel
 
 
-def gathered_at_nodes(model: FemModel, force: Floats, n_surface: int) -> Floats:
-    """Forces (p, t, 3) of all points -> forces of the n_surface points of the surface, with the same sums."""
-    own = force[:n_surface].copy()
+def gathering(model: FemModel, n_surface: int) -> csr_array:
+    """Matrix from forces of all points to forces of the n_surface points of the surface, with the same sums."""
     inner = np.flatnonzero(model.point_face >= 0)
-    if len(inner) == 0 or not force[inner].any():
-        return own
-    point_of = _surface_point_of_node(model, n_surface)
-    begin = model.point_ptr[inner[0]]
-    rows = np.repeat(inner, np.diff(model.point_ptr)[inner])
-    np.add.at(own, point_of[model.point_node[begin:]], model.point_weight[begin:, None, None] * force[rows])
-    return own
+    begin = model.point_ptr[n_surface]
+    weights = np.concatenate([np.ones(n_surface), model.point_weight[begin:]])
+    columns = np.concatenate([np.arange(n_surface), np.repeat(inner, np.diff(model.point_ptr)[inner])])
+    to = _surface_point_of_node(model, n_surface)[model.point_node[begin:]]
+    rows = np.concatenate([np.arange(n_surface), to])
+    return csr_array((weights, (rows, columns)), shape=(n_surface, len(model.point_face)))
+
+
+def gathered_at_nodes(gather: csr_array, force: Floats) -> Floats:
+    """Forces (p, t, 3) of all points -> forces (n_surface, t, 3) by the matrix of `gathering`."""
+    return np.asarray(gather @ force.reshape(len(force), -1)).reshape(-1, *force.shape[1:])
 
 
 def spread_over_faces(model: FemModel, contact: Floats) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ToolMotion
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.fem.face_forces import gathered_at_nodes, spread_over_faces
+from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme
@@ -80,6 +80,7 @@ class FemSolver:
         self._work = build_work(self._model, self._tree, n_tools)
         self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0)
         self._memo = np.zeros(N_MEMO)
+        self._gather = gathering(self._model, len(region.points))
         shape = (len(self._model.point_face), n_tools, 6)
         if state is None:
             x, v, contact = body.x_rest[region.nodes], body.v_initial[region.nodes], np.zeros(shape)
@@ -326,7 +327,7 @@ class FemSolver:
         cauchy_stress(state.x, self._model, self._work, cauchy)
         weights = self._model.point_weight[:, None] * state.x[self._model.point_node]
         point_x = np.add.reduceat(weights, self._model.point_ptr[:-1], axis=0) if len(weights) else np.zeros((0, 3))
-        force = gathered_at_nodes(self._model, state.contact[:, :, :3], len(region.points))
+        force = gathered_at_nodes(self._gather, state.contact[:, :, :3])
         size = np.einsum("pti,pti->pt", force, force)
         return Fields(
             header=request_header,
