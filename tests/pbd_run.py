@@ -13,7 +13,7 @@ from softseam_protocol.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.pbd.kernels.block import N_STRESS
-from softseam_services.pbd.kernels.sweep import block_forces, exact_stress, new_workspace, strain_energy
+from softseam_services.pbd.kernels.sweep import batch_energies, block_forces, exact_stress, new_workspace, strain_energy
 from softseam_services.pbd.solver import PbdSolver
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
@@ -171,14 +171,16 @@ class Energy:
     def value(self, x: Floats) -> float:
         b = self._blocks
         self._xw[: self._n, :3] = x
-        return float(strain_energy(self._ws, self._xw, b.nodes, b.volume, b.constants, b.law)[0])
+        energies = np.zeros((b.n_batches, 2))
+        batch_energies(self._ws, self._xw, b.nodes, b.volume, b.constants, b.law, 0, b.n_batches, energies)
+        return float(strain_energy(energies)[0])
 
     def force(self, x: Floats) -> Floats:
         b = self._blocks
         self._xw[: self._n, :3] = x
         exact_stress(self._ws, self._xw, b.nodes, b.volume, self._stress, b.constants, b.law)
         force = np.zeros((self._n + 8, 4))
-        block_forces(self._ws, b.nodes, self._stress, b.constants, force)
+        block_forces(self._ws, b.nodes, self._stress, b.constants, force, 0, b.n_batches)
         return force[: self._n, :3].copy()
 
 

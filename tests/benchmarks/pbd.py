@@ -86,7 +86,7 @@ def _sweeps(
     h: float,
 ) -> None:
     for _ in range(n):
-        sweep(ws, xw, nodes, volume, softness, stress, constants, False, 0.5, h)
+        sweep(ws, xw, nodes, volume, softness, stress, constants, 0, 0.5, h, 0, len(nodes))
 
 
 def lattice(counts: tuple[int, int, int]) -> tuple[int, NDArray[np.int32]]:

@@ -12,7 +12,7 @@ from pbd_run import CLAMP_LEFT, Energy, PbdRun, block_scene, static_solution
 from softseam_protocol.kinds import KNOWN_MATERIALS
 from softseam_services.body.materials import point
 from softseam_services.pbd.kernels.general import solve_nine
-from softseam_services.pbd.kernels.sweep import new_workspace, strain_energy
+from softseam_services.pbd.kernels.sweep import batch_energies, new_workspace, strain_energy
 
 KINDS = KNOWN_MATERIALS["pbd"]
 STATICS = [("neo_hookean", 2), *((kind, 1) for kind in KINDS)]
@@ -100,7 +100,10 @@ def _single_block(run: PbdRun, only: np.ndarray, x: np.ndarray) -> float:
     xw[ids, :3] = x
     volume = np.zeros_like(blocks.volume)
     volume[batch[0], lane[0]] = blocks.volume[batch[0], lane[0]]
-    return float(strain_energy(new_workspace(), xw, blocks.nodes, volume, blocks.constants, blocks.law)[0])
+    energies = np.zeros((blocks.n_batches, 2))
+    law, n_batches = blocks.law, blocks.n_batches
+    batch_energies(new_workspace(), xw, blocks.nodes, volume, blocks.constants, law, 0, n_batches, energies)
+    return float(strain_energy(energies)[0])
 
 
 @pytest.mark.parametrize("kind", sorted(set(KINDS) - {"linear"}))

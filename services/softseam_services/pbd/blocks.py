@@ -27,6 +27,8 @@ class Blocks:
     """fill times volume, 0 for padding (n_batches, 4 lanes) [m^3]"""
     octant: Ints
     """8 cell + octant of each lane, -1 for padding (n_batches, 4 lanes)"""
+    colours: Ints
+    """where the batches of each colour begin, and the end (9,)"""
     edges: Floats
     """(3,) [m]"""
     constants: Floats
@@ -65,6 +67,7 @@ def build_blocks(body: Body, region: Region, hourglass: str, only: Ints | None =
         nodes=np.ascontiguousarray(nodes.transpose(0, 2, 1)),
         volume=np.where(real, volume[np.maximum(order, 0)], 0.0),
         octant=order.astype(np.int32),
+        colours=np.cumsum([0, *(len(each) // LANES for each in lanes)], dtype=np.int32),
         edges=edges,
         constants=block_constants(body.material, edges, hourglass),
         padding_x=corner * edges,

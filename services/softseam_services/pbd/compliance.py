@@ -9,6 +9,7 @@ from softseam_services.body.body import Floats
 
 from .blocks import build_blocks
 from .kernels.block import new_workspace
+from .kernels.crew import new_crew
 from .kernels.probe import probe_seam
 from .model import KAPPA, PbdModel
 
@@ -68,6 +69,7 @@ class SeamProbe:
         self._xw[:n, 3] = inverse_mass
         self._xw[n:, :3] = blocks.padding_x
         self._ws = new_workspace()
+        self._crew = new_crew(alone=True)
 
     @property
     def dt(self) -> float:
@@ -117,6 +119,8 @@ class SeamProbe:
             self._model.substeps(dt),
             self._model.spec.sweeps,
             KAPPA,
+            np.array([0, blocks.n_batches], dtype=np.int32),
+            self._crew,
             result,
         )
         return result

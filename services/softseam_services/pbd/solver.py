@@ -22,8 +22,9 @@ from .kernels.pairs import N_ROWS, WIDTH, place_points
 from .kernels.split import split_forces
 from .kernels.stress import octant_stress
 from .kernels.substep import advance_step
-from .kernels.sweep import block_forces, exact_stress, strain_energy
+from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
 from .model import KAPPA, build_model
+from .pair import Pair
 from .state import decode_state, encode_state, new_state
 
 RETRIES = 3
@@ -65,11 +66,12 @@ class PbdSolver:
         self._tentative = False
         self._probe: SeamProbe | None = None
         self._ws = new_workspace()
+        self._pair = Pair(self._ws, model.blocks.colours, n)
         self._xw = aligned(n + 8, 4)
         self._xw[:n, 3] = model.inverse_mass
         self._xw[n:, :3] = model.blocks.padding_x
+        self._energies = np.zeros((model.blocks.n_batches, 2))
         self._scratch = (
-            self._ws,
             self._xw,
             np.zeros((n, 3)),
             np.zeros((n, 3)),
@@ -83,6 +85,7 @@ class PbdSolver:
             np.zeros((2, t, 4)),
             np.zeros((2, t, 12)),
             np.zeros(n),
+            self._energies,
         )
         self._wrench = np.zeros((t, 6))
         self._margin = MARGIN * float(model.blocks.edges.min())
@@ -130,11 +133,15 @@ class PbdSolver:
         self._xw[:n, :3] = state.x
         exact_stress(self._ws, self._xw, blocks.nodes, blocks.volume, state.stress, blocks.constants, blocks.law)
         force = np.zeros((n + 8, 4))
-        block_forces(self._ws, blocks.nodes, state.stress, blocks.constants, force)
+        block_forces(self._ws, blocks.nodes, state.stress, blocks.constants, force, 0, blocks.n_batches)
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
         np.add.at(force[:, :3], model.node, model.weight[:, None] * state.force.sum(axis=1)[rows])
         state.a[:] = model.inverse_mass[:, None] * force[:n, :3]
-        strain, least_j = strain_energy(self._ws, self._xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law)
+        batch_energies(
+            *(self._ws, self._xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law, 0, blocks.n_batches),
+            self._energies,
+        )
+        strain, least_j = strain_energy(self._energies)
         kinetic = 0.5 * float(region.mass @ np.einsum("nc,nc->n", state.v, state.v))
         gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
         state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None)
@@ -231,7 +238,9 @@ class PbdSolver:
         n_sweeps = self.model.spec.sweeps + attempt
         if work.monitor[0] < CRUSHED:
             n_sweeps = max(n_sweeps, 2)
-        advance_step(
+        self._pair.run(
+            n_substeps * n_sweeps,
+            advance_step,
             work.x,
             work.v,
             work.a,

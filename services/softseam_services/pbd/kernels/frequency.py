@@ -43,7 +43,7 @@ def highest_frequency(ws, x_rest, inverse_mass, nodes, volume, constants, law, p
                 xw[i, c] = x_rest[i, c] + scale * u[i, c]
         exact_stress(ws, xw, nodes, volume, stress, constants, law)
         force[:] = 0.0
-        block_forces(ws, nodes, stress, constants, force)
+        block_forces(ws, nodes, stress, constants, force, 0, len(nodes))
         square = 0.0
         for i in range(n):
             for c in range(3):

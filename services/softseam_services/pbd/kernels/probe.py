@@ -40,11 +40,13 @@ def probe_seam(
     n_substeps,
     n_sweeps,
     kappa,
+    parts,
+    crew,
     compliance,
 ):
     """compliance[:, c] = (seam x after a step under `probe` [N] in component c - the same without it)/probe.
 
-    compliance (3s, 3s) [m/N] is updated in place; the other shapes are those of `advance_step`.
+    compliance (3s, 3s) [m/N] is updated in place; `crew` says alone; the other shapes are those of `advance_step`.
     """
     n = len(x_start)
     n_points = len(force_start)
@@ -102,7 +104,7 @@ def probe_seam(
             push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
         for _ in range(n_substeps):
             begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h, start, rows, pairs)
-            predict(xw, x_star, x, v, a, push, h)
+            predict(xw, x_star, x, v, a, push, h, 0, n)
             relax(
                 ws,
                 xw,
@@ -127,8 +129,13 @@ def probe_seam(
                 n_sweeps,
                 kappa,
                 h,
+                parts,
+                0,
+                crew,
+                0,
+                0,
             )
-            finish(xw, x_star, x, v, a, h)
+            finish(xw, x_star, x, v, a, h, 0, n)
         for row in range(3 * len(seam)):
             moved = x[seam[row // 3], row % 3]
             if column < 0:

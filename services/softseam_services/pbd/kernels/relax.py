@@ -5,7 +5,33 @@ from __future__ import annotations
 from numba import njit
 
 from .contact import project_contacts
+from .crew import done, first_share, next_share, wait_for
 from .sweep import sweep
+
+LEAST = 4
+"""batches that a thread takes at least"""
+
+
+@njit(cache=True, error_model="numpy")
+def sweep_together(
+    ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, parts, rank, crew, before, stretch
+):
+    """Project every block once; the batches parts[p] .. parts[p + 1] - 1 are one stretch, with no node in common.
+
+    before (items) and stretch count up to this sweep; returns both after it.
+    """
+    for part in range(len(parts) - 1):
+        begin, n = parts[part], parts[part + 1] - parts[part]
+        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        while first < end:
+            sweep(
+                *(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h),
+                begin + first,
+                begin + end,
+            )
+            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+        before, stretch = before + n, stretch + 1
+    return before, stretch
 
 
 @njit(cache=True, error_model="numpy")
@@ -33,28 +59,41 @@ def relax(
     n_sweeps,
     kappa,
     h,
+    parts,
+    rank,
+    crew,
+    before,
+    stretch,
 ):
-    """Move xw from the prediction to the end of the substep; arguments as in `sweep` and `project_contacts`.
+    """Move xw from the prediction to the end of the substep; arguments as in `sweep_together` and `project_contacts`.
 
     Contacts come first, because the carried contact force throws a point that has just stopped off its tool, and the
-    blocks would answer to that; and they come last, so that no point ends inside a tool.
+    blocks would answer to that; and they come last, so that no point ends inside a tool. Returns before and
+    stretch as they are then.
     """
     for round_ in range(n_sweeps + 1):
         if round_ > 0:
-            sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h)
-        project_contacts(
-            xw,
-            indptr,
-            node,
-            weight,
-            kind,
-            shape,
-            friction,
-            position,
-            orientation,
-            motion,
-            h * h,
-            pair_start,
-            pair_rows,
-            pairs,
-        )
+            before, stretch = sweep_together(
+                ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, parts, rank, crew, before, stretch
+            )
+        if rank == 0:
+            wait_for(crew, before)
+            project_contacts(
+                xw,
+                indptr,
+                node,
+                weight,
+                kind,
+                shape,
+                friction,
+                position,
+                orientation,
+                motion,
+                h * h,
+                pair_start,
+                pair_rows,
+                pairs,
+            )
+            done(crew, rank, 1)
+        before += 1
+    return before, stretch

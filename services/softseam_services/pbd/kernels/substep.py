@@ -13,22 +13,23 @@ from numba import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs
+from .crew import done, first_share, next_share, wait_for
 from .pairs import find_pairs, place_points, store_pairs
 from .relax import relax
 from .summary import LEAST_J, SEAM_WORK, STRAIN, TOOL_WORK, summarise
-from .sweep import block_forces, strain_energy
+from .sweep import batch_energies, block_forces, strain_energy
 from .tool_motion import tool_motions, tool_pose
+
+LEAST, LEAST_BATCHES = 256, 8
+"""nodes and batches that a thread takes at least"""
 
 
 @njit(cache=True, error_model="numpy")
-def carried(ws, xw, nodes, stress, constants, indptr, node, weight, force, pull, a):
-    """A of eq. (1) from the stresses of the blocks and the contact forces, into a (n, 3).
+def carried(xw, indptr, node, weight, force, pull, a):
+    """A of eq. (1) from the blocks' forces in pull (n + 8, 4) [N], updated in place, and the contacts', into a (n, 3).
 
     Once a step: added up over the substeps alone, the roundings of (x - x*)/h^2 grow into a force on the whole body.
-    pull (n + 8, 4) is scratch.
     """
-    pull[:] = 0.0
-    block_forces(ws, nodes, stress, constants, pull)
     for point in range(len(force)):
         for tool in range(force.shape[1]):
             for c in range(3):
@@ -42,9 +43,12 @@ def carried(ws, xw, nodes, stress, constants, indptr, node, weight, force, pull,
 
 
 @njit(cache=True, error_model="numpy")
-def predict(xw, x_star, x, v, a, push, h):
-    """x* of eq. (1) into xw and x_star; clamped nodes have v = a = push = 0. push (n, 3) = g + a_seam [m/s^2]."""
-    for i in range(len(x)):
+def predict(xw, x_star, x, v, a, push, h, first, end):
+    """x* of eq. (1) into xw and x_star for the nodes first .. end - 1; push (n, 3) = g + a_seam [m/s^2].
+
+    Clamped nodes have v = a = push = 0.
+    """
+    for i in range(first, end):
         for c in range(3):
             moved = x[i, c] + h * (v[i, c] + h * (push[i, c] + a[i, c]))
             x_star[i, c] = moved
@@ -52,11 +56,11 @@ def predict(xw, x_star, x, v, a, push, h):
 
 
 @njit(cache=True, error_model="numpy")
-def finish(xw, x_star, x, v, a, h):
-    """A, v and x at the end of the substep, eq. (1); updated in place."""
+def finish(xw, x_star, x, v, a, h, first, end):
+    """A, v and x of the nodes first .. end - 1 at the end of the substep, eq. (1); updated in place."""
     per_h = 1.0 / h
     per_hh = per_h * per_h
-    for i in range(len(x)):
+    for i in range(first, end):
         for c in range(3):
             now = xw[i, c]
             a[i, c] += (now - x_star[i, c]) * per_hh
@@ -102,7 +106,6 @@ def advance_step(
     seam,
     seam_force,
     # scratch
-    ws,
     xw,
     x_star,
     push,
@@ -116,6 +119,7 @@ def advance_step(
     quaternion,
     motion,
     node_gap,
+    energies,
     # results, overwritten
     force_mean,
     wrench,
@@ -127,76 +131,107 @@ def advance_step(
     n_sweeps,
     kappa,
     margin,
+    # two threads
+    parts,
+    crew,
+    rank,
+    ws,
 ):
-    """Advance the state by dt; shapes as in `PbdSolver`. The results are those of `Advanced`."""
+    """Advance the state by dt; shapes as in `PbdSolver`. The results are those of `Advanced`.
+
+    Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
+    """
     n = len(x)
     h = dt / n_substeps
-    force_mean[:] = 0.0
-    for i in range(n):
-        free = xw[i, 3] > 0.0
-        for c in range(3):
-            push[i, c] = gravity[c] if free else 0.0
-            xw[i, c] = x[i, c]
-    for s in range(len(seam)):
-        i = seam[s]
-        for c in range(3):
-            push[i, c] += xw[i, 3] * seam_force[s, c]
+    before, stretch = 1, 0
     seam_work = 0.0
-    for s in range(len(seam)):
-        for c in range(3):
-            seam_work -= seam_force[s, c] * x[seam[s], c]
-    carried(ws, xw, nodes, stress, constants, indptr, node, weight, force, pull, a)
-    place_points(xw, indptr, node, weight, point_x)
-    fastest = 0.0
-    for i in range(n):
-        square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
-        fastest = max(fastest, square)
-    reach = margin + 2.0 * dt * np.sqrt(fastest)
-    travel = tool_travel(kind, shape, position, orientation, position_next, orientation_next, x)
-    find_pairs(
-        kind,
-        shape,
-        position,
-        orientation,
-        point_x,
-        active,
-        indptr,
-        node,
-        weight,
-        point_softness,
-        force,
-        slip,
-        reach + 2.0 * travel,
-        h * h,
-        n,
-        newest,
-        pair_start,
-        pair_rows,
-        pairs,
-    )
-    tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
-    for substep in range(n_substeps):
-        pose[0] = pose[1]
-        quaternion[0] = quaternion[1]
-        fraction = (substep + 1) / n_substeps
-        tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
-        tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], motion)
-        begin_pairs(
-            xw,
+    if rank == 0:
+        force_mean[:] = 0.0
+        for i in range(n):
+            free = xw[i, 3] > 0.0
+            for c in range(3):
+                push[i, c] = gravity[c] if free else 0.0
+                xw[i, c] = x[i, c]
+        for s in range(len(seam)):
+            i = seam[s]
+            for c in range(3):
+                push[i, c] += xw[i, 3] * seam_force[s, c]
+        for s in range(len(seam)):
+            for c in range(3):
+                seam_work -= seam_force[s, c] * x[seam[s], c]
+        pull[:] = 0.0
+        place_points(xw, indptr, node, weight, point_x)
+        fastest = 0.0
+        for i in range(n):
+            square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
+            fastest = max(fastest, square)
+        reach = margin + 2.0 * dt * np.sqrt(fastest)
+        travel = tool_travel(kind, shape, position, orientation, position_next, orientation_next, x)
+        find_pairs(
+            kind,
+            shape,
+            position,
+            orientation,
+            point_x,
+            active,
             indptr,
             node,
             weight,
-            kind,
-            shape,
-            pose[0],
-            quaternion[0],
-            h,
+            point_softness,
+            force,
+            slip,
+            reach + 2.0 * travel,
+            h * h,
+            n,
+            newest,
             pair_start,
             pair_rows,
             pairs,
         )
-        predict(xw, x_star, x, v, a, push, h)
-        relax(
+        tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
+        done(crew, rank, 1)
+    for part in range(len(parts) - 1):
+        begin, n_batches = parts[part], parts[part + 1] - parts[part]
+        first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
+        while first < end:
+            block_forces(ws, nodes, stress, constants, pull, begin + first, begin + end)
+            first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+        before, stretch = before + n_batches, stretch + 1
+    if rank == 0:
+        wait_for(crew, before)
+        carried(xw, indptr, node, weight, force, pull, a)
+        done(crew, rank, 1)
+    before += 1
+    for substep in range(n_substeps):
+        if rank == 0:
+            wait_for(crew, before)
+            pose[0] = pose[1]
+            quaternion[0] = quaternion[1]
+            fraction = (substep + 1) / n_substeps
+            tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
+            tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], motion)
+            begin_pairs(
+                xw,
+                indptr,
+                node,
+                weight,
+                kind,
+                shape,
+                pose[0],
+                quaternion[0],
+                h,
+                pair_start,
+                pair_rows,
+                pairs,
+            )
+            done(crew, rank, 1)
+        before += 1
+        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        while first < end:
+            predict(xw, x_star, x, v, a, push, h, first, end)
+            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+        before, stretch = before + n, stretch + 1
+        before, stretch = relax(
             ws,
             xw,
             nodes,
@@ -220,20 +255,39 @@ def advance_step(
             n_sweeps,
             kappa,
             h,
+            parts,
+            rank,
+            crew,
+            before,
+            stretch,
         )
-        finish(xw, x_star, x, v, a, h)
-        account_pairs(
-            xw,
-            indptr,
-            node,
-            weight,
-            pose[1],
-            motion,
-            1.0 / n_substeps,
-            pair_start,
-            pair_rows,
-            pairs,
-        )
+        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        while first < end:
+            finish(xw, x_star, x, v, a, h, first, end)
+            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+        before, stretch = before + n, stretch + 1
+        if rank == 0:
+            # The positions in xw stay until the next prediction, which waits for this.
+            account_pairs(
+                xw,
+                indptr,
+                node,
+                weight,
+                pose[1],
+                motion,
+                1.0 / n_substeps,
+                pair_start,
+                pair_rows,
+                pairs,
+            )
+    first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
+    while first < end:
+        batch_energies(ws, xw, nodes, volume, constants, law, first, end, energies)
+        first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+    before += len(nodes)
+    if rank > 0:
+        return
+    wait_for(crew, before)
     tool_work = store_pairs(pair_start, pair_rows, pairs, force, slip, force_mean, wrench)
     for s in range(len(seam)):
         for c in range(3):
@@ -258,6 +312,6 @@ def advance_step(
         n_substeps,
         result,
     )
-    result[STRAIN], result[LEAST_J] = strain_energy(ws, xw, nodes, volume, constants, law)
+    result[STRAIN], result[LEAST_J] = strain_energy(energies)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
     cell_distances(x, cell_nodes, kind, shape, pose[1], quaternion[1], near, node_gap, cell_distance)

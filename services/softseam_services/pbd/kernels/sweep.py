@@ -28,12 +28,12 @@ from .lanes import LANES, move_four
 from .linear import energy_lanes_linear, project_lanes_linear, stress_lanes_linear
 from .neo_hookean import energy_lanes, project_lanes, stress_lanes
 
-__all__ = ["block_forces", "exact_stress", "new_workspace", "strain_energy", "sweep"]
+__all__ = ["batch_energies", "block_forces", "exact_stress", "new_workspace", "strain_energy", "sweep"]
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h):
-    """Project every block once, colour after colour.
+def sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, first, end):
+    """Project the blocks of the batches first .. end - 1 once, one batch after the other.
 
     ws        (ROWS * LANES,)  workspace
     xw        (n + 8, 4)       positions [m], updated in place, and inverse masses [1/kg]
@@ -45,7 +45,7 @@ def sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h):
     kappa, h                   under-relaxation of the local compliance [1], substep [s]
     """
     hh = h * h
-    for batch in range(len(nodes)):
+    for batch in range(first, end):
         gather(ws, xw, nodes, batch)
         load_stress(ws, stress, batch)
         move_four(ws, LANES * SOFTNESS, softness, LANES * batch)
@@ -76,11 +76,14 @@ def exact_stress(ws, xw, nodes, volume, stress, constants, law):
 
 
 @njit(cache=True, error_model="numpy")
-def block_forces(ws, nodes, stress, constants, force):
-    """Add f_i = -(P b_i + sum_m h_mi T_m) of every block to force (n + 8, 4) [N]; the fourth column is not used."""
+def block_forces(ws, nodes, stress, constants, force, first, end):
+    """Add f_i = -(P b_i + sum_m h_mi T_m) of the blocks of batches first .. end - 1 to force (n + 8, 4) [N].
+
+    The fourth column is not used.
+    """
     k = hoist(constants)
     one = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-    for batch in range(len(nodes)):
+    for batch in range(first, end):
         gather(ws, force, nodes, batch)
         load_stress(ws, stress, batch)
         for lane in range(LANES):
@@ -91,11 +94,12 @@ def block_forces(ws, nodes, stress, constants, force):
 
 
 @njit(cache=True, error_model="numpy")
-def strain_energy(ws, xw, nodes, volume, constants, law):
-    """U = sum V (psi(F) + 1/2 q^T K q) over all blocks [J], and the least J of those that are not empty."""
-    total = 0.0
-    least = np.inf
-    for batch in range(len(nodes)):
+def batch_energies(ws, xw, nodes, volume, constants, law, first, end, energies):
+    """U = sum V (psi(F) + 1/2 q^T K q) [J] of each batch first .. end - 1 and its least J, into energies (b, 2).
+
+    Empty blocks do not count.
+    """
+    for batch in range(first, end):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
         if law == NEO_HOOKEAN:
@@ -104,8 +108,19 @@ def strain_energy(ws, xw, nodes, volume, constants, law):
             energy_lanes_linear(ws, constants)
         else:
             energy_lanes_general(ws, constants, law)
+        total, least = 0.0, np.inf
         for lane in range(LANES):
             if volume[batch, lane] > 0.0:
                 total += ws[LANES * ENERGY + lane]
                 least = min(least, ws[LANES * RATIO + lane])
+        energies[batch, 0], energies[batch, 1] = total, least
+
+
+@njit(cache=True, error_model="numpy")
+def strain_energy(energies):
+    """Energy of all blocks [J] and their least J, from the batches' energies (b, 2): a sum in their order."""
+    total, least = 0.0, np.inf
+    for batch in range(len(energies)):
+        total += energies[batch, 0]
+        least = min(least, energies[batch, 1])
     return total, least

@@ -1,0 +1,159 @@
+"""Two threads at one step: both run the same kernel and share its loops by a common count, bit for bit as one would.
+
+A step is a row of *stretches*, in each of which no item needs another's result: the batches of one colour, or nodes.
+Thread 0 takes from the low end and thread 1 from the high end, each time half of what is left, so that each meets its
+own part of the body again in every sweep and whoever is done first helps the other. A stretch opens when everything
+before it is done. What is not shared (contacts, sums) is thread 0's and counts as one item. Nothing waits for a thread
+that has not come: one that the system holds up, or never starts, costs nothing but its help.
+
+The count `crew` (CREW,) int64 says at COUNT: the stretch and, of its items left, the first and the end; and at DONE and
+DONE + LINE: items that each thread has done in this step. Alone, crew[ALONE] is 1 and none of it is used.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import config, njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+LINE = 16
+"""numbers in two lines of the cache: so far apart, what one thread writes does not stop the other"""
+COUNT, DONE, ALONE, CREW = 0, LINE, 3 * LINE, 4 * LINE
+BITS = 22
+"""of a place in a stretch, which so has fewer than 4 million items; the 19 above two of them count stretches"""
+MASK = (1 << BITS) - 1
+PATIENCE = 2000
+"""looks at the count before a waiting thread lets others have the core"""
+
+_yield_core: Any = types.ExternalFunction("sched_yield", types.int32())
+
+
+def new_crew(alone: bool) -> NDArray[np.int64]:
+    """A count for a step."""
+    crew = np.zeros(CREW, dtype=np.int64)
+    crew[ALONE] = alone
+    start_crew(crew)
+    return crew
+
+
+def start_crew(crew: NDArray[np.int64]) -> None:
+    """Nothing is open and nothing done; no thread may be at work."""
+    crew[COUNT], crew[DONE], crew[DONE + LINE] = -1, 0, 0
+
+
+def _address(context, builder, kind, array, at):
+    return builder.gep(context.make_array(kind)(context, builder, array).data, [at])
+
+
+@intrinsic
+def _look(typing, crew, at):
+    def generate(context, builder, signature, arguments):
+        place = _address(context, builder, signature.args[0], *arguments)
+        return builder.load_atomic(place, ordering="acquire", align=8)
+
+    return types.int64(crew, at), generate
+
+
+@intrinsic
+def _add(typing, crew, at, n):
+    def generate(context, builder, signature, arguments):
+        place = _address(context, builder, signature.args[0], *arguments[:2])
+        builder.atomic_rmw("add", place, arguments[2], ordering="acq_rel")
+        return context.get_dummy_value()
+
+    return types.void(crew, at, types.int64), generate
+
+
+@intrinsic
+def _replace(typing, crew, at, old, new):
+    def generate(context, builder, signature, arguments):
+        place = _address(context, builder, signature.args[0], *arguments[:2])
+        result = builder.cmpxchg(place, arguments[2], arguments[3], "acq_rel", "acquire")
+        return builder.extract_value(result, 1)
+
+    return types.boolean(crew, at, types.int64, types.int64), generate
+
+
+def _look_plain(crew, at):
+    return crew[at]
+
+
+def _add_plain(crew, at, n):
+    crew[at] += n
+
+
+def _replace_plain(crew, at, old, new):
+    same = crew[at] == old
+    if same:
+        crew[at] = new
+    return same
+
+
+def _yield_plain():
+    return 0
+
+
+_PLAIN: bool = vars(config)["DISABLE_JIT"]
+look: Any = _look_plain if _PLAIN else _look
+add: Any = _add_plain if _PLAIN else _add
+replace: Any = _replace_plain if _PLAIN else _replace
+yield_core: Any = _yield_plain if _PLAIN else _yield_core
+
+
+@njit(cache=True, error_model="numpy")
+def wait_for(crew, before):
+    """Come back when `before` items are done; alone, at once."""
+    if crew[ALONE]:
+        return
+    looks = 0
+    while look(crew, DONE) + look(crew, DONE + LINE) < before:
+        looks += 1
+        if looks > PATIENCE:
+            yield_core()
+
+
+@njit(cache=True, error_model="numpy")
+def done(crew, rank, n):
+    """n items are done: what they wrote is seen by whoever sees the new count. Alone, nothing."""
+    if not crew[ALONE]:
+        add(crew, DONE + LINE * rank, n)
+
+
+@njit(cache=True, error_model="numpy")
+def take(crew, stretch, rank, least):
+    """First and end of half the items that nobody has taken, or of `least`; (0, 0) where none are left."""
+    while True:
+        count = look(crew, COUNT)
+        low, high = (count >> BITS) & MASK, count & MASK
+        if count >> (2 * BITS) != stretch or low >= high:
+            return 0, 0
+        part = min(high - low, max(least, (high - low + 1) // 2))
+        if rank == 0:
+            if replace(crew, COUNT, count, count + (part << BITS)):
+                return low, low + part
+        elif replace(crew, COUNT, count, count - part):
+            return high - part, high
+
+
+@njit(cache=True, error_model="numpy")
+def first_share(crew, before, stretch, n, rank, least):
+    """Wait for the items before this stretch, open it if nobody else did, and take of its n items; alone, all."""
+    if crew[ALONE]:
+        return 0, n
+    wait_for(crew, before)
+    count = look(crew, COUNT)
+    if count >> (2 * BITS) < stretch:
+        replace(crew, COUNT, count, (stretch << (2 * BITS)) | n)
+    return take(crew, stretch, rank, least)
+
+
+@njit(cache=True, error_model="numpy")
+def next_share(crew, stretch, rank, n_done, least):
+    """Report items done and take more; alone, there are none."""
+    if crew[ALONE]:
+        return 0, 0
+    done(crew, rank, n_done)
+    return take(crew, stretch, rank, least)

@@ -1,0 +1,109 @@
+"""Two threads at a PBD step: the same bits as one, with a second thread that is punctual, late, or never comes."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from pbd_run import PbdRun, block_scene
+
+from softseam_services.pbd import pair
+from softseam_services.pbd.kernels.crew import first_share, new_crew, next_share
+from softseam_services.pbd.pair import Pair
+
+PLATE = {"kind": "box", "size": (0.01, 0.2, 0.2), "friction": 0.6}
+
+
+@pytest.fixture
+def two(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Every step by two threads."""
+    monkeypatch.setattr(pair, "WORTH_TWO", 1)
+    monkeypatch.setattr(pair, "cores", lambda: 2)
+    monkeypatch.setattr(Pair, "_pays", lambda self: self.possible)
+    yield
+
+
+def squeeze(steps: int) -> PbdRun:
+    """An odd box of 8 x 6 x 10 blocks on the ground, squeezed and sheared by plates, of a general material."""
+    tools = {
+        "ground": {"kind": "plane", "friction": 0.6},
+        "left": {**PLATE, "position": (-0.0551, 0.0, 0.06)},
+        "right": {**PLATE, "position": (0.0551, 0.0, 0.06)},
+    }
+    scene = block_scene(
+        (0.1, 0.075, 0.125),
+        0.025,
+        gravity=(0.0, 0.0, -9.81),
+        tools=tools,
+        moved=("left", "right"),
+        pbd={"substeps": 12, "sweeps": 2},
+    )
+    run = PbdRun(scene)
+    run.velocity[1:, 0] = 0.05, -0.05
+    run.velocity[1, 2] = 0.02
+    for _ in range(steps):
+        run.step()
+    return run
+
+
+def test_two_threads_make_the_bits_of_one(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    one = squeeze(8)
+    assert not one.solver._pair.possible
+    request.getfixturevalue("two")
+    both = squeeze(8)
+    assert both.solver._pair.possible
+    assert both.solver.snapshot() == one.solver.snapshot()
+    np.testing.assert_array_equal(both.solver._result, one.solver._result)
+
+
+@pytest.mark.usefixtures("two")
+def test_nothing_waits_for_a_second_thread_that_does_not_come() -> None:
+    """Held up by something else it is not missed: the steps are taken alone."""
+    free, at_work = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        at_work.set()
+        free.wait(60.0)
+
+    blocked = pair._second().submit(hold)
+    assert at_work.wait(10.0)
+    late = squeeze(3).solver.snapshot()
+    assert not blocked.done()
+    free.set()
+    blocked.result(10.0)
+    assert squeeze(3).solver.snapshot() == late
+
+
+def test_a_stretch_is_shared_out_once() -> None:
+    """Halves from both ends until nothing is left; a thread that is behind finds nothing in an older stretch."""
+    crew = new_crew(alone=False)
+    taken = np.zeros(100, dtype=int)
+    rank, n_done = 0, [0, 0]
+    first, end = first_share(crew, 0, 0, 100, rank, 4)
+    while first < end:
+        taken[first:end] += 1
+        n_done[rank] = end - first
+        rank = 1 - rank
+        first, end = next_share(crew, 0, rank, n_done[rank], 4)
+    assert (taken == 1).all()
+    assert next_share(crew, 0, 1 - rank, n_done[1 - rank], 4) == (0, 0)
+    assert first_share(crew, 100, 1, 10, 1, 4) == (5, 10)
+    assert first_share(crew, 0, 0, 100, 0, 4) == (0, 0)
+
+
+def test_the_faster_way_is_taken_and_the_other_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pair, "WORTH_TWO", 1)
+    monkeypatch.setattr(pair, "cores", lambda: 2)
+    chooser = Pair(np.zeros(1), np.array([0, 10], dtype=np.int32), 10)
+    chooser._seconds = [1.0, 0.6]
+    chosen = [chooser._pays()]
+    for chooser._n_runs in range(1, pair.TRIAL):
+        chosen.append(chooser._pays())
+    assert chosen == [True] * (pair.TRIAL - 1) + [False]
+    chooser._seconds = [1.0, 1.1]
+    chooser._n_runs = 0
+    assert not chooser._pays()
+    small = Pair(np.zeros(1), np.array([0, 0], dtype=np.int32), 10)
+    assert not small._pays()
