@@ -26,14 +26,24 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         bundle = bundle_scene(scene, bundle.files)
     try:
         from softseam_services.body.check import check_body
+        from softseam_services.body.particles import ParticleBody
         from softseam_services.server import build_setup
     except ImportError as error:
         raise missing_extra(error, "checking a mesh") from error
     with translated():
-        body = check_body(build_setup(bundle).body)
+        built = build_setup(bundle).body
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_row("scene", f"{scene.name}  (hash {scene_hash(bundle)[:12]})")
+    if isinstance(built, ParticleBody):
+        for name, value in built.facts().items():
+            table.add_row(name, value)
+        table.add_row("models", _models(scene))
+        table.add_row("steps", _steps(scene))
+        console.print(table)
+        console.print(Text("the scene can be simulated", style="green"))
+        return
+    body = check_body(built)
     table.add_row("size", " x ".join(f"{1e3 * side:.4g}" for side in body.size) + " mm")
     table.add_row("volume, mass", f"{1e6 * body.volume:.4g} cm^3, {1e3 * body.mass:.4g} g")
     table.add_row("cells", f"{body.n_cells} of " + " x ".join(f"{1e3 * edge:.4g}" for edge in body.edges) + " mm")

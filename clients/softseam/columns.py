@@ -17,6 +17,14 @@ UNITS = {
     "sag": "m",
     "compression": "1",
     "tip_deflection": "m",
+    "worst_stretch": "1",
+    "stretch_violation": "1",
+    "stretch_violation_mean": "1",
+    "bending_violation": "1",
+    "bending_violation_mean": "1",
+    "stretch_energy": "J",
+    "bending_energy": "J",
+    "held": "",
 }
 PROBED = {"von_mises": "Pa", "displacement": "m"}
 """what is reported at a probe, as NAME.von_mises"""

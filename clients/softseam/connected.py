@@ -83,12 +83,14 @@ class ConnectedBackend:
         return self._ask(Reset(self._header(), seed), Observation, SimulationFailed)
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
-        ways, turns = {}, {}
+        ways, turns, grips = {}, {}, {}
         for name, velocity in (velocities or {}).items():
             ways[name] = velocity[:3].copy()
-            if len(velocity) == 6:
-                turns[name] = velocity[3:].copy()
-        request = Step(self._header(), count, velocities is None, ways, fields, turns)
+            if len(velocity) > 3:
+                turns[name] = velocity[3:6].copy()
+            if len(velocity) > 6:
+                grips[name] = float(velocity[6])
+        request = Step(self._header(), count, velocities is None, ways, fields, turns, gripping=grips)
         return self._ask(request, Observation, SimulationFailed)
 
     def follow(self, most: int | None) -> list[Observation]:

@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene import (
     BlockShape,
+    BodySpec,
     BoxTool,
     CapsuleTool,
     ClosePhase,
     CylinderTool,
+    GripPhase,
     HoldPhase,
     MeshTool,
     MovePhase,
     PlaneTool,
+    ReleasePhase,
     Scene,
     SphereTool,
     TurnPhase,
@@ -34,6 +37,10 @@ def expected_duration(scene: Scene) -> float | None:
     for phase in scene.motion:
         if isinstance(phase, HoldPhase):
             total += phase.hold
+        elif isinstance(phase, GripPhase):
+            total += phase.grip
+        elif isinstance(phase, ReleasePhase):
+            total += phase.release
         elif isinstance(phase, MovePhase | TurnPhase):
             total += float(np.linalg.norm(phase.move if isinstance(phase, MovePhase) else phase.turn)) / phase.speed
         else:
@@ -49,7 +56,7 @@ def expected_duration(scene: Scene) -> float | None:
 def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:
     """Length of a closing phase [s]; `closed` is how far each tool has approached the other before [m]."""
     bounds = [] if phase.until.time is None else [phase.until.time]
-    shape = scene.body.shape
+    shape = scene.body.shape if isinstance(scene.body, BodySpec) else None
     first, second = (scene.tools[name] for name in phase.tools)
     if (
         phase.until.compression is not None

@@ -48,7 +48,10 @@ class Backend(Protocol):
     def close(self) -> None: ...
 
 
-_NUMBERS = "three numbers [m/s], e.g. [0.02, 0, 0], and three more [rad/s] where it also turns"
+_NUMBERS = (
+    "three numbers [m/s], e.g. [0.02, 0, 0], three more [rad/s] where it also turns, and a seventh to make it "
+    "hold a sheet or rope (1) or let go (0)"
+)
 
 
 def open(
@@ -141,7 +144,8 @@ class Session:
         """Take one macro step, or `count` alike; tools that are not named stand still.
 
         tool_velocities  velocity of each tool (3,) [m/s], or with its angular velocity about its position (6,)
-                         [m/s, rad/s]; None follows the scene's own motion
+                         [m/s, rad/s], or also with 1 to make it hold the particles of a sheet or rope within
+                         reach, 0 to let go (7,); None follows the scene's own motion
         fields           also observe the fields of the whole body at the end
         """
         backend = self._begun()
@@ -238,11 +242,11 @@ class Session:
                 velocity = np.array(value, dtype=np.float64)
             except (TypeError, ValueError):
                 raise BadVelocity(f"the velocity of {name!r} is {value!r}: give {_NUMBERS}") from None
-            if velocity.shape not in ((3,), (6,)):
+            if velocity.shape not in ((3,), (6,), (7,)):
                 raise BadVelocity(f"the velocity of {name!r} has shape {velocity.shape}: give {_NUMBERS}")
             if not np.isfinite(velocity).all():
                 raise BadVelocity(f"the velocity of {name!r} is {velocity.tolist()}: it must be finite")
-            turn = float(np.linalg.norm(velocity[3:])) * self.scene.step
+            turn = float(np.linalg.norm(velocity[3:6])) * self.scene.step
             if turn > LARGEST_TURN:
                 raise BadVelocity(
                     f"{name!r} would turn by {turn:.3g} rad in a step of {self.scene.step:g} s, more than "

@@ -69,6 +69,11 @@ Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3, least=0)]
 # defaults of fields that are left out where they say nothing
 _NO_VECTORS = partial(np.zeros, (0, 3))
 _NO_MATRIX = partial(np.zeros, (0, 0))
+_NO_SCALARS = partial(np.zeros, 0)
+
+
+def _no_labels() -> NDArray[np.int8]:
+    return np.zeros(0, dtype=np.int8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +152,8 @@ class ToolMotion:
     """unit quaternions w, x, y, z (t, 4)"""
     position_next: Vectors
     orientation_next: Quaternions
+    gripping: Labels = field(default_factory=_no_labels)
+    """1 for tools that hold the particles that they found within reach as they began to grip (t,); empty: none does"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +219,8 @@ class Advanced:
     fields: Fields | None = None
     n_crushed: Count = 0
     """cells squeezed so far that they count in part with full quadrature"""
+    measures: dict[str, float] = field(default_factory=dict)
+    """what else the model has to tell: violations of its constraints and their energies, by name"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,6 +258,8 @@ class Fields:
     contact_force: Vectors
     """contact force on each of them (p, 3) [N]"""
     contact_tool: ToolIds
+    point_strain: Scalars = field(default_factory=_NO_SCALARS)
+    """of a sheet or rope: largest stretch of what holds each surface point (p,) [1]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,6 +368,8 @@ class StepReport:
     """tool velocities that were applied (t, 3) [m/s]"""
     turning: Vectors = field(default_factory=_NO_VECTORS)
     """angular velocities about the tools' positions that were applied (t, 3) [rad/s]; empty: none turned"""
+    gripping: Labels = field(default_factory=_no_labels)
+    """1 for tools that gripped (t,); empty: none did"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -379,6 +392,8 @@ class Frame:
     """seam force on the near side (s, 3) [N]"""
     tool_position: Vectors
     tool_orientation: Quaternions
+    point_strain: Scalars = field(default_factory=_NO_SCALARS)
+    """of a sheet or rope: largest stretch of what holds each surface point (P,) [1]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -422,6 +437,8 @@ class Step:
     """angular velocities about the tools' positions [rad/s]"""
     each: bool = False
     """answer with the Observations of all steps; fewer than `count` may be taken, so that the answer comes soon"""
+    gripping: dict[str, float] = field(default_factory=dict)
+    """1 for tools that are to hold the particles within reach, 0 for those that are to let go"""
 
 
 @dataclass(frozen=True, slots=True)

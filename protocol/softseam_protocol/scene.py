@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from softseam_protocol.kinds import (
@@ -16,31 +16,45 @@ from softseam_protocol.kinds import (
     integrator_problem,
     material_problem,
 )
+from softseam_protocol.particle_bodies import RopeBody, SheetBody
+from softseam_protocol.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge
+from softseam_protocol.spec import wrong as _wrong
 
-Vector = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Quantity = Literal["grip_force", "lift_height", "slip", "peak_von_mises", "sag", "compression", "tip_deflection"]
+Quantity = Literal[
+    "grip_force",
+    "lift_height",
+    "slip",
+    "peak_von_mises",
+    "sag",
+    "compression",
+    "tip_deflection",
+    "worst_stretch",
+    "stretch_violation",
+    "stretch_violation_mean",
+    "bending_violation",
+    "bending_violation_mean",
+    "stretch_energy",
+    "bending_energy",
+    "held",
+]
+OF_CELLS = ("peak_von_mises",)
+"""quantities that only a body in cells has"""
+OF_PARTICLES = (
+    "worst_stretch",
+    "stretch_violation",
+    "stretch_violation_mean",
+    "bending_violation",
+    "bending_violation_mean",
+    "stretch_energy",
+    "bending_energy",
+    "held",
+)
+"""quantities that only a sheet or rope has"""
 
-LARGEST_BODY = 100.0
-"""a body's edge above this is taken for wrong units [m]"""
-SMALLEST_BODY = 1e-4
-"""a body's edge below this is taken for wrong units [m]"""
 LARGEST_TURN = 0.5
 """of a tool in one step [rad]"""
 MOST_CELLS = 200_000
 MOST_STEPS = 10_000_000
-
-
-def _wrong(message: str, *at: str | int) -> PydanticCustomError:
-    """An error about the entry `at` (a path from the spec that raises it); `scene_file` finds its line."""
-    return PydanticCustomError("scene", "{message}", {"message": message, "at": at})
-
-
-class Spec(BaseModel):
-    """Base of every spec: frozen, and an unknown key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class BlockShape(Spec):
@@ -52,14 +66,7 @@ class BlockShape(Spec):
     @model_validator(mode="after")
     def _plausible(self) -> BlockShape:
         for i, edge in enumerate(self.size):
-            if edge > LARGEST_BODY:
-                raise _wrong(
-                    f"an edge of {edge:g} m is longer than {LARGEST_BODY:g} m: lengths are in metres", "size", i
-                )
-            if edge < SMALLEST_BODY:
-                raise _wrong(
-                    f"an edge of {edge:g} m is shorter than {SMALLEST_BODY:g} m: lengths are in metres", "size", i
-                )
+            check_edge(edge, "size", i)
         return self
 
 
@@ -95,27 +102,14 @@ class MaterialSpec(Spec):
         return self
 
 
-class BoxRegion(Spec):
-    """An axis-aligned box in rest coordinates [m]."""
-
-    min: Vector = Field(description="lower corner [m]")
-    max: Vector = Field(description="upper corner [m]")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> BoxRegion:
-        for i, (low, high) in enumerate(zip(self.min, self.max, strict=True)):
-            if low > high:
-                raise _wrong(f"min {low:g} exceeds max {high:g} along {'xyz'[i]}", "min", i)
-        return self
-
-
 def _cell_tag(value: Any) -> str:
     return "three edges" if isinstance(value, list | tuple) else "one edge"
 
 
 class BodySpec(Spec):
-    """The deformable body; its bounding box stands with the base's centre at `position`."""
+    """A deformable body in cells; its bounding box stands with the base's centre at `position`."""
 
+    kind: Literal["cells"] = "cells"
     shape: Shape
     position: Vector = Field(default=(0.0, 0.0, 0.0), description="base centre of the bounding box [m]")
     cell: (
@@ -142,6 +136,17 @@ class BodySpec(Spec):
                 at = "cell" if self.cell is not None else "shape"
                 raise _wrong(f"{n_cells:,} cells, more than {MOST_CELLS:,}: give a longer cell edge", at)
         return self
+
+
+def _body_tag(value: Any) -> str:
+    kind = value.get("kind", "cells") if isinstance(value, dict) else getattr(value, "kind", "cells")
+    return str(kind)
+
+
+AnyBody = Annotated[
+    Annotated[BodySpec, Tag("cells")] | Annotated[SheetBody, Tag("sheet")] | Annotated[RopeBody, Tag("rope")],
+    Discriminator(_body_tag),
+]
 
 
 class PlaneTool(Spec):
@@ -298,13 +303,27 @@ class TurnPhase(Spec):
         return self
 
 
+class GripPhase(Spec):
+    """Tools take hold of the particles of a sheet or rope within one spacing, and stand still for `grip` [s]."""
+
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    grip: NonNegative = Field(description="[s]")
+
+
+class ReleasePhase(Spec):
+    """Tools let go of what they hold, and stand still for `release` [s]."""
+
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    release: NonNegative = Field(description="[s]")
+
+
 class HoldPhase(Spec):
     """All tools stand still for `hold` [s]."""
 
     hold: NonNegative = Field(description="[s]")
 
 
-PHASE_KEYS = ("close", "move", "turn", "hold")
+PHASE_KEYS = ("close", "move", "turn", "grip", "release", "hold")
 """the keys that name a phase"""
 
 
@@ -321,12 +340,15 @@ Phase = Annotated[
     Annotated[ClosePhase, Tag("close phase")]
     | Annotated[MovePhase, Tag("move phase")]
     | Annotated[TurnPhase, Tag("turn phase")]
+    | Annotated[GripPhase, Tag("grip phase")]
+    | Annotated[ReleasePhase, Tag("release phase")]
     | Annotated[HoldPhase, Tag("hold phase")],
     Discriminator(
         _phase_tag,
         custom_error_type="phase",
         custom_error_message=(
-            "a phase says what happens: close (with tools, until), move or turn (with tools, speed), or hold"
+            "a phase says what happens: close (with tools, until), move or turn (with tools, speed), grip or release "
+            "(with tools), or hold"
         ),
     ),
 ]
@@ -394,10 +416,23 @@ def _substeps_tag(value: Any) -> str:
     return "automatic" if isinstance(value, str) else "a count"
 
 
-class PbdSpec(Spec):
-    """Settings of the XPBD participant."""
+class ClassicSpec(Spec):
+    """Stiffnesses of classic PBD, shares of a violation that one projection removes: they depend on sweeps and step."""
 
-    method: Literal["xpbd"] = "xpbd"
+    stretch: float = Field(default=1.0, gt=0.0, le=1.0, description="of distances [1]")
+    bending: float = Field(default=0.1, ge=0.0, le=1.0, description="of bending [1]")
+    per_substep: bool = Field(
+        default=False, description="n sweeps together remove that share: each takes 1 - (1 - k)^(1/n)"
+    )
+
+
+class PbdSpec(Spec):
+    """Settings of the PBD participant."""
+
+    method: Literal["xpbd", "pbd"] = Field(
+        default="xpbd", description="xpbd: stiffnesses in physical units; pbd: the classic one, for sheets and ropes"
+    )
+    classic: ClassicSpec = Field(default=ClassicSpec(), description="stiffnesses of method: pbd")
     substeps: Annotated[
         Annotated[int, Field(ge=1), Tag("a count")] | Annotated[Literal["auto"], Tag("automatic")],
         Discriminator(_substeps_tag),
@@ -437,7 +472,7 @@ class Scene(Spec):
     step: Positive = Field(default=0.01, le=1.0, description="macro step [s]")
     duration: Positive | None = Field(default=None, description="simulated time [s]; default: the end of the motion")
     seed: int = Field(default=0, ge=0)
-    body: BodySpec
+    body: AnyBody
     tools: dict[ToolName, ToolSpec] = Field(default={}, description="rigid tools by name")
     motion: tuple[Phase, ...] = Field(default=(), description="phases, one after another")
     regions: RegionsSpec = RegionsSpec()
@@ -458,25 +493,54 @@ class Scene(Spec):
                 self._known(phase.tools, "motion", i, "tools")
         if self.regions.near is not None:
             self._known(self.regions.near.tools or (), "regions", "near", "tools")
-        self._kinds_meet()
+        if isinstance(self.body, BodySpec):
+            self._kinds_meet(self.body)
+        else:
+            self._particles_alone(self.body.kind)
         if self.duration is None and not self.motion:
             raise _wrong("give a duration, or a motion whose end is the end of the run")
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
             raise _wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
 
-    def _kinds_meet(self) -> None:
+    def _particles_alone(self, kind: str) -> None:
+        """Raise if the scene asks something of a sheet or rope that only a body in cells can do."""
+        have = f"a {kind} is made of particles, not cells"
+        if self.regions.default != "pbd":
+            raise _wrong(f"{have}: only pbd can simulate it", "regions", "default")
+        if self.regions.near is not None:
+            raise _wrong(f"{have}, and is not cut into regions: leave `near` out", "regions", "near")
+        if self.probes:
+            raise _wrong(f"{have}, and has no stress to probe", "probes")
+        for i, quantity in enumerate(self.quantities):
+            if quantity in OF_CELLS:
+                raise _wrong(f"{have}, and has no {quantity}", "quantities", i)
+        for i, phase in enumerate(self.motion):
+            if isinstance(phase, ClosePhase) and phase.force is not None:
+                raise _wrong(f"{have}: close on it by time, or grip it", "motion", i, "force")
+        for name, tool in self.tools.items():
+            if not isinstance(tool, PlaneTool) and tool.force_limit is not None:
+                raise _wrong(f"{have}: drives with a force_limit need cells", "tools", name, "force_limit")
+
+    def _kinds_meet(self, body: BodySpec) -> None:
         """Raise if material, integrator, models, seam and tools do not go together."""
         near = self.regions.near
         models = list(dict.fromkeys((self.regions.default, near.model if near else self.regions.default)))
-        problem = material_problem(self.body.material.kind, models)
+        problem = material_problem(body.material.kind, models)
         if problem:
             raise _wrong(problem, "body", "material", "kind")
-        problem = integrator_problem(
-            self.models.fem.integrator, near is not None, bool(self.tools), bool(self.body.fixed)
-        )
+        problem = integrator_problem(self.models.fem.integrator, near is not None, bool(self.tools), bool(body.fixed))
         if problem and "fem" in models:
             raise _wrong(problem, "models", "fem", "integrator")
+        for i, name in enumerate(self.quantities):
+            if name in OF_PARTICLES:
+                raise _wrong(f"only sheets and ropes have {name}", "quantities", i)
+        if self.models.pbd.method == "pbd":
+            raise _wrong("classic pbd moves sheets and ropes: a body in cells needs xpbd", "models", "pbd", "method")
+        for i, phase in enumerate(self.motion):
+            if isinstance(phase, GripPhase | ReleasePhase):
+                key = "grip" if isinstance(phase, GripPhase) else "release"
+                raise _wrong("a body in cells is held by friction: close two tools on it", "motion", i, key)
 
     def _known(self, names: tuple[str, ...], *at: str | int) -> None:
         """Raise if one of the names is not a tool."""

@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails
 from softseam_protocol import marked_yaml
 from softseam_protocol.marked_yaml import Mark, Marked
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import PHASE_KEYS, MeshShape, MeshTool, Scene
+from softseam_protocol.scene import PHASE_KEYS, BodySpec, MeshShape, MeshTool, Scene
 from softseam_protocol.scene_keys import described, keys_allowed
 
 MAX_SCENE_BYTES = 2**20
@@ -104,7 +104,7 @@ def scene_from_bundle(bundle: Bundle) -> Scene:
 def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:
     """Files that a scene names: where it does so, and their paths as it gives them."""
     found: list[tuple[marked_yaml.Path, str]] = []
-    if isinstance(scene.body.shape, MeshShape):
+    if isinstance(scene.body, BodySpec) and isinstance(scene.body.shape, MeshShape):
         found.append((("body", "shape", "path"), scene.body.shape.path))
     found += [(("tools", name, "path"), tool.path) for name, tool in scene.tools.items() if isinstance(tool, MeshTool)]
     return found

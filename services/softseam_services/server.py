@@ -32,8 +32,8 @@ from softseam_protocol.messages import (
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
 from softseam_services.blas import use_one_thread
-from softseam_services.body.body import Body
-from softseam_services.body.build import build_body
+from softseam_services.body.build import AnyBody, build_any_body
+from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import build_region
 from softseam_services.participant import Solver
 from softseam_services.tools.build import build_tools
@@ -51,19 +51,21 @@ class Setup:
     """What a bundle describes, built once a process."""
 
     scene: Scene
-    body: Body
+    body: AnyBody
     tools: ToolSet
 
 
 def build_setup(bundle: Bundle) -> Setup:
     """Scene, body and tools of a bundle. Raises SceneError, MeshError or ToolError."""
     scene = scene_from_bundle(bundle)
-    body = build_body(scene, bundle.files)
+    body = build_any_body(scene, bundle.files)
     return Setup(scene, body, build_tools(scene, body, bundle.files))
 
 
 def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
     """The solver that a Configure asks for. Imports only the model that is asked for."""
+    if isinstance(setup.body, ParticleBody):
+        return _particle_solver(setup, setup.body, request)
     region = build_region(setup.body, request.cells, request.seam_nodes, request.owns_seam_points)
     solver: Solver
     substeps = 1
@@ -79,6 +81,18 @@ def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
     else:
         raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
     return solver, Configured(request.header, len(region.nodes), len(region.cells), substeps, solver.strain)
+
+
+def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tuple[Solver, Configured]:
+    """A sheet or rope is one region, whole."""
+    if request.model != "pbd":
+        raise ValueError(
+            f"a {body.kind} is made of particles: the model {request.model!r} cannot take it, only pbd can"
+        )
+    from softseam_services.pbd.particles.solver import ParticleSolver
+
+    solver = ParticleSolver(setup.scene, body, setup.tools, request.state)
+    return solver, Configured(request.header, body.n_nodes, 0, solver.substeps, solver.strain)
 
 
 @dataclass

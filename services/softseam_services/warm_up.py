@@ -25,6 +25,7 @@ from softseam_protocol.messages import (
     SnapshotTaken,
 )
 from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
 from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup
 from softseam_services.tools.motion import tool_motion
@@ -88,6 +89,7 @@ def _ask_everything(model: str) -> None:
         return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
 
     tools, scene = setup.tools, setup.scene
+    assert isinstance(setup.body, Body)
     shared = np.intersect1d(setup.body.cell_nodes[0], setup.body.cell_nodes[1]).astype(np.int32)
     ask(Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
     command = np.zeros((len(tools.names), 6))

@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from softseam_protocol.messages import Advance
+from softseam_protocol.scene import BodySpec
 from softseam_services.body.materials import build_material
 from softseam_services.pbd.hourglass import block_constants
 from softseam_services.pbd.kernels.block import N_STRESS, new_workspace
@@ -116,6 +117,7 @@ def time_sweep(counts: tuple[int, int, int]) -> tuple[int, float]:
     xw[n_nodes:, :3] = EDGE * np.array([(i, j, k) for k in range(2) for j in range(2) for i in range(2)])
     real = nodes[:, 0] < n_nodes
     volume, softness = np.where(real, EDGE**3, 0.0), np.where(real, 8.0 * xw[0, 3], 0.0)
+    assert isinstance(scene.body, BodySpec)
     constants = block_constants(build_material(scene.body.material), np.full(3, EDGE), "physical")
     arrays = new_workspace(), xw, nodes, volume, softness, aligned(len(nodes), N_STRESS), constants, 1e-4
     inner = max(1, 20_000 // int(real.sum()))

@@ -61,7 +61,7 @@ def run(scene: str, model: Model | None, progress: Progress) -> Run:
     wall = perf_counter() - began
     names = reports[-1].quantities
     series = {n: np.array([r.quantities[n] for r in reports if n in r.quantities]) for n in names}
-    edges = float(simulation.body.edges.min())
+    edges = simulation.body.resolution
     rtf = simulation.time / wall
     simulation.close()
     return Run(series, rtf, reports, edges)

@@ -25,7 +25,8 @@ def header(rng: np.random.Generator, step: int) -> Header:
 
 
 def advance(rng: np.random.Generator, s: int = 4, step: int = 7) -> Advance:
-    motion = ToolMotion(*(rng.normal(size=(2, width)) for width in (3, 4, 3, 4)))
+    at, turn, then, turned = (rng.normal(size=(2, width)) for width in (3, 4, 3, 4))
+    motion = ToolMotion(at, turn, then, turned)
     anchor = rng.normal(size=(s, 3)) if rng.integers(2) else np.zeros((0, 3))
     return Advance(header(rng, step), 0.01, rng.normal(size=(s, 3)), motion, bool(rng.integers(2)), anchor)
 

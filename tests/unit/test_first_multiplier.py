@@ -7,6 +7,7 @@ import pytest
 
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -40,6 +41,7 @@ def hanging(near: str, far: str) -> Simulation:
 def test_a_cut_lays_bare_what_the_seam_settles_to(near: str, far: str) -> None:
     """Stress in the middle of octants leaves out what bends an octant, and a PBD bar still swings a little."""
     simulation = hanging(near, far)
+    assert isinstance(simulation.body, Body)
     simulation.set_near(simulation.body.cell_grid[:, 0] < 2)
     first = simulation.frame().multiplier
     for _ in range(100):

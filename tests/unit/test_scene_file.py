@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from softseam_protocol import scene_file
 from softseam_protocol.kinds import KNOWN_MATERIALS
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import ClosePhase, HoldPhase, MeshShape, MovePhase
+from softseam_protocol.scene import BodySpec, ClosePhase, HoldPhase, MeshShape, MovePhase
 from softseam_protocol.scene_file import (
     SceneError,
     bundle_scene,
@@ -74,6 +74,7 @@ def refused(path: Path) -> SceneError:
 def test_a_scene_is_read(tmp_path: Path) -> None:
     loaded = load_scene(write(tmp_path, GOOD))
     scene = loaded.scene
+    assert isinstance(scene.body, BodySpec)
     assert scene.body.material.young == 2e4
     assert [type(phase) for phase in scene.motion] == [ClosePhase, HoldPhase, MovePhase]
     assert loaded.text == GOOD and loaded.bundle.files == {}
@@ -91,12 +92,15 @@ def test_shipped_scenes_are_valid(path: Path) -> None:
     ("cell", "read"), [("0.025", 0.025), ("[0.0125, 0.025, 0.05]", (0.0125, 0.025, 0.05)), ("null", None)]
 )
 def test_cells_may_be_cubes_or_bricks(cell: str, read: object) -> None:
-    assert parse_scene(GOOD.replace("[0.0125, 0.025, 0.025]", cell)).body.cell == read
+    body = parse_scene(GOOD.replace("[0.0125, 0.025, 0.025]", cell)).body
+    assert isinstance(body, BodySpec)
+    assert body.cell == read
 
 
 def test_a_mesh_travels_with_the_scene(tmp_path: Path) -> None:
     write(tmp_path, b"solid\0bytes", "meshes.stl")
     loaded = load_scene(write(tmp_path, GOOD.replace(SHAPE, "{kind: mesh, path: meshes.stl, scale: 0.02}")))
+    assert isinstance(loaded.scene.body, BodySpec)
     assert isinstance(loaded.scene.body.shape, MeshShape)
     assert loaded.bundle.files == {"meshes.stl": b"solid\0bytes"}
     assert scene_from_bundle(loaded.bundle) == loaded.scene

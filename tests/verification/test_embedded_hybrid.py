@@ -109,7 +109,7 @@ def run(bundle: Bundle) -> Run:
     while not simulation.done:
         seen = len(simulation.events)
         report = simulation.step()
-        gap.append(report.seam.gap / float(simulation.body.edges.min()))
+        gap.append(report.seam.gap / simulation.body.resolution)
         exchanges.append(report.seam.exchanges)
         told.append(any(event.kind == "seam" for event in simulation.events[seen:]))
         slip = max(slip, report.quantities["slip"])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages import Bundle, StepReport
 from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -186,8 +187,10 @@ def test_torques_balance_the_weight_at_rest() -> None:
     ]
     reports, simulation = simulate(CUBE, 2e4, tools, motion, {"default": "fem"})
     last = reports[-1]
-    mass = np.zeros(simulation.body.n_nodes)
-    np.add.at(mass, simulation.body.cell_nodes, simulation.body.cell_mass)
+    body = simulation.body
+    assert isinstance(body, Body)
+    mass = np.zeros(body.n_nodes)
+    np.add.at(mass, body.cell_nodes, body.cell_mass)
     centre = mass @ simulation.frame().x / mass.sum()
     moment = last.wrench[:, 3:].sum(axis=0) + np.cross(last.tool_position, last.wrench[:, :3]).sum(axis=0)
     weight = np.cross(centre, [0.0, 0.0, -WEIGHT])

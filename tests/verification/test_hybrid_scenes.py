@@ -25,7 +25,7 @@ def simulate(scene: Scene) -> tuple[list[StepReport], float]:
     reports = []
     while not simulation.done:
         reports.append(simulation.step())
-    edge = float(simulation.body.edges.min())
+    edge = simulation.body.resolution
     simulation.close()
     return reports, edge
 

@@ -8,7 +8,7 @@ import pytest
 
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.kinds import KNOWN_MATERIALS, MaterialKind
-from softseam_protocol.scene import MaterialSpec, Scene
+from softseam_protocol.scene import BodySpec, MaterialSpec, Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
@@ -35,6 +35,7 @@ def test_hybrid_grips_as_fem_does(kind: MaterialKind) -> None:
     """
     scene = with_settings(load_scene(GRASP).scene, ["motion.1.until.compression=0.1"])
     ratio = 0.2 if kind == "mooney_rivlin" else None
+    assert isinstance(scene.body, BodySpec)
     material = MaterialSpec.model_validate({**scene.body.material.model_dump(), "kind": kind, "ratio": ratio})
     scene = scene.model_copy(update={"body": scene.body.model_copy(update={"material": material})})
     assert forces(scene, "hybrid") == pytest.approx(forces(scene, "fem"), rel=0.01)

@@ -7,6 +7,7 @@ import pytest
 
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
@@ -45,6 +46,7 @@ def test_momentum_survives_switches() -> None:
     scene = spinning_cube()
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
     near = simulation.regions.near.mask.copy()
+    assert isinstance(simulation.body, Body)
     grid = simulation.body.cell_grid
     columns = [grid[:, 0] < k for k in (1, 2)] + [grid[:, 1] < 2, np.ones(len(grid), bool), np.zeros(len(grid), bool)]
     first = None
@@ -81,6 +83,7 @@ def momentum(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
     linear, angular = np.zeros(3), np.zeros(3)
     from softseam_services.orchestrator.sides import side_mass
 
+    assert isinstance(simulation.body, Body)
     for name, fields in simulation.regions.observe().items():
         mass = side_mass(simulation.body, simulation.regions.sides.cells[name])[fields.nodes]
         p = mass[:, None] * fields.v

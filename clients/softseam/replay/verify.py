@@ -51,7 +51,8 @@ def verify(recording: Recording, opener: Opener) -> Verification:
                     steps, frames, f"step {report.header.step} follows step {steps - 1}: a reset, a restore or a loss"
                 )
             turning = report.turning if len(report.turning) else np.zeros_like(report.command)
-            rates = np.concatenate([report.command, turning], axis=1).tolist()
+            grips = report.gripping if len(report.gripping) else np.zeros(len(report.command))
+            rates = np.concatenate([report.command, turning, grips[:, None]], axis=1).tolist()
             command = {name: tuple(velocity) for name, velocity in zip(names, rates, strict=True)}
             again = simulation.step(command, fields=frame is not None)
             difference = _differing(report, again, _EXACT)

@@ -105,6 +105,21 @@ class Body:
     def n_cells(self) -> int:
         return len(self.cell_nodes)
 
+    @property
+    def n_points(self) -> int:
+        """Surface points."""
+        return len(self.surface.cell)
+
+    @property
+    def total_mass(self) -> float:
+        """[kg]"""
+        return float(self.cell_mass.sum())
+
+    @property
+    def resolution(self) -> float:
+        """Least edge of a cell [m]."""
+        return float(self.edges.min())
+
 
 @dataclass(frozen=True)
 class Region:

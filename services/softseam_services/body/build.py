@@ -7,30 +7,44 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import BlockShape, BodySpec, BoxRegion, MeshShape, Scene
+from softseam_protocol.scene import BlockShape, BodySpec, MeshShape, Scene
+from softseam_protocol.spec import BoxRegion
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.lattice import SIMPSON, divide, number_nodes
 from softseam_services.body.materials import build_material
+from softseam_services.body.particles import ParticleBody, build_particles
 
 _CLAMP_TOLERANCE = 1e-9
 
 
-def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
-    """Build the body; the same scene and files give the same bits in every process.
+AnyBody = Body | ParticleBody
 
-    files: contents by the path that the scene gives them; raises MeshError where a shape cannot be simulated.
+
+def build_any_body(scene: Scene, files: Mapping[str, bytes]) -> AnyBody:
+    """Build the scene's body, in cells or of particles; see `build_body`."""
+    if isinstance(scene.body, BodySpec):
+        return build_body(scene, files)
+    return build_particles(scene, scene.body)
+
+
+def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
+    """Build a body in cells; the same scene and files give the same bits in every process.
+
+    files: contents by the path that the scene gives them; raises MeshError where a shape cannot be simulated, and
+    ValueError for a body of particles.
     """
     spec = scene.body
+    if not isinstance(spec, BodySpec):
+        raise ValueError(f"a {spec.kind} has no cells")
     if isinstance(spec.shape, BlockShape):
-        return _block(scene, spec.shape)
-    return _embedded(scene, spec.shape, files)
+        return _block(scene, spec, spec.shape)
+    return _embedded(scene, spec, spec.shape, files)
 
 
-def _block(scene: Scene, shape: BlockShape) -> Body:
-    spec = scene.body
+def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     size = np.array(shape.size)
     counts, edges = divide(size, cell_edges(spec))
     cell_grid, cell_nodes, node_grid = number_nodes(np.ones(counts, dtype=np.bool_))
@@ -39,6 +53,7 @@ def _block(scene: Scene, shape: BlockShape) -> Body:
     mass = spec.material.density * edges.prod() * SIMPSON
     return assemble(
         scene,
+        spec,
         x_rest=x_rest,
         cell_nodes=cell_nodes,
         cell_grid=cell_grid,
@@ -49,8 +64,7 @@ def _block(scene: Scene, shape: BlockShape) -> Body:
     )
 
 
-def _embedded(scene: Scene, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
-    spec = scene.body
+def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
     if shape.path not in files:
         raise MeshError(f"{shape.path}: the file is missing; give its path relative to the scene file")
     vertices, triangles, read_notes = read_solid(shape.path, files[shape.path], shape.scale, shape.up)
@@ -59,6 +73,7 @@ def _embedded(scene: Scene, shape: MeshShape, files: Mapping[str, bytes]) -> Bod
     )
     return assemble(
         scene,
+        spec,
         x_rest=solid.x_rest,
         cell_nodes=solid.cell_nodes,
         cell_grid=solid.cell_grid,
@@ -79,6 +94,7 @@ def cell_edges(spec: BodySpec) -> Floats | None:
 
 def assemble(
     scene: Scene,
+    spec: BodySpec,
     *,
     x_rest: Floats,
     cell_nodes: Ints,
@@ -90,7 +106,6 @@ def assemble(
     notes: tuple[str, ...] = (),
 ) -> Body:
     """Add what every shape has alike: material, clamped nodes, initial velocities, gravity."""
-    spec = scene.body
     fixed = _clamped(x_rest, spec.fixed)
     mass = np.zeros(len(x_rest))
     np.add.at(mass, cell_nodes, cell_mass)

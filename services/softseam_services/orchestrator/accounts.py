@@ -59,6 +59,7 @@ class Accounts:
         seam: SeamSolution,
         done: bool,
         command: Floats,
+        gripping: NDArray[np.int8],
     ) -> StepReport:
         kinetic = strain = gravity = tool_work = seam_work = penetration = 0.0
         momentum: Floats | None = None
@@ -128,6 +129,7 @@ class Accounts:
             done,
             command[:, :3].copy(),
             command[:, 3:].copy(),
+            gripping,
         )
 
     def switched(self, kinetic_change: float, strain: float) -> None:

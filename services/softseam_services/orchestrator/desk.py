@@ -202,8 +202,12 @@ def _commands(request: Step) -> dict[str, list[float]] | None:
     """Velocity and angular velocity of each tool (6,) [m/s, rad/s], or None for the scene's motion."""
     if request.program:
         return None
-    still = np.zeros(3)
+    still, grips = np.zeros(3), request.gripping
     return {
-        name: [*request.velocities.get(name, still).tolist(), *request.turning.get(name, still).tolist()]
-        for name in (request.velocities | request.turning)
+        name: [
+            *request.velocities.get(name, still).tolist(),
+            *request.turning.get(name, still).tolist(),
+            *([grips[name]] if name in grips else []),
+        ]
+        for name in (request.velocities | request.turning | grips)
     }

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene import ClosePhase, MovePhase, PlaneTool, Scene, ToolSpec
 from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.program import Grip, Program, Progress
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,7 @@ class Drive:
 class Drives:
     """All drives of a scene's motion and their state, one row a drive."""
 
-    def __init__(self, scene: Scene, body: Body, program: Program) -> None:
+    def __init__(self, scene: Scene, body: AnyBody, program: Program) -> None:
         self._dt = scene.step
         self._drives = _drives(scene, body, program)
         self._last = _last_phases(scene, self._drives)
@@ -128,7 +129,9 @@ class Drives:
             state[:] = self._chosen[row], k, resistance, moved, largest
 
 
-def _drives(scene: Scene, body: Body, program: Program) -> list[Drive]:
+def _drives(scene: Scene, body: AnyBody, program: Program) -> list[Drive]:
+    if not isinstance(body, Body):
+        return []  # the scene has refused forces to hold or limit
     names = list(scene.tools)
     closing = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
     found = []

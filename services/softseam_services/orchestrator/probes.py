@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_protocol.messages import Frame
-from softseam_protocol.scene import Vector
+from softseam_protocol.spec import Vector
 from softseam_services.body.body import Body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27

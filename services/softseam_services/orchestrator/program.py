@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import ClosePhase, HoldPhase, MovePhase, Scene, TurnPhase
+from softseam_protocol.scene import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, Scene, TurnPhase
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.outline import extent_along
 from softseam_services.tools.pose import product, quaternion_turning
@@ -68,6 +68,13 @@ def along_axis(axis: Floats, first: Floats, second: Floats) -> float:
     """axis . (second - first), each (3,); in plain numbers, which for three of them is the quickest."""
     (ax, ay, az), (x, y, z), (u, v, w) = axis.tolist(), first.tolist(), second.tolist()
     return float(ax * (u - x) + ay * (v - y) + az * (w - z))
+
+
+def standing(phase: HoldPhase | GripPhase | ReleasePhase) -> float:
+    """How long a phase lets all tools stand still [s]."""
+    if isinstance(phase, HoldPhase):
+        return phase.hold
+    return phase.grip if isinstance(phase, GripPhase) else phase.release
 
 
 class Program:
@@ -145,6 +152,15 @@ class Program:
                 velocity[tool, 3:] = rate
         return velocity
 
+    def gripping(self, progress: Progress, before: NDArray[np.int8]) -> NDArray[np.int8]:
+        """1 for the tools that hold particles in the coming step (t,), after those that did before."""
+        phase = None if self.done(progress) else self._phases[progress.phase]
+        if not isinstance(phase, GripPhase | ReleasePhase):
+            return before
+        now = before.copy()
+        now[[self._index[name] for name in phase.tools]] = isinstance(phase, GripPhase)
+        return now
+
     def after(self, progress: Progress, position: Floats, orientation: Floats, grip_force: float) -> Progress:
         """Progress after a step that ended with these tool poses and this mean grip force [N]."""
         if self.done(progress):
@@ -152,8 +168,8 @@ class Program:
         phase = self._phases[progress.phase]
         elapsed = progress.elapsed + self._dt
         tick = _ROUNDING * self._dt
-        if isinstance(phase, HoldPhase):
-            ended = elapsed >= phase.hold - 0.5 * self._dt
+        if isinstance(phase, HoldPhase | GripPhase | ReleasePhase):
+            ended = elapsed >= standing(phase) - 0.5 * self._dt
         elif isinstance(phase, MovePhase | TurnPhase):
             ended = phase.speed * elapsed >= self._lengths[progress.phase] - phase.speed * tick
         else:
@@ -174,8 +190,8 @@ class Program:
         total = 0.0
         position, orientation = self._tools.position.copy(), self._tools.orientation.copy()
         for number, phase in enumerate(self._phases):
-            if isinstance(phase, HoldPhase):
-                total += phase.hold
+            if isinstance(phase, HoldPhase | GripPhase | ReleasePhase):
+                total += standing(phase)
             elif isinstance(phase, MovePhase):
                 total += self._lengths[number] / phase.speed
                 for name in phase.tools:

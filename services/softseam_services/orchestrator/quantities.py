@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced, Frame
-from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.program import Program, along_axis
 
 Floats = NDArray[np.float64]
@@ -28,13 +28,13 @@ def von_mises(cauchy: Floats) -> Floats:
 class Quantities:
     """Measures a body in its tools' hands."""
 
-    def __init__(self, body: Body, program: Program, wanted: Collection[str]) -> None:
+    def __init__(self, body: AnyBody, program: Program, wanted: Collection[str]) -> None:
         self._program = program
         self._wants_tip = "tip_deflection" in wanted
         low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
         self._top = float(high[2])
         self._bottom = float(low[2])
-        self._weight = float(body.cell_mass.sum() * np.linalg.norm(body.gravity))
+        self._weight = float(body.total_mass * np.linalg.norm(body.gravity))
         centre = 0.5 * (low + high)
         clamped = body.x_rest[body.fixed]
         away = np.array([1.0, 0.0, 0.0])
@@ -83,8 +83,11 @@ class Quantities:
             "sag": (self._top - self._bottom) - (high - low),
             "compression": max(0.0, self._program.compression(position, orientation)),
         }
+        for reply in replies.values():
+            found.update(reply.measures)
         if frame is not None:
-            found["peak_von_mises"] = float(von_mises(frame.cauchy).max())
+            if len(frame.cauchy):
+                found["peak_von_mises"] = float(von_mises(frame.cauchy).max())
             if self._wants_tip:
                 found["tip_deflection"] = float(frame.x[self._tip, 2] - self._tip_rest)
         return found

@@ -28,6 +28,7 @@ from softseam_protocol.messages import (
     SnapshotTaken,
     ToolMotion,
 )
+from softseam_services.body.body import Body
 from softseam_services.body.interpolate import model_functions
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
@@ -38,6 +39,7 @@ from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, Sea
 from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
+from softseam_services.orchestrator.undivided import Undivided
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -73,10 +75,11 @@ class Regions:
     ) -> None:
         self._scene, self._body, self._bundle = setup.scene, setup.body, bundle
         self._transport, self._clock, self._accounts, self._tell = transport, clock, accounts, tell
-        self._solver = SeamSolver(tolerance=self._scene.seam.tolerance * float(self._body.edges.min()))
+        self._solver = SeamSolver(tolerance=self._scene.seam.tolerance * self._body.resolution)
         self._loop: SeamLoop | None = None
         self._n_asked = -1  # exchanges of the tick at hand
-        self.near = NearCells(self._scene, self._body, setup.tools)
+        body = self._body
+        self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
         self.sides: Sides
         """the present cut"""
 
@@ -163,9 +166,10 @@ class Regions:
 
     def switch(self) -> tuple[float, float]:
         """Cut the body anew; by how much that changed the kinetic energy, and the strain energy from now on [J]."""
-        old, fields = self.sides, self.observe()
-        state, kinetic_change = merged_state(self._body, old, fields)
-        cauchy = np.empty((self._body.n_cells, 8, 6))
+        old, fields, body = self.sides, self.observe(), self._body
+        assert isinstance(body, Body)  # others are not divided
+        state, kinetic_change = merged_state(body, old, fields)
+        cauchy = np.empty((body.n_cells, 8, 6))
         for name, side in fields.items():
             cauchy[old.cells[name]] = side.cauchy
         strain = self._configure(state, cauchy)
@@ -197,6 +201,7 @@ class Regions:
         )
         self._loop = None
         if len(sides.seam):
+            assert isinstance(body, Body)  # others are not divided
             functions = model_functions(scene.models)
             tie = tie_sides(body, sides, self.near.neighbours, functions)
             first = None

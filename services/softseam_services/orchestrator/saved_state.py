@@ -38,6 +38,8 @@ class SavedState:
     ledger: LedgerState | None
     """None before the first step"""
     drives: Floats
+    gripping: NDArray[np.int8]
+    """1 for tools that hold particles (t,)"""
     cells: dict[str, Ints]
     """see `NearCells.to_arrays`"""
     seam: dict[str, Floats]
@@ -55,6 +57,7 @@ class SavedState:
             "orientation": self.orientation,
             "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
             "drives": self.drives,
+            "gripping": self.gripping,
         }
         entries.update({_CELLS + name: array for name, array in self.cells.items()})
         entries.update({_SEAM + name: array for name, array in self.seam.items()})
@@ -69,7 +72,9 @@ class SavedState:
             step, phase, elapsed, lift_base, lifting, seed = entries["numbers"].astype(np.float64).tolist()
             near = entries[_CELLS + "cut"] != 0
             ledger = entries["ledger"].astype(np.float64).tolist()
-            held = [name for name, cells in ((NEAR, near), (FAR, ~near)) if cells.any()]
+            held = [name for name, cells in ((NEAR, near), (FAR, ~near)) if cells.any()] or [
+                FAR
+            ]  # a body without cells is far
             return cls(
                 scene=entries["scene"].tobytes().decode(),
                 step=int(step),
@@ -81,6 +86,7 @@ class SavedState:
                 orientation=entries["orientation"].astype(np.float64),
                 ledger=LedgerState.from_list(ledger) if ledger else None,
                 drives=entries["drives"].astype(np.float64),
+                gripping=entries["gripping"].astype(np.int8),
                 cells={name: array.astype(np.int32) for name, array in _named(entries, _CELLS)},
                 seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM)},
                 participants={name: entries[_PARTICIPANT + name].tobytes() for name in held},

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from softseam_coupling.handover import Side, merge_sides
 from softseam_protocol.messages import BodyState, Fields, Frame, Header
 from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import shared_nodes
 
 Floats = NDArray[np.float64]
@@ -37,12 +39,15 @@ class Sides:
         return tuple(self.cells)
 
 
-def cut(body: Body, near: Mask, near_model: str, far_model: str) -> Sides:
-    """Cut the body into the near cells (C,) and the rest."""
+def cut(body: AnyBody, near: Mask, near_model: str, far_model: str) -> Sides:
+    """Cut the body into the near cells (C,) and the rest; one of particles is one side, without cells."""
+    none = np.zeros(0, dtype=np.int32)
+    if isinstance(body, ParticleBody):
+        return Sides({FAR: far_model}, {FAR: none}, {FAR: body.n_nodes}, none)
     cells = {NEAR: np.flatnonzero(near).astype(np.int32), FAR: np.flatnonzero(~near).astype(np.int32)}
     models = {NEAR: near_model, FAR: far_model}
     kept = [name for name in (NEAR, FAR) if len(cells[name])]
-    seam = np.zeros(0, dtype=np.int32)
+    seam = none
     if len(kept) == 2:
         seam = shared_nodes(body, cells[NEAR], cells[FAR])
     return Sides(
@@ -60,9 +65,9 @@ def side_mass(body: Body, cells: Ints) -> Floats:
     return mass
 
 
-def contact_state(body: Body, fields: Mapping[str, Fields]) -> tuple[Floats, Ints]:
+def contact_state(body: AnyBody, fields: Mapping[str, Fields]) -> tuple[Floats, Ints]:
     """Contact force (P, 3) [N] and tool (P,) of all surface points."""
-    n_points = len(body.surface.cell)
+    n_points = body.n_points
     force = np.zeros((n_points, 3))
     tool = np.full(n_points, -1, dtype=np.int32)
     for side in fields.values():
@@ -71,9 +76,9 @@ def contact_state(body: Body, fields: Mapping[str, Fields]) -> tuple[Floats, Int
     return force, tool
 
 
-def resting_state(body: Body) -> BodyState:
+def resting_state(body: AnyBody) -> BodyState:
     """The body at rest in shape, with the scene's initial velocities."""
-    n_points = len(body.surface.cell)
+    n_points = body.n_points
     return BodyState(
         body.x_rest.copy(), body.v_initial.copy(), np.zeros((n_points, 3)), np.full(n_points, -1, dtype=np.int32)
     )
@@ -93,7 +98,7 @@ def merged_state(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> tupl
 
 def whole_frame(
     header: Header,
-    body: Body,
+    body: AnyBody,
     sides: Sides,
     fields: Mapping[str, Fields],
     near: Mask,
@@ -104,12 +109,14 @@ def whole_frame(
     """The sides' fields put together; seam nodes are the near side's. Tool poses (t, 3), (t, 4)."""
     x = np.empty((body.n_nodes, 3))
     cauchy = np.empty((body.n_cells, 8, 6))
-    point_x = np.empty((len(body.surface.cell), 3))
+    point_x = np.empty((body.n_points, 3))
+    strain = np.zeros(0)
     for name in reversed(sides.names):
         side = fields[name]
         x[side.nodes] = side.x
         cauchy[sides.cells[name]] = side.cauchy
         point_x[side.points] = side.point_x
+        strain = side.point_strain
     force, tool = contact_state(body, fields)
     return Frame(
         header,
@@ -123,4 +130,5 @@ def whole_frame(
         multiplier,
         position.copy(),
         orientation.copy(),
+        strain,
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced, Bundle, Event, Frame, StepReport
+from softseam_services.body.body import Body
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.clock import Clock
@@ -54,7 +56,7 @@ class Simulation:
         self._program = Program(self.scene, self.tools, self.body.x_rest)
         self._drives = Drives(self.scene, self.body, self._program)
         self._quantities = Quantities(self.body, self._program, self.scene.quantities)
-        self._probes = Probes(self.body, self.scene.probes)
+        self._probes = Probes(self.body, self.scene.probes) if isinstance(self.body, Body) else None
         self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
         self._clock = Clock(session, self.scene.step)
@@ -103,6 +105,7 @@ class Simulation:
         self._drives.reset()
         self._position = self.tools.position.copy()
         self._orientation = self.tools.orientation.copy()
+        self._gripping = np.zeros(len(self.tools.names), dtype=np.int8)
         self._lift_base = 0.0
         self._lifting = False
         self._forget()
@@ -122,13 +125,16 @@ class Simulation:
         """Advance by one step of the scene.
 
         velocities  of tools [m/s], with three more numbers also angular ones about their positions [rad/s]; tools left
-                    out stand still. None follows the scene's motion.
+                    out stand still; a seventh makes the tool hold the particles within reach (1), or let go (0).
+                    None follows the scene's motion.
         fields      also make a Frame (see `frame`)
         Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
         """
         began = perf_counter()
         command = self._command(velocities)
         motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
+        if self._gripping.any():
+            motion = replace(motion, gripping=self._gripping.copy())
         self._accounts.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         solution = self._regions.advance(motion, look)
@@ -152,7 +158,8 @@ class Simulation:
             replies, grip_force, self._position, self._orientation, frame, height - self._lift_base
         )
         if frame is not None:
-            quantities |= self._probes.measure(frame, self._regions.near.model, self.scene.regions.default)
+            if self._probes is not None:
+                quantities |= self._probes.measure(frame, self._regions.near.model, self.scene.regions.default)
         header, sides = self._clock.last_step(), self._regions.sides
         switched = self._regions.follow(replies)
         if self._clock.step % _CHECKPOINT_STEPS == 0:
@@ -169,6 +176,7 @@ class Simulation:
             seam=solution,
             done=self.done,
             command=command,
+            gripping=motion.gripping,
         )
         if switched is not None:
             self._frame = None
@@ -215,6 +223,7 @@ class Simulation:
             orientation=self._orientation,
             ledger=self._accounts.ledger,
             drives=self._drives.state,
+            gripping=self._gripping,
             cells=self._regions.near.to_arrays(),
             seam=self._regions.seam_arrays(),
             participants=participants,
@@ -230,6 +239,7 @@ class Simulation:
             position = saved.position.reshape(self._position.shape)
             orientation = saved.orientation.reshape(self._orientation.shape)
             drives = saved.drives.reshape(self._drives.state.shape)
+            gripping = saved.gripping.reshape(self._gripping.shape)
             self._regions.near.take(saved.cells)
         except (KeyError, ValueError, IndexError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
@@ -238,6 +248,7 @@ class Simulation:
         self._lift_base, self._lifting = saved.lift_base, saved.lifting
         self._position, self._orientation = position, orientation
         self._drives.state[:] = drives
+        self._gripping = gripping
         self._accounts.ledger = saved.ledger
         self._forget()
         self._regions.restore(saved.seam, saved.participants)
@@ -248,18 +259,24 @@ class Simulation:
         if velocities is None:
             command = self._program.velocities(self._progress, self._position, self._orientation)
             self._drives.apply(command, self._progress, self._orientation)
+            self._gripping = self._program.gripping(self._progress, self._gripping)
             return command
         command = np.zeros((len(self.tools.names), 6))
+        gripping = self._gripping.copy()
         for name, velocity in velocities.items():
             if name not in self.tools.names:
                 raise ValueError(f"no tool is called {name!r}; the scene has: {', '.join(self.tools.names) or 'none'}")
             value = np.asarray(velocity, dtype=np.float64)
-            if value.shape not in ((3,), (6,)) or not np.isfinite(value).all():
+            if value.shape not in ((3,), (6,), (7,)) or not np.isfinite(value).all():
                 raise ValueError(
                     f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
-                    f"not {velocity!r}"
+                    f"or seven with its grip (1 or 0), not {velocity!r}"
                 )
-            command[self.tools.names.index(name), : len(value)] = value
+            tool = self.tools.names.index(name)
+            command[tool, : len(value[:6])] = value[:6]
+            if len(value) == 7:
+                gripping[tool] = value[6] != 0.0
+        self._gripping = gripping
         return command
 
     def _follow_lift(self, command: Floats, height: float) -> None:

@@ -10,14 +10,17 @@ from softseam_protocol.messages import ToolSurface
 from softseam_protocol.scene import BoxTool, CapsuleTool, CylinderTool, HoldPhase, MeshTool, PlaneTool, Scene, ToolSpec
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.errors import MeshError
-from softseam_services.tools.clear import check_clear
+from softseam_services.body.particles import ParticleBody
+from softseam_services.tools.clear import check_clear, check_clear_of_particles
 from softseam_services.tools.distance_grid import ToolMesh, tool_mesh
 from softseam_services.tools.outline import outline
 from softseam_services.tools.pose import quaternion_onto, quaternion_turning
 from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE, ToolSet
 
 
-def build_tools(scene: Scene, body: Body | None = None, files: Mapping[str, bytes] | None = None) -> ToolSet:
+def build_tools(
+    scene: Scene, body: Body | ParticleBody | None = None, files: Mapping[str, bytes] | None = None
+) -> ToolSet:
     """All tools in the scene's order; with a body, raises ToolError where one starts inside it.
 
     files: contents of tools' meshes by the path that the scene gives them; raises MeshError where one is no solid.
@@ -50,7 +53,9 @@ def build_tools(scene: Scene, body: Body | None = None, files: Mapping[str, byte
         outline=tuple(outlines),
         surfaces={name: ToolSurface(mesh.vertices, mesh.triangles) for name, mesh in meshes.items()},
     )
-    if body is not None:
+    if isinstance(body, ParticleBody):
+        check_clear_of_particles(tools, body)
+    elif body is not None:
         check_clear(tools, body)
     return tools
 

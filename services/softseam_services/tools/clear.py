@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.kernels.surface import winding_number
+from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import least_gaps, rotate
 from softseam_services.tools.kernels.grid import SPACING
@@ -37,6 +38,24 @@ def check_clear(tools: ToolSet, body: Body) -> None:
             problems.append(f"the tool {name!r} starts inside the body")
     if problems:
         raise ToolError("; ".join(problems) + ": move it clear of the body, whose bounding box is " + _bounds(points))
+
+
+def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
+    """Raise ToolError, naming each tool, where a tool is closer to a particle than the body is thick."""
+    size = float(np.ptp(body.x_rest, axis=0).max())
+    gap = np.empty(len(tools.names))
+    least_gaps(body.x_rest, tools.kind, tools.shape, tools.position, tools.orientation, gap)
+    deep = [(name, body.radius - gap[tool]) for tool, name in enumerate(tools.names)]
+    problems = [
+        f"the tool {name!r} starts {1e3 * depth:.3g} mm inside the {body.kind}"
+        for tool, (name, depth) in enumerate(deep)
+        if depth > _slack(tools, tool, size)
+    ]
+    if problems:
+        raise ToolError(
+            f"{'; '.join(problems)}: move it clear of the particles, which keep {1e3 * body.radius:.3g} mm from tools "
+            f"and whose bounding box is {_bounds(body.x_rest)}"
+        )
 
 
 def _slack(tools: ToolSet, tool: int, size: float) -> float:

@@ -1,0 +1,101 @@
+"""Bodies of particles in a scene: sheets (cloth) and ropes, with stiffnesses in physical units; PBD moves them."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from softseam_protocol.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
+
+MOST_PARTICLES = 1_000_000
+COVERS = math.sqrt(0.5)
+"""thickness in spacings from which on balls on a square lattice let nothing of their own size through"""
+
+Divisions = Annotated[int, Field(ge=1)]
+
+
+class _Particles(Spec):
+    """What sheets and ropes have alike."""
+
+    position: Vector = Field(default=(0.0, 0.0, 0.0), description="its middle [m]")
+    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn about its middle: axis times angle [rad]")
+    fixed: tuple[BoxRegion, ...] = Field(default=(), description="particles at rest inside these boxes are clamped")
+    velocity: Vector = Field(default=(0.0, 0.0, 0.0), description="initial velocity [m/s]")
+    damping: NonNegative = Field(default=0.0, description="drag of still air: force over mass and velocity [1/s]")
+    restitution: float = Field(
+        default=0.0, ge=0.0, le=1.0, description="share of its speed that a particle keeps when it meets a tool [1]"
+    )
+
+
+class SheetBody(_Particles):
+    """A thin sheet, flat at rest: particles on a lattice along x and y, as stiff as a sheet of one material."""
+
+    kind: Literal["sheet"]
+    size: tuple[Positive, Positive] = Field(description="edge lengths along x and y [m]")
+    divisions: tuple[Divisions, Divisions] = Field(description="spacings of the lattice along x and y")
+    density: Positive = Field(description="mass per area [kg/m^2]")
+    stretch: Positive = Field(description="Young's modulus times thickness: force per width and strain [N/m]")
+    shear: Positive | None = Field(
+        default=None, description="shear modulus times thickness [N/m]; default: 3/8 of stretch, as if isotropic"
+    )
+    bending: NonNegative = Field(default=0.0, description="moment per width and curvature [N m]")
+    thickness: Positive | None = Field(
+        default=None, description="distance that layers, and twice that tools, keep [m]; default: 3/4 of a spacing"
+    )
+    friction: NonNegative = Field(default=0.3, description="Coulomb coefficient of the sheet on itself [1]")
+    self_contact: bool = Field(default=True, description="whether layers of the sheet keep apart")
+
+    @model_validator(mode="after")
+    def _plausible(self) -> SheetBody:
+        for i, edge in enumerate(self.size):
+            check_edge(edge, "size", i)
+        n = math.prod(count + 1 for count in self.divisions)
+        if n > MOST_PARTICLES:
+            raise wrong(f"{n:,} particles, more than {MOST_PARTICLES:,}: give fewer divisions", "divisions")
+        spacing = [edge / count for edge, count in zip(self.size, self.divisions, strict=True)]
+        if max(spacing) > 1.5 * min(spacing):
+            sides = " x ".join(f"{1e3 * side:.3g}" for side in spacing)
+            raise wrong(f"spacings of {sides} mm are too unlike: choose more even divisions", "divisions")
+        shear = 0.375 * self.stretch if self.shear is None else self.shear
+        if self.axial(shear) <= shear * (max(spacing) / min(spacing)) ** 2:
+            raise wrong(
+                f"{shear:g} N/m in shear beside {self.stretch:g} N/m in stretch is more than a lattice of springs can "
+                "show: lower shear, or choose more even divisions",
+                "shear" if self.shear is not None else "divisions",
+            )
+        if self.self_contact and self.thickness is not None and self.thickness < COVERS * max(spacing):
+            least = COVERS * max(spacing)
+            raise wrong(
+                f"layers {1e3 * self.thickness:.3g} mm thick would slip through each other between particles: at least "
+                f"{1e3 * least:.3g} mm, more divisions, or self_contact: false",
+                "thickness",
+            )
+        return self
+
+    def axial(self, shear: float) -> float:
+        """C11 of a lattice, whose C12 is its shear stiffness: Y = C11 - C12^2/C11 is the stretch [N/m]."""
+        return 0.5 * (self.stretch + math.hypot(self.stretch, 2.0 * shear))
+
+
+class RopeBody(_Particles):
+    """A rope or rod, straight along x at rest."""
+
+    kind: Literal["rope"]
+    length: Positive = Field(description="[m]")
+    divisions: Divisions = Field(description="spacings along it")
+    density: Positive = Field(description="mass per length [kg/m]")
+    stretch: Positive = Field(description="E A: force over strain [N]")
+    bending: NonNegative = Field(default=0.0, description="E I: moment over curvature [N m^2]")
+    radius: Positive | None = Field(default=None, description="distance that tools keep [m]; default: 1/4 of a spacing")
+
+    @model_validator(mode="after")
+    def _plausible(self) -> RopeBody:
+        check_edge(self.length, "length")
+        if self.divisions + 1 > MOST_PARTICLES:
+            raise wrong(f"more than {MOST_PARTICLES:,} particles: give fewer divisions", "divisions")
+        return self
+
+
+ParticleBodySpec = SheetBody | RopeBody

@@ -1,0 +1,50 @@
+"""What all specs of a scene are made of: frozen models, SI numbers, errors that name their place."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+LARGEST_BODY = 100.0
+"""a body's edge above this is taken for wrong units [m]"""
+SMALLEST_BODY = 1e-4
+"""a body's edge below this is taken for wrong units [m]"""
+
+
+def wrong(message: str, *at: str | int) -> PydanticCustomError:
+    """An error about the entry `at` (a path from the spec that raises it); `scene_file` finds its line."""
+    return PydanticCustomError("scene", "{message}", {"message": message, "at": at})
+
+
+def check_edge(edge: float, *at: str | int) -> None:
+    """Raise where an edge of a body [m] is too long or too short to be meant."""
+    if edge > LARGEST_BODY:
+        raise wrong(f"an edge of {edge:g} m is longer than {LARGEST_BODY:g} m: lengths are in metres", *at)
+    if edge < SMALLEST_BODY:
+        raise wrong(f"an edge of {edge:g} m is shorter than {SMALLEST_BODY:g} m: lengths are in metres", *at)
+
+
+class Spec(BaseModel):
+    """Base of every spec: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class BoxRegion(Spec):
+    """An axis-aligned box in rest coordinates [m]."""
+
+    min: Vector = Field(description="lower corner [m]")
+    max: Vector = Field(description="upper corner [m]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> BoxRegion:
+        for i, (low, high) in enumerate(zip(self.min, self.max, strict=True)):
+            if low > high:
+                raise wrong(f"min {low:g} exceeds max {high:g} along {'xyz'[i]}", "min", i)
+        return self

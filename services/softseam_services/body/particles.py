@@ -1,0 +1,296 @@
+"""Bodies of particles, sheets and ropes: what PBD moves and what a viewer draws, built once from a scene.
+
+Elasticity is springs and bends between particles, as stiff as the continuum that the scene describes:
+
+sheet   A lattice of spacings a, b (diagonal L) with springs along x, y and both diagonals. A strain (e_x, e_y, g)
+        gives a diagonal the strain (a^2 e_x + b^2 e_y +- a b g)/L^2, so the energy per area, 1/2 [k_x a/b e_x^2 + k_y
+        b/a e_y^2] + k_d/(a b L^2) [(a^2 e_x + b^2 e_y)^2 + a^2 b^2 g^2], is that of a membrane with C66 = C12 = G and
+        C11 = C22 if
+            k_d = G L^2/(2 a b),    k_x = (C11 - G a^2/b^2) b/a,    k_y = (C11 - G b^2/a^2) a/b.               (1)
+        C12 = C66 is Cauchy's relation: springs cannot choose Poisson's ratio. Y = C11 - C12^2/C11 is what pulling a
+        strip shows; G = 3/8 Y makes the sheet isotropic with Poisson's ratio 1/3. Springs on the border count half.
+        Bending: D/2 (w_xx^2 + w_yy^2 + 2 w_xy^2) per area, an isotropic plate with Poisson's ratio 0: three particles
+        in a row have the second difference a^2 w_xx and the stiffness D b/a^3, four around a cell a b w_xy and 2 D/(a
+        b). (2)
+rope    EA/a along it, and E I/a^3 for the second difference of three particles in a row.                            (3)
+
+A bend is the vector sum_i c_i x_i with energy 1/2 k |sum_i c_i x_i|^2: quadratic, so it does not break where the sheet
+is flat, and blind to stretch only as far as the sheet does not stretch (Bergou et al. 2006, "A quadratic bending model
+for inextensible surfaces"; on a lattice their hinges become these differences).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody
+from softseam_protocol.scene import Scene
+from softseam_protocol.spec import BoxRegion
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.skin import Skin, rope_skin, sheet_skin
+
+_CLAMP_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Springs:
+    """m pairs of particles."""
+
+    nodes: Ints
+    """(m, 2)"""
+    rest: Floats
+    """length at rest (m,) [m]"""
+    stiffness: Floats
+    """(m,) [N/m]"""
+
+
+@dataclass(frozen=True)
+class Bends:
+    """m sums of particles that vanish where the body is flat."""
+
+    nodes: Ints
+    """(m, 4); three in a row repeat the first with a zero"""
+    coefficient: Floats
+    """(m, 4)"""
+    stiffness: Floats
+    """(m,) [N/m]"""
+
+
+@dataclass(frozen=True)
+class ParticleBody:
+    """N particles; P surface points around them. Has what `Body` has and cells do not matter for."""
+
+    kind: str
+    """'sheet' or 'rope'"""
+    x_rest: Floats
+    """(N, 3) [m]"""
+    mass: Floats
+    """(N,) [kg]"""
+    fixed: NDArray[np.bool_]
+    """clamped particles (N,)"""
+    springs: Springs
+    bends: Bends
+    skin: Skin
+    spacing: float
+    """least distance of neighbours at rest [m]"""
+    reach: float
+    """longest way along it [m]"""
+    radius: float
+    """distance that tools keep from a particle [m]"""
+    self_contact: bool
+    """whether particles that are no neighbours keep 2 radius apart"""
+    self_friction: float
+    damping: float
+    """[1/s]"""
+    restitution: float
+    gravity: Floats
+    """(3,) [m/s^2]"""
+    v_initial: Floats
+    """(N, 3) [m/s]"""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.x_rest)
+
+    @property
+    def n_cells(self) -> int:
+        return 0
+
+    @property
+    def n_points(self) -> int:
+        return len(self.skin.owner)
+
+    @property
+    def total_mass(self) -> float:
+        """[kg]"""
+        return float(self.mass.sum())
+
+    def facts(self) -> dict[str, str]:
+        """What `softseam check` tells of it."""
+        size = np.ptp(self.x_rest, axis=0)
+        return {
+            "body": f"a {self.kind}, " + " x ".join(f"{1e3 * side:.4g}" for side in size) + " mm",
+            "mass": f"{1e3 * self.total_mass:.4g} g",
+            "particles": f"{self.n_nodes}, {int(self.fixed.sum())} of them clamped, {1e3 * self.spacing:.3g} mm apart",
+            "constraints": f"{len(self.springs.rest)} springs, {len(self.bends.stiffness)} bends",
+            "surface": f"{len(self.skin.triangles)} triangles; tools keep {1e3 * self.radius:.3g} mm from particles",
+        }
+
+    @property
+    def resolution(self) -> float:
+        """[m]"""
+        return self.spacing
+
+
+def build_particles(scene: Scene, spec: ParticleBodySpec) -> ParticleBody:
+    """The sheet or rope of a scene; the same scene gives the same bits in every process."""
+    if isinstance(spec, SheetBody):
+        return _sheet(scene, spec)
+    return _rope(scene, spec)
+
+
+def _sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
+    (nx, ny), size = spec.divisions, np.array(spec.size)
+    a, b = (size / spec.divisions).tolist()
+    number = np.arange((nx + 1) * (ny + 1), dtype=np.int32).reshape(ny + 1, nx + 1)
+    at = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, nx + 1), np.linspace(-0.5, 0.5, ny + 1)), axis=-1).reshape(-1, 2)
+    x_rest = _placed(spec, np.concatenate([at * size, np.zeros((len(at), 1))], axis=1))
+    shares = _line_shares(ny)[:, None] * _line_shares(nx)[None, :]
+    shear = 0.375 * spec.stretch if spec.shear is None else spec.shear
+    c11 = spec.axial(shear)
+    k_x, k_y = (c11 - shear * (a / b) ** 2) * b / a, (c11 - shear * (b / a) ** 2) * a / b  # eq. (1)
+    k_d = shear * (a * a + b * b) / (2.0 * a * b)
+    along_x = np.stack([number[:, :-1], number[:, 1:]], axis=-1)
+    along_y = np.stack([number[:-1], number[1:]], axis=-1)
+    up = np.stack([number[:-1, :-1], number[1:, 1:]], axis=-1).reshape(-1, 2)
+    down = np.stack([number[:-1, 1:], number[1:, :-1]], axis=-1).reshape(-1, 2)
+    stiffness = [
+        np.repeat(k_x * _line_shares(ny), nx),
+        np.tile(k_y * _line_shares(nx), ny),
+        np.full(2 * nx * ny, k_d),
+    ]
+    nodes = np.concatenate([along_x.reshape(-1, 2), along_y.reshape(-1, 2), up, down])
+    d = spec.bending
+    bends = [
+        (_rows(number), np.array([1.0, -2.0, 1.0, 0.0]), np.repeat(d * b / a**3 * _line_shares(ny), max(nx - 1, 0))),
+        (_rows(number.T), np.array([1.0, -2.0, 1.0, 0.0]), np.repeat(d * a / b**3 * _line_shares(nx), max(ny - 1, 0))),
+        (
+            np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]], axis=-1).reshape(-1, 4),
+            np.array([1.0, -1.0, -1.0, 1.0]),
+            np.full(nx * ny, 2.0 * d / (a * b)),
+        ),
+    ]
+    radius = 0.5 * (0.75 * min(a, b) if spec.thickness is None else spec.thickness)
+    if spec.thickness is None and spec.self_contact:
+        radius = max(radius, 0.375 * max(a, b))
+    return _assemble(
+        scene,
+        spec,
+        x_rest=x_rest,
+        mass=(spec.density * a * b * shares).ravel(),
+        springs=_springs(x_rest, nodes, np.concatenate(stiffness)),
+        bends=_bends(bends),
+        skin=sheet_skin(nx, ny, radius),
+        spacing=min(a, b),
+        reach=float(size.max()),
+        radius=radius,
+        self_contact=spec.self_contact,
+        self_friction=spec.friction,
+    )
+
+
+def _rope(scene: Scene, spec: RopeBody) -> ParticleBody:
+    n = spec.divisions
+    a = spec.length / n
+    number = np.arange(n + 1, dtype=np.int32)
+    x_rest = np.zeros((n + 1, 3))
+    x_rest[:, 0] = np.linspace(-0.5, 0.5, n + 1) * spec.length
+    x_rest = _placed(spec, x_rest)
+    nodes = np.stack([number[:-1], number[1:]], axis=1)
+    bends = [(_rows(number[None]), np.array([1.0, -2.0, 1.0, 0.0]), np.full(max(n - 1, 0), spec.bending / a**3))]
+    radius = 0.25 * a if spec.radius is None else spec.radius
+    return _assemble(
+        scene,
+        spec,
+        x_rest=x_rest,
+        mass=spec.density * a * _line_shares(n),
+        springs=_springs(x_rest, nodes, np.full(n, spec.stretch / a)),
+        bends=_bends(bends),
+        skin=rope_skin(n + 1, radius),
+        spacing=a,
+        reach=spec.length,
+        radius=radius,
+        self_contact=False,
+        self_friction=0.0,
+    )
+
+
+def _assemble(
+    scene: Scene,
+    spec: ParticleBodySpec,
+    *,
+    x_rest: Floats,
+    mass: Floats,
+    springs: Springs,
+    bends: Bends,
+    skin: Skin,
+    spacing: float,
+    reach: float,
+    radius: float,
+    self_contact: bool,
+    self_friction: float,
+) -> ParticleBody:
+    """Add what sheets and ropes have alike."""
+    fixed = _clamped(x_rest, spec.fixed, reach)
+    v_initial = np.tile(np.array(spec.velocity), (len(x_rest), 1))
+    v_initial[fixed] = 0.0
+    return ParticleBody(
+        kind=spec.kind,
+        x_rest=x_rest,
+        mass=mass,
+        fixed=fixed,
+        springs=springs,
+        bends=bends,
+        skin=skin,
+        spacing=spacing,
+        reach=reach,
+        radius=radius,
+        self_contact=self_contact,
+        self_friction=self_friction,
+        damping=spec.damping,
+        restitution=spec.restitution,
+        gravity=np.array(scene.gravity),
+        v_initial=v_initial,
+    )
+
+
+def _springs(x_rest: Floats, nodes: Ints, stiffness: Floats) -> Springs:
+    rest = np.linalg.norm(x_rest[nodes[:, 1]] - x_rest[nodes[:, 0]], axis=1)
+    return Springs(nodes.astype(np.int32), rest, stiffness)
+
+
+def _bends(parts: list[tuple[Ints, Floats, Floats]]) -> Bends:
+    """Parts of (nodes (m, 4), coefficients (4,), stiffness (m,)) as one; none where nothing resists bending."""
+    nodes = np.concatenate([part[0] for part in parts]).astype(np.int32)
+    coefficient = np.concatenate([np.tile(part[1], (len(part[0]), 1)) for part in parts])
+    stiffness = np.concatenate([part[2] for part in parts])
+    kept = stiffness > 0.0
+    return Bends(nodes[kept], coefficient[kept], stiffness[kept])
+
+
+def _rows(number: Ints) -> Ints:
+    """Three neighbours along the last axis, and the first once more (m, 4)."""
+    left, middle, right = number[:, :-2], number[:, 1:-1], number[:, 2:]
+    return np.stack([left, middle, right, left], axis=-1).reshape(-1, 4)
+
+
+def _line_shares(n: int) -> Floats:
+    """Spacings that each of n + 1 points on a line stands for (n + 1,)."""
+    shares = np.ones(n + 1)
+    shares[[0, -1]] = 0.5
+    return shares
+
+
+def _placed(spec: ParticleBodySpec, x: Floats) -> Floats:
+    """Points (N, 3) about the middle, turned and moved to where the scene wants them."""
+    rotation = np.array(spec.rotation)
+    angle = float(np.linalg.norm(rotation))
+    turned = x
+    if angle > 0.0:  # Rodrigues' formula
+        axis = rotation / angle
+        turned = (
+            x * np.cos(angle) + np.cross(axis, x) * np.sin(angle) + np.outer(x @ axis, axis) * (1.0 - np.cos(angle))
+        )
+    return np.ascontiguousarray(turned + np.array(spec.position))
+
+
+def _clamped(x_rest: Floats, boxes: tuple[BoxRegion, ...], size: float) -> NDArray[np.bool_]:
+    slack = _CLAMP_TOLERANCE * size
+    fixed = np.zeros(len(x_rest), dtype=np.bool_)
+    for box in boxes:
+        fixed |= np.all((x_rest >= np.array(box.min) - slack) & (x_rest <= np.array(box.max) + slack), axis=1)
+    return fixed

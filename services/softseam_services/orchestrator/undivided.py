@@ -1,0 +1,34 @@
+"""A body without cells: one region, which no tool divides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import Advanced
+from softseam_services.orchestrator.sides import Sides
+
+
+class Undivided:
+    """Stands for `NearCells` where there are no cells."""
+
+    model = "pbd"
+    neighbours: NDArray[np.int32] = np.zeros((0, 6), dtype=np.int32)
+
+    def __init__(self) -> None:
+        self.mask: NDArray[np.bool_] = np.zeros(0, dtype=np.bool_)
+
+    def reset(self) -> None:
+        """Nothing evolves."""
+
+    def follow(self, sides: Sides, replies: Mapping[str, Advanced]) -> str:
+        """Never a reason to switch."""
+        return ""
+
+    def to_arrays(self) -> dict[str, NDArray[np.int32]]:
+        return {"cut": np.zeros(0, dtype=np.int32)}
+
+    def take(self, arrays: Mapping[str, NDArray[np.int32]]) -> None:
+        """Nothing evolves."""

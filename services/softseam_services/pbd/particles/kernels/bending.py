@@ -1,0 +1,168 @@
+"""Isometric bending: the vector C = sum_i c_i x_i of four particles, zero where they are flat; gradients c_i times one.
+
+With energy 1/2 k |C|^2 the compliance is alpha = 1/k [m/N]. The three components share one denominator, so they are
+solved at once. Quadratic in x: nothing is divided by a length or an angle, so a flat hinge, an empty one and a folded
+one are alike (Bergou et al. 2006; the coefficients of a hinge of two triangles are in `hinge_coefficients`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.pbd.kernels.lanes import batch_kernel, move_four, transpose_four
+
+WIDTH = 8
+NODE = 32
+"""numbers of a particle in the workspace: x, y, z, w of eight lanes"""
+COEFFICIENT, INVERSE, SOFT, LAMBDA = 4 * NODE, 4 * NODE + 32, 4 * NODE + 40, 4 * NODE + 48
+N_WORK = 4 * NODE + 72
+
+
+@njit(cache=True, error_model="numpy")
+def hinge_coefficients(x, coefficient):
+    """c of the hinge of triangles (0, 1, 2) and (0, 3, 1) at rest x (4, 3); returns 3/(A_1 + A_2) [1/m^2].
+
+    The energy D/2 3/(A_1 + A_2) |sum c_i x_i|^2 is the hinge's share of D/2 int |mean curvature vector|^2 (Bergou et
+    al. 2006, eq. 5): c = (cot_03 + cot_04, cot_01 + cot_02, -cot_01 - cot_03, -cot_02 - cot_04), with cot at particles
+    0 and 1.
+    """
+    cot = np.empty((2, 2))
+    area = 0.0
+    for end in range(2):
+        for side in range(2):
+            along, across = np.empty(3), np.empty(3)
+            for axis in range(3):
+                along[axis] = x[1 - end, axis] - x[end, axis]
+                across[axis] = x[2 + side, axis] - x[end, axis]
+            square = 0.0
+            for axis in range(3):
+                p, q = (axis + 1) % 3, (axis + 2) % 3
+                square += (along[p] * across[q] - along[q] * across[p]) ** 2
+            twice = np.sqrt(square)
+            cot[end, side] = (along[0] * across[0] + along[1] * across[1] + along[2] * across[2]) / twice
+            if end == 0:
+                area += 0.5 * twice
+    coefficient[0] = cot[1, 0] + cot[1, 1]
+    coefficient[1] = cot[0, 0] + cot[0, 1]
+    coefficient[2] = -cot[0, 0] - cot[1, 0]
+    coefficient[3] = -cot[0, 1] - cot[1, 1]
+    return 3.0 / area
+
+
+@batch_kernel
+def prepare_bends(xw, nodes, coefficient, compliance, h, stiffness, inverse, soft):
+    """alpha~ and the inverse of the denominator of eq. (1), into inverse and soft (b, 8) in place; as for distances."""
+    for batch in range(len(nodes)):
+        for lane in range(WIDTH):
+            alpha = compliance[batch, lane] / (h * h)
+            share = 1.0
+            if stiffness > 0.0:
+                alpha, share = 0.0, stiffness
+            weight = 0.0
+            for i in range(4):
+                weight += xw[nodes[batch, i, lane], 3] * coefficient[batch, i, lane] ** 2
+            inverse[batch, lane] = share / (weight + alpha) if weight > 0.0 else 0.0
+            soft[batch, lane] = alpha
+
+
+@batch_kernel
+def project_bends(ws, xw, nodes, coefficient, inverse, soft, lam):
+    """Project every bend once, batch after batch.
+
+    nodes             (b, 4, 8)   particle ids; a bend of three names one twice, with the second coefficient 0
+    coefficient       (b, 4, 8)   c
+    inverse, soft     (b, 8)      [kg], [1/kg]
+    lam               (b, 3, 8)   multipliers [kg m], updated in place
+    """
+    for batch in range(len(nodes)):
+        for four in range(0, WIDTH, 4):
+            for i in range(4):
+                transpose_four(
+                    ws,
+                    NODE * i + four,
+                    NODE * i + 8 + four,
+                    NODE * i + 16 + four,
+                    NODE * i + 24 + four,
+                    xw,
+                    4 * nodes[batch, i, four],
+                    4 * nodes[batch, i, four + 1],
+                    4 * nodes[batch, i, four + 2],
+                    4 * nodes[batch, i, four + 3],
+                )
+                move_four(ws, COEFFICIENT + 8 * i + four, coefficient, WIDTH * (4 * batch + i) + four)
+            move_four(ws, INVERSE + four, inverse, WIDTH * batch + four)
+            move_four(ws, SOFT + four, soft, WIDTH * batch + four)
+            for axis in range(3):
+                move_four(ws, LAMBDA + 8 * axis + four, lam, WIDTH * (3 * batch + axis) + four)
+        for lane in range(WIDTH):
+            c0, c1 = ws[COEFFICIENT + lane], ws[COEFFICIENT + 8 + lane]
+            c2, c3 = ws[COEFFICIENT + 16 + lane], ws[COEFFICIENT + 24 + lane]
+            w0, w1 = c0 * ws[24 + lane], c1 * ws[NODE + 24 + lane]
+            w2, w3 = c2 * ws[2 * NODE + 24 + lane], c3 * ws[3 * NODE + 24 + lane]
+            inv, alpha = ws[INVERSE + lane], ws[SOFT + lane]
+            for axis in range(3):
+                at = 8 * axis + lane
+                value = c0 * ws[at] + c1 * ws[NODE + at] + c2 * ws[2 * NODE + at] + c3 * ws[3 * NODE + at]
+                change = -(value + alpha * ws[LAMBDA + at]) * inv  # eq. (1)
+                ws[LAMBDA + at] += change
+                ws[at] += w0 * change
+                ws[NODE + at] += w1 * change
+                ws[2 * NODE + at] += w2 * change
+                ws[3 * NODE + at] += w3 * change
+        for four in range(0, WIDTH, 4):
+            for k in range(4):
+                i = 3 - k  # a particle that is named twice keeps what its first name says
+                transpose_four(
+                    xw,
+                    4 * nodes[batch, i, four],
+                    4 * nodes[batch, i, four + 1],
+                    4 * nodes[batch, i, four + 2],
+                    4 * nodes[batch, i, four + 3],
+                    ws,
+                    NODE * i + four,
+                    NODE * i + 8 + four,
+                    NODE * i + 16 + four,
+                    NODE * i + 24 + four,
+                )
+            for axis in range(3):
+                move_four(lam, WIDTH * (3 * batch + axis) + four, ws, LAMBDA + 8 * axis + four)
+
+
+@batch_kernel
+def measure_bends(xw, nodes, row, coefficient, soft, lam, h, spacing, result):
+    """As `measure_distances`, a violation relative to the particles' spacing [m]: result (5,) in place."""
+    energy, worst, total, most, count = 0.0, 0.0, 0.0, 0.0, 0.0
+    for batch in range(len(nodes)):
+        for lane in range(WIDTH):
+            if row[batch, lane] < 0:
+                continue
+            square, off, free = 0.0, 0.0, 0.0
+            for axis in range(3):
+                value = 0.0
+                for i in range(4):
+                    value += coefficient[batch, i, lane] * xw[nodes[batch, i, lane], axis]
+                square += value * value
+                energy -= 0.5 * value * lam[batch, axis, lane] / (h * h)
+                off += (value + soft[batch, lane] * lam[batch, axis, lane]) ** 2
+            for i in range(4):
+                free += abs(coefficient[batch, i, lane]) * xw[nodes[batch, i, lane], 3]
+            violation = np.sqrt(off) / spacing if free > 0.0 else 0.0
+            worst = max(worst, violation)
+            total += violation
+            most = max(most, np.sqrt(square) / spacing)
+            count += 1.0
+    result[0], result[1], result[2], result[3], result[4] = energy, worst, total, most, count
+
+
+@batch_kernel
+def add_bend_forces(count, which, nodes, row, coefficient, lam, h, force):
+    """Add lambda grad C / h^2 of the bends in `count` batches `which` [N] to force (n, 3) in place."""
+    for batch in which[:count]:
+        for lane in range(WIDTH):
+            if row[batch, lane] < 0:
+                continue
+            for i in range(4):
+                size = coefficient[batch, i, lane] / (h * h)
+                for axis in range(3):
+                    force[nodes[batch, i, lane], axis] += size * lam[batch, axis, lane]

@@ -1,0 +1,47 @@
+"""What a step of particles reports: energies, momenta, bounds and contact figures at its end."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_services.pbd.kernels.lanes import four, three
+from softseam_services.tools.kernels import tool_gap
+
+KINETIC, GRAVITY, PENETRATION, N_CONTACTS, HELD, FINITE = range(6)
+MOMENTUM, ANGULAR, BOUNDS = 6, 9, 12
+N_RESULTS = 18
+
+
+@njit(cache=True, error_model="numpy")
+def summarise(
+    x, v, mass, x_rest, gravity, held, mean, count, particle, tool, kind, shape, position, orientation, radius, result
+):
+    """Fill result (N_RESULTS,): energies [J], momenta, bounds; `count` candidates tell the deepest penetration [m]."""
+    result[:] = 0.0
+    result[BOUNDS : BOUNDS + 3] = np.inf
+    result[BOUNDS + 3 : BOUNDS + 6] = -np.inf
+    for i in range(len(x)):
+        px, py, pz = three(x, i)
+        ux, uy, uz = three(v, i)
+        result[KINETIC] += 0.5 * mass[i] * (ux * ux + uy * uy + uz * uz)
+        for axis in range(3):
+            result[GRAVITY] -= mass[i] * gravity[axis] * (x[i, axis] - x_rest[i, axis])
+            result[BOUNDS + axis] = min(result[BOUNDS + axis], x[i, axis])
+            result[BOUNDS + 3 + axis] = max(result[BOUNDS + 3 + axis], x[i, axis])
+            result[MOMENTUM + axis] += mass[i] * v[i, axis]
+        result[ANGULAR] += mass[i] * (py * uz - pz * uy)
+        result[ANGULAR + 1] += mass[i] * (pz * ux - px * uz)
+        result[ANGULAR + 2] += mass[i] * (px * uy - py * ux)
+        if held[i] >= 0.0:
+            result[HELD] += 1.0
+        elif mean[i, 0] != 0.0 or mean[i, 1] != 0.0 or mean[i, 2] != 0.0:
+            result[N_CONTACTS] += 1.0
+    for c in range(count):
+        t = tool[c]
+        gap = tool_gap(kind[t], shape[t], three(position, t), four(orientation, t), three(x, particle[c]))[0]
+        result[PENETRATION] = max(result[PENETRATION], radius - gap)
+    total = 0.0
+    for figure in result:
+        total += 0.0 * figure
+    result[FINITE] = 1.0 if total == 0.0 else 0.0

@@ -1,0 +1,59 @@
+"""Everything of a sheet or rope that evolves, in one buffer: copying the state is one copy, a snapshot is its bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softseam_services.body.body import Floats
+
+MAGIC = b"softseam particles 1\n"
+
+
+@dataclass(frozen=True)
+class ParticleState:
+    """n particles, t tools; all fields are views of `buffer`, updated in place by the step."""
+
+    buffer: Floats
+    x: Floats
+    """positions (n, 3) [m]"""
+    v: Floats
+    """velocities (n, 3) [m/s]"""
+    held: Floats
+    """tool that holds each particle, -1 for none (n,)"""
+    local: Floats
+    """place of held particles in their tool's frame (n, 3) [m]"""
+    grips: Floats
+    """1 for tools that grip (t,)"""
+    strain: Floats
+    """strain energy [J] (1,)"""
+
+
+def new_state(n: int, t: int) -> ParticleState:
+    """A zero state for n particles and t tools."""
+    shapes = ((n, 3), (n, 3), (n,), (n, 3), (t,), (1,))
+    sizes = [int(np.prod(shape)) for shape in shapes]
+    buffer = np.zeros(sum(sizes))
+    ends = np.cumsum(sizes)
+    views = [buffer[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
+    return ParticleState(buffer, *views)
+
+
+def encode_state(state: ParticleState) -> bytes:
+    """Magic line, count of float64 as 8 bytes little-endian, the values little-endian."""
+    return MAGIC + len(state.buffer).to_bytes(8, "little") + state.buffer.astype("<f8", copy=False).tobytes()
+
+
+def decode_state(data: bytes, state: ParticleState) -> None:
+    """Overwrite `state` by a snapshot. Raises ValueError where it is not one of this body."""
+    head = len(MAGIC) + 8
+    if data[: len(MAGIC)] != MAGIC or len(data) < head:
+        raise ValueError("this is not a snapshot of a sheet or rope: restore the bytes that `snapshot` returned")
+    count = int.from_bytes(data[len(MAGIC) : head], "little")
+    if count != len(state.buffer) or len(data) != head + 8 * count:
+        raise ValueError(
+            f"the snapshot holds {count} numbers in {len(data)} bytes, this body needs {len(state.buffer)}: "
+            "configure the body that the snapshot was taken from"
+        )
+    state.buffer[:] = np.frombuffer(data, dtype="<f8", offset=head)
