@@ -219,8 +219,28 @@ class Advanced:
     fields: Fields | None = None
     n_crushed: Count = 0
     """cells squeezed so far that they count in part with full quadrature"""
-    measures: dict[str, float] = field(default_factory=dict)
-    """what else the model has to tell: violations of its constraints and their energies, by name"""
+    particles: ParticleReport | None = None
+    """of a sheet or rope"""
+
+
+@dataclass(frozen=True, slots=True)
+class ParticleReport:
+    """How well a sheet's or rope's constraints are met at the end of a step."""
+
+    worst_stretch: float
+    """largest change of length of a spring, relative [1]"""
+    stretch_violation: float
+    """farthest that a spring is from its own law, relative to its length [1]"""
+    stretch_violation_mean: float
+    bending_violation: float
+    """farthest that a bend is from its own law, relative to the particles' spacing [1]"""
+    bending_violation_mean: float
+    stretch_energy: float
+    """[J]"""
+    bending_energy: float
+    """[J]"""
+    held: Count
+    """particles that tools hold"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced, Frame
+from softseam_protocol.scene import OF_PARTICLES
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.program import Program, along_axis
 
@@ -84,7 +85,8 @@ class Quantities:
             "compression": max(0.0, self._program.compression(position, orientation)),
         }
         for reply in replies.values():
-            found.update(reply.measures)
+            if reply.particles is not None:
+                found.update({name: float(getattr(reply.particles, name)) for name in OF_PARTICLES})
         if frame is not None:
             if len(frame.cauchy):
                 found["peak_von_mises"] = float(von_mises(frame.cauchy).max())

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
+from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ParticleReport
 from softseam_protocol.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.kernels.lanes import aligned
@@ -140,7 +140,7 @@ class ParticleSolver:
             seconds=time.perf_counter() - began,
             cell_distance=np.zeros(0),
             bounds=result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
-            measures=self._measures(),
+            particles=self._measures(),
         )
 
     def _advance(self, request: Advance) -> Fault:
@@ -207,18 +207,18 @@ class ParticleSolver:
         spacing = self.model.body.spacing
         bending.measure_bends(self._xw, nodes, row, coefficient, soft, lam_bends, h, spacing, self._measure[1])
 
-    def _measures(self) -> dict[str, float]:
+    def _measures(self) -> ParticleReport:
         (stretch, worst, total, most, count), (bend, off, off_total, _, n_bends) = self._measure.tolist()
-        return {
-            "worst_stretch": most,
-            "stretch_violation": worst,
-            "stretch_violation_mean": total / max(count, 1.0),
-            "bending_violation": off,
-            "bending_violation_mean": off_total / max(n_bends, 1.0),
-            "stretch_energy": stretch,
-            "bending_energy": bend,
-            "held": float(self._result[k.HELD]),
-        }
+        return ParticleReport(
+            worst_stretch=most,
+            stretch_violation=worst,
+            stretch_violation_mean=total / max(count, 1.0),
+            bending_violation=off,
+            bending_violation_mean=off_total / max(n_bends, 1.0),
+            stretch_energy=stretch,
+            bending_energy=bend,
+            held=int(self._result[k.HELD]),
+        )
 
     def _fill(self, x: np.ndarray) -> None:
         n = len(x)
