@@ -213,3 +213,11 @@ def test_a_damaged_snapshot_is_refused(grip: FemRun) -> None:
     for damaged in (state[:-8], b"x" + state[1:], state[:-8] + b"\xff" * 8):
         with pytest.raises(ValueError, match="snapshot"):
             grip.solver.restore(damaged)
+
+
+def test_a_body_without_tools_has_fields() -> None:
+    run = FemRun(block())
+    run.step()
+    fields = run.solver.fields(Header(1, "test", "near", 0, 0, 0, 0.0))
+    assert fields.contact_force.shape == fields.point_x.shape and not fields.contact_force.any()
+    assert set(fields.contact_tool.tolist()) == {-1}

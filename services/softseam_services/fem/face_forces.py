@@ -22,7 +22,8 @@ def gathering(model: FemModel, n_surface: int) -> csr_array:
 
 def gathered_at_nodes(gather: csr_array, force: Floats) -> Floats:
     """Forces (p, t, 3) of all points -> forces (n_surface, t, 3) by the matrix of `gathering`."""
-    return np.asarray(gather @ force.reshape(len(force), -1)).reshape(-1, *force.shape[1:])
+    n_points, n_tools, _ = force.shape
+    return np.asarray(gather @ force.reshape(n_points, 3 * n_tools)).reshape(gather.shape[0], n_tools, 3)
 
 
 def spread_over_faces(model: FemModel, contact: Floats) -> None:
