@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo results bus pbd test lint types lock clean
+.PHONY: help demo chart results bus pbd test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -16,6 +16,9 @@ help: ## list the targets
 
 demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recording, report and pictures in out/
 	@$(VENV)/bin/softseam demo
+
+chart: $(VENV)/.dev ## regenerate docs/chart.md: accuracy against speed on this machine
+	@$(PY) tests/benchmarks/chart.py
 
 results: $(VENV)/.dev ## regenerate docs/results.md: accuracy and speed on this machine
 	@$(PY) tests/benchmarks/results.py

@@ -128,6 +128,41 @@ def check(scene: SceneArgument, settings: Settings = None) -> None:
 
 
 @app.command(
+    epilog="[bold]What it does[/bold]\n\n"
+    "The reference is FEM alone, refined in cells and step until Richardson's extrapolation knows every quantity of "
+    "the scene to 1 %; it is kept in ~/.cache/softseam. Then FEM, XPBD and both together run on several cells, with "
+    "several steps, elements, substeps and sweeps, and each is compared with the reference: error is the L2 norm over "
+    "time of the difference, relative to the reference, of the worst quantity. Left behind: chart.png, chart.html "
+    "(point at a mark), chart.csv, chart.json. Ctrl-C is safe: the same command goes on where it was.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam chart tofu_grasp\n\n"
+    "softseam chart my.yaml --minutes 3 --out out/my\n\n"
+    "softseam chart tofu_grasp --set body.material.young=5e3\n\n"
+    "softseam chart tofu_grasp --rivals rivals.json"
+)
+def chart(
+    scene: SceneArgument,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Where the results go; default: out/chart-<scene>.")
+    ] = None,
+    minutes: Annotated[
+        float, typer.Option(metavar="MINUTES", help="Longest that reference and sweep may run, without compiling.")
+    ] = 10.0,
+    rivals: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Measured rows of other simulators (JSON), drawn with their source."),
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept reference and the kept runs.")] = False,
+    settings: Settings = None,
+) -> None:
+    """Chart accuracy against speed: many ways to simulate a scene, each against a converged reference."""
+    from softseam.chart.command import Wishes
+    from softseam.chart.command import chart as draw_chart
+
+    draw_chart(Wishes(scene, tuple(settings or ()), out, minutes, rivals, fresh), _out())
+
+
+@app.command(
     epilog="[bold]Examples[/bold]\n\nsoftseam up\n\nsoftseam up -- softseam run tofu_grasp --connect tcp/127.0.0.1:7447"
 )
 def up(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -158,6 +159,30 @@ def resimulate(bundle: Bundle, seed: int) -> Iterator[Resimulation]:
             yield simulation
         finally:
             simulation.close()
+
+
+@contextmanager
+def compile_clock() -> Iterator[Callable[[], float]]:
+    """How many seconds numba has spent on kernels since the context began, when asked."""
+    try:
+        from softseam_services.compile_clock import CompileClock
+    except ImportError as error:
+        raise missing_extra(error, "simulating in this process") from error
+    with CompileClock() as clock:
+        yield lambda: clock.seconds
+
+
+def solver_digest() -> str:
+    """Digest of every source that a simulation's numbers may depend on: with another digest, perhaps other numbers."""
+    try:
+        from softseam_services.kernel_cache import kernel_packages
+    except ImportError as error:
+        raise missing_extra(error, "simulating in this process") from error
+    digest = hashlib.sha256()
+    for package in kernel_packages():
+        for path in sorted(package.rglob("*.py")):
+            digest.update(f"{package.name}/{path.relative_to(package)}".encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
 
 
 class translated:  # reads as the function that it is used as

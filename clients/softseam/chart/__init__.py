@@ -1,0 +1,1 @@
+"""Accuracy against speed: a scene's reference, a sweep of methods, and the chart of both."""

@@ -1,0 +1,168 @@
+"""`softseam chart`: from a scene to a picture, a page, and tables of accuracy against speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from rich.console import Console
+
+from softseam.chart.configurations import METHODS, configurations, frame_of
+from softseam.chart.landmarks import ASKED, Landmark, read_rivals
+from softseam.chart.machine import machine
+from softseam.chart.progress import ChartProgress
+from softseam.chart.reference import Ladder, Reference, climb, described
+from softseam.chart.store import Identity, Store
+from softseam.chart.sweep import sweep
+from softseam.chart.table import Row, row_json, rows_of, write_csv
+from softseam.embedded import solver_digest
+from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
+from softseam.report import write_report
+from softseam.scenes import bundle_of
+from softseam.variants import with_settings
+from softseam.view.colors import label
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_file import bundle_scene, scene_hash
+
+CHART_VERSION = 1
+REFERENCE_SHARE = 0.5
+"""of the budget, for the reference"""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What `softseam chart` was asked for."""
+
+    scene: str
+    settings: tuple[str, ...] = ()
+    out: Path | None = None
+    minutes: float = 10.0
+    rivals: Path | None = None
+    fresh: bool = False
+
+
+def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
+    """Compute the reference, sweep the methods, write chart.png, .html, .csv and .json; returns rows and reference."""
+    if not 0.0 < wishes.minutes < 1e5:
+        raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
+    require_extra("solve", "simulating in this process")
+    require_extra("view", "drawing a chart")
+    loaded, bundle = bundle_of(wishes.scene)
+    scene = with_settings(loaded, wishes.settings)
+    names = _names(scene)
+    rivals = read_rivals(wishes.rivals, scene.name) if wishes.rivals is not None else []
+    folder = wishes.out or Path("out") / f"chart-{scene.name}"
+    key = scene_hash(bundle_scene(scene, bundle.files))
+    here, code = machine(), solver_digest()
+    store = Store(folder / "runs", Identity(key, code, here), "start anew with --fresh")
+    if wishes.fresh:
+        store.clear()
+    began = perf_counter()
+    frame = frame_of(scene, wishes.scene, wishes.settings)
+    wanted = configurations(frame)
+    ladder = Ladder(wishes.scene, wishes.settings, frame, names)
+    ladder.open(code, fresh=wishes.fresh)
+    budget = 60.0 * wishes.minutes
+    with ChartProgress(console) as progress:
+        reference = climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference)
+        progress.known(reference)
+        left = max(REFERENCE_SHARE * budget, budget - (perf_counter() - began))
+        progress.expect(wanted)
+        outcomes = sweep(wishes.scene, wishes.settings, frame, names, wanted, store, left, progress.configuration)
+    rows = rows_of(wanted, outcomes, reference)
+    _write(folder, scene, key, code, here, rows, reference, rivals)
+    _tell(console, folder, rows, reference, perf_counter() - began)
+    return rows, reference
+
+
+def _names(scene: Scene) -> tuple[str, ...]:
+    """The quantities to compare: the scene's, and what it asks of its probes."""
+    probed = [f"{probe}.{what}" for probe in scene.probes for what in ("von_mises", "displacement")]
+    names = (*scene.quantities, *probed)
+    if not names:
+        raise BadInput(f"the scene {scene.name!r} asks for no quantities: add some, e.g. quantities: [grip_force, sag]")
+    return names
+
+
+def _write(
+    folder: Path,
+    scene: Scene,
+    key: str,
+    code: str,
+    here: str,
+    rows: Sequence[Row],
+    reference: Reference,
+    rivals: Sequence[Landmark],
+) -> None:
+    try:
+        from softseam.chart.draw import draw_chart
+    except ImportError as error:
+        raise missing_extra(error, "drawing a chart") from error
+    from softseam.chart.page import write_page
+
+    title = scene.name.replace("_", " ")
+    document = {
+        "chart_version": CHART_VERSION,
+        "scene": {"name": scene.name, "hash": key},
+        "code": code[:16],
+        "machine": here,
+        "reference": described(reference),
+        "rows": [row_json(row) for row in rows],
+        "asked": [vars(mark) for mark in ASKED],
+        "rivals": [vars(mark) for mark in rivals],
+    }
+    try:
+        write_report(document, folder / "chart.json")
+        write_csv(rows, list(reference.truth), folder / "chart.csv")
+        draw_chart(folder / "chart.png", title, here, rows, reference, ASKED, rivals)
+        write_page(folder / "chart.html", title, document)
+    except OSError as error:
+        raise SoftseamError(f"cannot write {error.filename}: {error.strerror}") from error
+
+
+def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Reference, seconds: float) -> None:
+    """The front, what failed, what the reference is worth, and the files."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 2), title="nothing is both faster and more accurate than", title_justify="left")
+    for name, side in (
+        ("configuration", "left"),
+        ("real-time factor", "right"),
+        ("error", "right"),
+        ("decided by", "left"),
+    ):
+        table.add_column(name, justify="left" if side == "left" else "right")
+    for row in sorted((row for row in rows if row.front), key=lambda row: -row.outcome.rtf):
+        assert row.error is not None
+        decisive = next(n for n, e in row.errors.items() if n in reference.counted and e == row.error)
+        sign = "<= " if row.error.bound else ""
+        error = f"{sign}{100 * row.error.value:.2g} %"
+        table.add_row(row.configuration.label, f"{row.outcome.rtf:.3g}", error, label(decisive))
+    console.print(table)
+    for status, text in (
+        ("failed", "failed"),
+        ("refused", "refused"),
+        ("stopped", "stopped"),
+        ("left out", "left out"),
+    ):
+        these = [row for row in rows if row.outcome.status == status]
+        for row in these[:4]:
+            line = f"{text}: {row.configuration.label}: {row.outcome.reason}"
+            console.print(Text(line, style="yellow"), soft_wrap=True)
+        if len(these) > 4:
+            console.print(Text(f"{text}: {len(these) - 4} more, see chart.csv", style="yellow"))
+    for name, true in reference.truth.items():
+        if true.left_out:
+            console.print(Text(f"not counted: {label(name)} {true.left_out}", style="dim"), soft_wrap=True)
+    known = f"the reference is known to {100 * reference.uncertainty:.2g} %"
+    if not reference.complete:
+        known += ", not to 1 %: the budget ended first (give more --minutes)"
+    console.print(Text(known, style="dim" if reference.complete else "yellow"))
+    n_done = sum(row.error is not None for row in rows)
+    text = f"{n_done} of {len(rows)} configurations of {len(METHODS)} methods in {seconds:.0f} s"
+    console.print(Text(text, style="dim"))
+    for name in ("chart.png", "chart.html", "chart.csv", "chart.json"):
+        console.print(f"{folder / name}", highlight=False, soft_wrap=True)

@@ -1,0 +1,183 @@
+"""What a sweep tries: methods on several cells, with several steps, elements, substeps, sweeps and regions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam.duration import expected_duration
+from softseam.session import open as open_session
+from softseam_protocol.scene import BlockShape, Scene
+
+Floats = NDArray[np.float64]
+Method = Literal["FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"]
+METHODS: tuple[Method, ...] = ("FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is")
+
+LINEAR = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
+"""elements besides the default: locking cures, low orders, tetrahedra"""
+UNKNOWN_LENGTH = 3.0
+"""for estimates, where the length of the motion is not known before [s]"""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One way to simulate the scene: one marker of the chart."""
+
+    key: str
+    """names its file"""
+    method: Method
+    label: str
+    settings: tuple[str, ...]
+    seconds: float
+    """rough wall time of a run [s]: for the order of the sweep and the time left"""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What configurations of a scene are made from."""
+
+    scene: Scene
+    extent: Floats
+    """of the body (3,) [m]"""
+
+    @property
+    def length(self) -> float:
+        """Expected length of the motion [s]."""
+        return expected_duration(self.scene) or UNKNOWN_LENGTH
+
+    def counts(self, across: int) -> tuple[int, int, int]:
+        """Nearly cubic cells along x, y and z, `across` of them along the body's shortest edge."""
+        along = np.maximum(1, np.floor(self.extent / (self.extent.min() / across) + 0.5))
+        return int(along[0]), int(along[1]), int(along[2])
+
+    def cell(self, across: int) -> str:
+        """The setting that asks for these cells."""
+        edges = self.extent / np.array(self.counts(across))
+        return f"body.cell={json.dumps(edges.tolist())}"
+
+    def size(self, across: int) -> float:
+        """Edge of a cube of a cell's volume [m]."""
+        return float(np.cbrt(np.prod(self.extent / np.array(self.counts(across)))))
+
+
+def frame_of(scene: Scene, name: str | Path, settings: Sequence[str]) -> Frame:
+    """Measure the scene's body; a mesh is read for it. Raises SceneRefused."""
+    shape = scene.body.shape
+    if isinstance(shape, BlockShape):
+        return Frame(scene, np.array(shape.size))
+    with open_session(name, settings=settings) as session:
+        surface = session.reset().surface
+    return Frame(scene, surface.max(axis=0) - surface.min(axis=0))
+
+
+def fem_settings(
+    frame: Frame, across: int, step: float, element: str = "hex27", integrator: str = "implicit_euler"
+) -> tuple[str, ...]:
+    """FEM alone."""
+    fem = f"models.fem={{element: {element}, integrator: {integrator}}}"
+    return "regions={default: fem}", frame.cell(across), f"step={step:.9g}", fem
+
+
+def configurations(frame: Frame) -> list[Configuration]:
+    """The sweep of a scene, cheapest first."""
+    return sorted((*_fem(frame), *_xpbd(frame), *_hybrid(frame), *_as_is(frame)), key=lambda c: (c.seconds, c.key))
+
+
+def _fem(frame: Frame) -> Iterator[Configuration]:
+    step = frame.scene.step
+    for across, factors in ((1, (8, 4, 2, 1)), (2, (8, 4, 2, 1, 0.5)), (3, (4, 2, 1, 0.5)), (4, (2, 1)), (6, (1,))):
+        for factor in factors:
+            yield _fem_one(frame, across, factor * step)
+    for element in LINEAR:
+        for across in (2, 4):
+            yield _fem_one(frame, across, step, element)
+    for integrator in ("midpoint", "bdf2"):
+        for factor in (1, 2):
+            yield _fem_one(frame, 2, factor * step, integrator=integrator)
+
+
+def _fem_one(
+    frame: Frame, across: int, step: float, element: str = "hex27", integrator: str = "implicit_euler"
+) -> Configuration:
+    settings = fem_settings(frame, across, step, element, integrator)
+    named = "" if element == "hex27" else f" {element}"
+    how = "" if integrator == "implicit_euler" else f" {integrator}"
+    seconds = fem_seconds(frame, across, step) * (1.0 if element == "hex27" else 2.0)
+    method: Method = "FEM, quadratic" if element == "hex27" else "FEM, other elements"
+    label = f"FEM{named} {_cells(frame, across)}, {_ms(step)}{how}"
+    return Configuration(f"fem-{element}-{integrator}-{across}-{_ms(step, '')}", method, label, settings, seconds)
+
+
+def _xpbd(frame: Frame) -> Iterator[Configuration]:
+    step = frame.scene.step
+    for across, factors in (
+        (1, (8, 4, 2, 1)),
+        (2, (8, 4, 2, 1)),
+        (3, (8, 4, 2, 1)),
+        (4, (4, 2, 1)),
+        (6, (4, 1)),
+        (8, (2,)),
+    ):
+        for factor in factors:
+            yield _xpbd_one(frame, across, factor * step)
+    for across, substeps in ((2, 2), (2, 4), (2, 8), (2, 16), (4, 8), (4, 32)):
+        yield _xpbd_one(frame, across, step, f"substeps: {substeps}")
+    for across, sweeps in ((2, 2), (2, 4), (4, 2), (4, 4)):
+        yield _xpbd_one(frame, across, step, f"sweeps: {sweeps}")
+    for across, factor in ((2, 4), (3, 4), (4, 4), (4, 1), (6, 4)):
+        yield _xpbd_one(frame, across, factor * step, "hourglass: fitted")
+
+
+def _xpbd_one(frame: Frame, across: int, step: float, how: str = "") -> Configuration:
+    settings = ("regions={default: pbd}", frame.cell(across), f"step={step:.9g}", f"models.pbd={{{how}}}")
+    cells = float(np.prod(frame.counts(across)))
+    seconds = frame.length / step * (2e-4 + 2.5e-6 * cells ** (4 / 3) * step / 0.01)
+    label = f"XPBD {_cells(frame, across)}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
+    key = f"xpbd-{across}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}"
+    return Configuration(key, "XPBD", label, settings, seconds)
+
+
+def _hybrid(frame: Frame) -> Iterator[Configuration]:
+    """The scene's own regions, narrower and wider, always cut."""
+    near, step = frame.scene.regions.near, frame.scene.step
+    if near is None or near.model == frame.scene.regions.default:
+        return
+    reaches = ((1.0, ""),) if near.within is None else ((0.5, ", half as wide"), (1.0, ""), (2.0, ", twice as wide"))
+    for across, factors in ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))):
+        for reach, told in reaches:
+            for factor in factors if reach == 1.0 else (1,):
+                settings = ["regions.near.split=always", frame.cell(across), f"step={factor * step:.9g}"]
+                if near.within is not None:
+                    settings.append(f"regions.near.within={reach * near.within:.9g}")
+                label = f"hybrid {_cells(frame, across)}, {_ms(factor * step)}{told}"
+                seconds = 3.0 * fem_seconds(frame, across, factor * step)
+                key = f"hybrid-{across}-{_ms(factor * step, '')}-{reach:g}"
+                yield Configuration(key, "hybrid", label, tuple(settings), seconds)
+
+
+def _as_is(frame: Frame) -> Iterator[Configuration]:
+    for factor in (2, 1):
+        step = factor * frame.scene.step
+        seconds = 2.0 * fem_seconds(frame, 3, step)
+        label = f"as it is, {_ms(step)}"
+        yield Configuration(f"as-is-{_ms(step, '')}", "as it is", label, (f"step={step:.9g}",), seconds)
+
+
+def fem_seconds(frame: Frame, across: int, step: float) -> float:
+    """Rough wall time of FEM alone [s]."""
+    cells = float(np.prod(frame.counts(across)))
+    return float(frame.length / step * (2e-4 + 4e-6 * cells**1.55))
+
+
+def _cells(frame: Frame, across: int) -> str:
+    return "x".join(str(count) for count in frame.counts(across))
+
+
+def _ms(step: float, unit: str = " ms") -> str:
+    return f"{1e3 * step:.4g}{unit}"

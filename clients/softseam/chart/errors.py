@@ -1,0 +1,90 @@
+"""How far a run is from the reference: the L2 norm over time of what each quantity is off by.
+
+e_k = |J_k - J_k^ref| / |J_k^ref|,   |J|^2 = (1/T) int_0^T J(t)^2 dt,   accuracy = 1 - max_k e_k
+
+Slip is measured by how far the tools have travelled instead: a good grip slips by next to nothing, and a relative error
+of that would say nothing, whereas 1 mm of slip on a way of 5 cm is an error of 2 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam.chart.series import Series
+from softseam.columns import unit_of
+
+Floats = NDArray[np.float64]
+
+KNOWN = 0.05
+"""a quantity whose reference is not known better than this does not count: its error would be the reference's [1]"""
+NOTHING = {"m": 1e-6, "N": 1e-6, "Pa": 1e-3, "1": 1e-9}
+"""a quantity whose norm is below this is zero in this scene, by unit"""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A quantity's reference on the common times."""
+
+    values: Floats
+    """(n,)"""
+    scale: float
+    """what errors are divided by, in the quantity's unit"""
+    uncertainty: float
+    """of the reference, relative to `scale` [1]"""
+    left_out: str = ""
+    """why the quantity does not count in the accuracy; '' where it does"""
+
+
+@dataclass(frozen=True)
+class Error:
+    """A quantity's error in one run."""
+
+    value: float
+    """[1]"""
+    bound: bool
+    """whether `value` is the reference's uncertainty, below which the error lies and cannot be told"""
+
+
+def rms(values: Floats, time: Floats) -> float:
+    """|J| of a curve (n,) at times (n,) [s], by the trapezoidal rule; the plain value of a single time."""
+    if len(time) < 2:
+        return float(np.abs(values).max(initial=0.0))
+    return float(np.sqrt(np.trapezoid(values * values, time) / (time[-1] - time[0])))
+
+
+def scale_of(name: str, values: Floats, travel: Floats, time: Floats) -> float:
+    """What errors of a quantity are divided by: its own norm, of slip the tools' way."""
+    return max(rms(values, time), rms(travel, time)) if name == "slip" else rms(values, time)
+
+
+def is_nothing(name: str, scale: float) -> bool:
+    """Whether a quantity is zero in this scene, so that no error is relative to it."""
+    return not scale > NOTHING.get(unit_of(name), 0.0)
+
+
+def errors(series: Series, time: Floats, truth: Mapping[str, Truth]) -> dict[str, Error]:
+    """Error of every quantity of a run against its reference on common times (n,) [s].
+
+    A run that ended earlier is compared for as long as it lasted. A quantity that the run lacks is infinitely wrong.
+    """
+    shared = time <= series.time[-1] + 1e-9
+    found = {}
+    for name, true in truth.items():
+        if name not in series.values or not shared.any():
+            found[name] = Error(float("inf"), False)
+            continue
+        off = rms(series.at(name, time[shared]) - true.values[shared], time[shared]) / true.scale
+        off = off if np.isfinite(off) else float("inf")
+        below = off <= true.uncertainty
+        found[name] = Error(true.uncertainty if below else off, below)
+    return found
+
+
+def worst(found: Mapping[str, Error], truth: Mapping[str, Truth]) -> Error:
+    """The largest error of the quantities that count; of equal ones, the one that is no mere bound."""
+    counted = [error for name, error in found.items() if not truth[name].left_out]
+    return max(counted, key=lambda error: (error.value, not error.bound))

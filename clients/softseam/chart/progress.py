@@ -1,0 +1,105 @@
+"""How a chart gets on: what runs, how much of the whole is done, and the time left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import perf_counter
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
+
+from softseam.chart.configurations import Configuration
+from softseam.chart.measure import RUNS, Told
+from softseam.chart.reference import Reference
+
+_LINE = 10.0
+"""longest time between lines where there is no terminal [s]"""
+
+
+class ChartProgress:
+    """A bar on a terminal, lines elsewhere; a context manager."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+        self._total = 0.0
+        self._rough: dict[str, float] = {}
+        self._finished = 0.0
+        self._spent = 0.0
+        """what the finished work was foreseen to take, and took [s]"""
+        self._began = perf_counter()
+        self._shown = -_LINE
+
+    def __enter__(self) -> ChartProgress:
+        if self._console.is_terminal:
+            self._bar = Progress(
+                SpinnerColumn(),
+                TextColumn("[bold]{task.description}"),
+                BarColumn(bar_width=None),
+                TextColumn("{task.fields[state]}"),
+                console=self._console,
+                refresh_per_second=10,
+            )
+            self._task = self._bar.add_task("reference", total=1.0, state="setting up; the first runs compile")
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def reference(self, text: str, seconds: float) -> Told:
+        """A level of the reference begins."""
+        began = perf_counter()
+        self._say(text, 0.0, f"some {seconds:.0f} s" if seconds >= 1.0 else "", force=True)
+
+        def told(done: float) -> None:
+            taken = perf_counter() - began
+            self._say(text, done, f"ETA {taken / done - taken:.0f} s" if done > 0.05 else "")
+
+        return told
+
+    def known(self, reference: Reference) -> None:
+        """The reference is there."""
+        text = f"reference known to {100 * reference.uncertainty:.2g} %"
+        (self._bar.console if self._bar else self._console).print(text, highlight=False, style="dim")
+
+    def expect(self, wanted: Sequence[Configuration]) -> None:
+        """The sweep begins."""
+        self._rough = {c.key: (1 + RUNS) * c.seconds for c in wanted}
+        self._total = sum(self._rough.values())
+
+    def configuration(self, configuration: Configuration, seconds: float) -> Told:
+        """A configuration begins; those before it in the sweep are done."""
+        keys = list(self._rough)
+        at = keys.index(configuration.key)
+        before = sum(self._rough[key] for key in keys[:at])
+        now = perf_counter()
+        if not self._spent:
+            self._spent, self._finished = now, before
+        text = f"{at + 1} of {len(keys)}: {configuration.label}"
+        self._told(text, before, 0.0, force=False)
+
+        def told(done: float) -> None:
+            self._told(text, before, done * self._rough[configuration.key], force=False)
+
+        return told
+
+    def _told(self, text: str, before: float, part: float, *, force: bool) -> None:
+        done = before + part - self._finished
+        taken = perf_counter() - self._spent
+        left = self._total - before - part
+        # until something was measured, the rough estimates stand
+        pace = taken / done if done > 0.02 * self._total else 1.0
+        self._say(text, (before + part) / self._total, f"ETA {pace * left:.0f} s", force=force)
+
+    def _say(self, text: str, done: float, state: str, *, force: bool = False) -> None:
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, description=text, completed=done, state=state)
+        elif force or perf_counter() - self._shown >= _LINE:
+            self._shown = perf_counter()
+            self._console.print(f"{text}{'  ' if state else ''}{state}", highlight=False)

@@ -1,0 +1,96 @@
+"""Files that hold finished work: written all or nothing, and refused by name where they are not what they should be."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from softseam.errors import BadInput
+from softseam.report import write_report
+
+VERSION = 1
+"""of what the files hold; another version is foreign"""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What finished work belongs to; work of another identity is never mixed in."""
+
+    scene: str
+    """hash of the scene"""
+    code: str
+    """digest of the solvers' sources"""
+    machine: str = ""
+    """processor and cores, where they matter"""
+
+
+class Store:
+    """A folder of finished pieces of work, one JSON file each."""
+
+    def __init__(self, folder: Path, identity: Identity, remedy: str) -> None:
+        """remedy  what to do about a file that is refused, e.g. 'start anew with --fresh'"""
+        self.folder, self._identity, self._remedy = folder, identity, remedy
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"cannot write into {folder}: {error.strerror}") from None
+
+    def path(self, name: str) -> Path:
+        return self.folder / f"{name}.json"
+
+    def read(self, name: str) -> dict[str, Any] | None:
+        """A finished piece, or None where there is none. Raises BadInput, naming a corrupt or foreign file."""
+        path = self.path(name)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return None
+        except (OSError, UnicodeDecodeError) as error:
+            raise self.refused(name, f"cannot be read ({error})") from None
+        try:
+            document = json.loads(text)
+        except ValueError:
+            raise self.refused(name, "is corrupt: it is not JSON") from None
+        if not isinstance(document, dict) or not {"softseam_chart", "identity", "digest", "data"} <= document.keys():
+            raise self.refused(name, "was not written by softseam chart")
+        if document["softseam_chart"] != VERSION:
+            raise self.refused(name, "was written by another version of softseam chart")
+        data = document["data"]
+        if not isinstance(data, dict) or document["digest"] != _digest(data):
+            raise self.refused(name, "is corrupt: its contents do not match its digest")
+        for part, ours in asdict(self._identity).items():
+            theirs = dict(document["identity"]).get(part)
+            if theirs != ours:
+                told = {"scene": "another scene", "code": "other code", "machine": f"another machine ({theirs})"}
+                raise self.refused(name, f"belongs to {told[part]}")
+        return data
+
+    def write(self, name: str, data: Mapping[str, Any]) -> None:
+        """Keep a finished piece; a reader never sees half of it."""
+        document = {
+            "softseam_chart": VERSION,
+            "identity": asdict(self._identity),
+            "digest": _digest(data),
+            "data": dict(data),
+        }
+        try:
+            write_report(document, self.path(name))
+        except OSError as error:
+            raise BadInput(f"cannot write {self.path(name)}: {error.strerror}") from None
+
+    def clear(self) -> None:
+        """Forget all finished pieces."""
+        for path in self.folder.glob("*.json"):
+            path.unlink(missing_ok=True)
+
+    def refused(self, name: str, why: str) -> BadInput:
+        """The error about a file that cannot be used."""
+        return BadInput(f"{self.path(name)} {why}: delete it, or {self._remedy}")
+
+
+def _digest(data: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -1,0 +1,113 @@
+"""The chart's rows: every configuration with its speed, its errors, and what else there is to say."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from softseam.chart.configurations import Configuration
+from softseam.chart.errors import Error, errors, worst
+from softseam.chart.measure import Outcome
+from softseam.chart.pareto import pareto_front
+from softseam.chart.reference import Reference
+
+
+@dataclass(frozen=True)
+class Row:
+    """One configuration in the chart."""
+
+    configuration: Configuration
+    outcome: Outcome
+    errors: Mapping[str, Error]
+    """of every quantity; empty where the run is not done"""
+    error: Error | None
+    """the worst of those that count; None where the run is not done"""
+    front: bool = False
+    """whether no other is faster and more accurate"""
+
+    @property
+    def reason(self) -> str:
+        """Why there is no error; '' where there is."""
+        return f"{self.outcome.status}: {self.outcome.reason}" if self.error is None else ""
+
+
+def rows_of(wanted: Sequence[Configuration], outcomes: Mapping[str, Outcome], reference: Reference) -> list[Row]:
+    """Rows in the order of the configurations, the Pareto front marked."""
+    rows = []
+    for configuration in wanted:
+        outcome = outcomes[configuration.key]
+        if outcome.status != "done" or outcome.series is None:
+            rows.append(Row(configuration, outcome, {}, None))
+            continue
+        found = errors(outcome.series, reference.time, reference.truth)
+        rows.append(Row(configuration, outcome, found, worst(found, reference.truth)))
+    at = [i for i, row in enumerate(rows) if row.error is not None and np.isfinite(row.error.value)]
+    points = [(rows[i].outcome.rtf, error.value) for i in at if (error := rows[i].error) is not None]
+    front = {at[i] for i in pareto_front(points)}
+    return [
+        Row(row.configuration, row.outcome, row.errors, row.error, i in front) if i in front else row
+        for i, row in enumerate(rows)
+    ]
+
+
+def row_json(row: Row) -> dict[str, Any]:
+    """A row as plain data; an infinite error is None."""
+    outcome = row.outcome
+    low, high = outcome.spread
+    return {
+        "key": row.configuration.key,
+        "method": row.configuration.method,
+        "label": row.configuration.label,
+        "settings": list(row.configuration.settings),
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "rtf": _round(outcome.rtf),
+        "rtf_least": _round(low),
+        "rtf_greatest": _round(high),
+        "runs": len(outcome.walls),
+        "error": None if row.error is None else _round(row.error.value),
+        "at_most": row.error is not None and row.error.bound,
+        "accuracy": None if row.error is None else _round(1.0 - row.error.value),
+        "pareto": row.front,
+        "errors": {name: {"value": _round(e.value), "at_most": e.bound} for name, e in row.errors.items()},
+        "cpu_seconds": _round(outcome.cpu),
+        "compile_seconds": _round(outcome.compiled),
+        "setup_seconds": _round(outcome.setup),
+        "simulated_seconds": _round(outcome.simulated),
+        "steps": outcome.steps,
+        "n_cells": outcome.n_cells,
+        "n_nodes": outcome.n_nodes,
+    }
+
+
+def write_csv(rows: Sequence[Row], names: Sequence[str], path: Path) -> None:
+    """Write the rows as CSV, all or nothing; errors relative, not in per cent."""
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    plain = [row_json(row) for row in rows]
+    columns = [name for name in plain[0] if name != "errors"] if plain else []
+    try:
+        with fresh.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow([*columns, *(f"error.{name}" for name in names), *(f"at_most.{name}" for name in names)])
+            for row in plain:
+                cells = [" ".join(row[c]) if c == "settings" else _cell(row[c]) for c in columns]
+                cells += [_cell(row["errors"].get(name, {}).get("value")) for name in names]
+                cells += [_cell(row["errors"].get(name, {}).get("at_most")) for name in names]
+                writer.writerow(cells)
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _round(value: float) -> float | None:
+    return float(f"{value:.5g}") if np.isfinite(value) else None

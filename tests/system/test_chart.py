@@ -1,0 +1,134 @@
+"""`softseam chart` from scene to page: killed in mid-sweep, resumed, refused where its files are spoilt."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from chromium import browse
+
+SCENE = """\
+softseam: 1
+name: jelly
+step: 0.01
+duration: 0.12
+body:
+  shape: {kind: block, size: [0.02, 0.02, 0.02]}
+  cell: 0.01
+  material: {kind: neo_hookean, young: 1.0e3, poisson: 0.40, density: 1000}
+  fixed: [{min: [-1, -1, -1], max: [1, 1, 0]}]
+quantities: [sag]
+"""
+
+
+def command(folder: Path, *more: str) -> list[str]:
+    scene = folder / "jelly.yaml"
+    scene.write_text(SCENE)
+    arguments = ["chart", str(scene), "--out", str(folder / "out"), "--minutes", "0.2", *more]
+    return [sys.executable, "-m", "softseam.cli", *arguments]
+
+
+def environment(folder: Path) -> dict[str, str]:
+    return os.environ | {"XDG_CACHE_HOME": str(folder / "cache"), "COLUMNS": "200"}
+
+
+@pytest.fixture(scope="module")
+def charted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, set[str], str]:
+    """A chart whose first attempt was killed outright; the folder, what that attempt had finished, and the output."""
+    folder = tmp_path_factory.mktemp("chart")
+    runs = folder / "out" / "runs"
+    process = subprocess.Popen(command(folder), env=environment(folder), stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 240.0
+    while len(list(runs.glob("*.json"))) < 5:
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)  # nothing announces a file
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    finished = {path.name: path.stat().st_mtime_ns for path in runs.glob("*.json")}
+    done = subprocess.run(
+        command(folder), env=environment(folder), capture_output=True, text=True, timeout=240, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert {name: (runs / name).stat().st_mtime_ns for name in finished} == finished, "finished runs were run again"
+    return folder, set(finished), done.stdout
+
+
+@pytest.mark.slow
+def test_a_killed_sweep_goes_on(charted: tuple[Path, set[str], str]) -> None:
+    folder, finished, _ = charted
+    document = json.loads((folder / "out" / "chart.json").read_text())
+    done = [row for row in document["rows"] if row["status"] == "done"]
+    assert len(done) > len(finished) >= 5
+    assert all(row["rtf"] > 0.0 and row["runs"] >= 1 and row["error"] > 0.0 for row in done)
+    lines = (folder / "out" / "chart.csv").read_text().splitlines()
+    assert len(lines) == 1 + len(document["rows"])
+
+
+@pytest.mark.slow
+def test_the_reference_is_the_beam_s_own_limit(charted: tuple[Path, set[str], str]) -> None:
+    """Finer is better, the reference is refined in both, and its uncertainty is stored and told."""
+    folder, _, told = charted
+    document = json.loads((folder / "out" / "chart.json").read_text())
+    reference = document["reference"]
+    assert reference["integrator"] == "bdf2" and len(reference["levels"]) >= 4
+    assert 0.0 < reference["uncertainty"] < 0.05
+    assert "reference" in told and "nothing is both faster and more accurate" in told
+    error = {row["key"]: row["error"] for row in document["rows"]}
+    steps = [error[f"fem-hex27-implicit_euler-2-{step}"] for step in ("20", "10", "5")]
+    assert steps == sorted(steps, reverse=True), "implicit Euler improves with shorter steps"
+    assert error["fem-hex27-bdf2-2-10"] < error["fem-hex27-implicit_euler-2-10"]
+
+
+@pytest.mark.slow
+def test_a_spoilt_run_and_a_spoilt_reference_are_refused_by_name(
+    charted: tuple[Path, set[str], str], tmp_path: Path
+) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(charted[0], folder)
+    for pattern in ("out/runs/xpbd-*.json", "cache/softseam/references/*/level-2-*.json"):
+        path = sorted(folder.glob(pattern))[0]
+        whole = path.read_text()
+        path.write_text(whole[:-40])
+        spoilt = subprocess.run(
+            command(folder), env=environment(folder), capture_output=True, text=True, timeout=120, check=False
+        )
+        assert spoilt.returncode == 2
+        assert (
+            path.name in spoilt.stderr.replace("\n", "") and "corrupt" in spoilt.stderr and "--fresh" in spoilt.stderr
+        )
+        path.write_text(whole)
+
+
+@pytest.mark.viewer
+def test_chromium_shows_the_page(charted: tuple[Path, set[str], str], tmp_path: Path) -> None:
+    """The page draws every run without a network, and pointing at a mark tells what it is."""
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    assert chromium is not None
+    page_file = charted[0] / "out" / "chart.html"
+    assert "http://" not in page_file.read_text().replace("http://www.w3.org/2000/svg", "")
+    look = """(() => {
+      const marks = [...document.querySelectorAll('#chart .point[data-key]')];
+      if (!marks.length) return JSON.stringify({marks: 0});
+      marks[0].dispatchEvent(new PointerEvent('pointerenter'));
+      const tip = document.getElementById('tip');
+      return JSON.stringify({marks: marks.length, rows: document.querySelectorAll('#rows tbody tr').length,
+        tip: tip.style.display + ' ' + tip.textContent});
+    })()"""
+    document = json.loads((charted[0] / "out" / "chart.json").read_text())
+    with browse(chromium, page_file.as_uri(), tmp_path / "profile") as page:
+        deadline = time.monotonic() + 60.0
+        seen = {"marks": 0}
+        while not seen["marks"]:
+            assert time.monotonic() < deadline
+            if page.call("Runtime.evaluate", expression="document.readyState")["result"]["value"] == "complete":
+                seen = json.loads(page.call("Runtime.evaluate", expression=look)["result"]["value"])
+    drawn = [row for row in document["rows"] if row["rtf"] and row["status"] not in ("left out", "refused")]
+    assert seen["marks"] == len(drawn) and seen["rows"] == len(document["rows"])
+    assert str(seen["tip"]).startswith("block") and "real-time factor" in str(seen["tip"])

@@ -1,0 +1,137 @@
+"""What a chart keeps and reads: whole or refused by name; and what is drawn of runs that went wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from softseam.chart.configurations import Configuration, Frame, configurations
+from softseam.chart.errors import Truth
+from softseam.chart.landmarks import ASKED, read_rivals
+from softseam.chart.measure import Outcome, measure
+from softseam.chart.reference import Part, Reference
+from softseam.chart.series import Series
+from softseam.chart.store import Identity, Store
+from softseam.chart.table import rows_of, write_csv
+from softseam.errors import BadInput
+from softseam.scenes import load_scene
+
+HERE = Identity("a scene", "some code", "a machine")
+SERIES = Series(np.array([0.1, 0.2]), np.zeros(2), {"sag": np.array([1.0, 2.0])})
+DONE = Outcome("done", series=SERIES, walls=(0.02, 0.01, 0.04), simulated=0.2, steps=2)
+
+
+def test_an_outcome_is_read_as_it_was_written(tmp_path: Path) -> None:
+    store = Store(tmp_path, HERE, "start anew")
+    store.write("run", DONE.as_json())
+    data = store.read("run")
+    assert data is not None
+    again = Outcome.from_json(data)
+    assert again.walls == DONE.walls and again.rtf == pytest.approx(10.0)
+    assert again.series is not None
+    np.testing.assert_array_equal(again.series.values["sag"], SERIES.values["sag"])
+    assert store.read("another") is None
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda text: text[: len(text) // 2], "is corrupt: it is not JSON"),
+        (lambda text: "[]", "was not written by softseam chart"),
+        (lambda text: text.replace("0.02", "0.03"), "do not match its digest"),
+        (lambda text: text.replace("a scene", "b scene"), "belongs to another scene"),
+        (lambda text: text.replace("some code", "more code"), "belongs to other code"),
+        (lambda text: text.replace("a machine", "b machine"), "another machine (b machine)"),
+        (lambda text: text.replace('"softseam_chart": 1', '"softseam_chart": 99'), "another version"),
+    ],
+)
+def test_a_spoilt_or_foreign_file_is_refused_by_name(tmp_path: Path, spoil: object, why: str) -> None:
+    store = Store(tmp_path, HERE, "start anew with --fresh")
+    store.write("run", DONE.as_json())
+    path = tmp_path / "run.json"
+    assert callable(spoil)
+    path.write_text(spoil(path.read_text()))
+    with pytest.raises(BadInput) as caught:
+        store.read("run")
+    assert str(path) in str(caught.value) and why in str(caught.value) and "--fresh" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("{", "is not JSON"),
+        ("[]", "expected"),
+        ('{"rivals": [7]}', "row 1 is not an object"),
+        ('{"rivals": [{"label": "A", "rtf": 1}]}', "row 1 lacks error, source"),
+        ('{"rivals": [{"label": "A", "rtf": -1, "error": 0.1, "source": "me"}]}', "rtf is -1"),
+        ('{"rivals": [{"label": "A", "rtf": 1, "error": "low", "source": "me"}]}', "error is 'low'"),
+    ],
+)
+def test_bad_rivals_are_refused_with_the_row(tmp_path: Path, text: str, why: str) -> None:
+    path = tmp_path / "rivals.json"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=r"rivals\.json") as caught:
+        read_rivals(path, "tofu")
+    assert why in str(caught.value)
+
+
+def test_rivals_of_other_scenes_are_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "rivals.json"
+    row = {"label": "A", "rtf": 1.5, "error": 0.1, "source": "me"}
+    path.write_text(json.dumps({"rivals": [row | {"scene": "tofu"}, row | {"scene": "other"}, row]}))
+    assert [mark.rtf for mark in read_rivals(path, "tofu")] == [1.5, 1.5]
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_rivals(tmp_path / "none.json", "tofu")
+
+
+def test_a_sweep_names_every_configuration_once() -> None:
+    scene = load_scene("tofu_grasp")
+    found = configurations(Frame(scene, np.array([0.05, 0.05, 0.05])))
+    assert len({c.key for c in found}) == len({c.label for c in found}) == len(found)
+    assert [c.seconds for c in found] == sorted(c.seconds for c in found)
+    assert {c.method for c in found} == {"FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"}
+
+
+def test_cells_follow_the_body() -> None:
+    frame = Frame(load_scene("tofu_grasp"), np.array([0.24, 0.16, 0.06]))
+    assert frame.counts(1) == (4, 3, 1) and frame.counts(2) == (8, 5, 2)
+    assert frame.cell(1) == f"body.cell={[0.06, 0.16 / 3, 0.06]}"
+
+
+def test_a_setting_that_the_scene_refuses_is_an_outcome() -> None:
+    found = measure("tofu_grasp", ("step=5.0",), ("sag",))
+    assert found.status == "refused" and "step" in found.reason and found.rtf == 0.0
+
+
+def test_rows_tell_what_failed(tmp_path: Path) -> None:
+    """Failed, stopped and unfinished runs are rows with their reason, in the table and in the picture."""
+    reference = Reference(
+        SERIES.time,
+        {"sag": Truth(SERIES.values["sag"], 1.6, 0.01)},
+        {"sag": Part(0.005, 0.005, 1.0, float("nan"), 0.01)},
+        (),
+        "bdf2",
+        True,
+    )
+    outcomes = {
+        "good": DONE,
+        "bad": Outcome("failed", "it diverged", walls=(0.5,), simulated=0.1),
+        "dear": Outcome("left out", "a run would take some 99 s"),
+    }
+    wanted = [Configuration(key, "XPBD", f"the {key} one", ("step=0.1",), 1.0) for key in outcomes]
+    rows = rows_of(wanted, outcomes, reference)
+    assert [row.front for row in rows] == [True, False, False]
+    assert rows[0].error is not None and rows[0].error.bound and rows[0].error.value == 0.01
+    assert rows[1].reason == "failed: it diverged"
+    write_csv(rows, ["sag"], tmp_path / "chart.csv")
+    lines = (tmp_path / "chart.csv").read_text().splitlines()
+    assert len(lines) == 4 and "it diverged" in lines[2] and lines[1].endswith("0.01,true")
+    from softseam.chart.draw import draw_chart, placed
+
+    assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[2]) is None
+    picture = draw_chart(tmp_path / "chart.png", "a test", "a machine", rows, reference, ASKED, ASKED[:1])
+    assert picture.read_bytes()[:4] == b"\x89PNG"

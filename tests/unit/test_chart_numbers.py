@@ -1,0 +1,142 @@
+"""The chart's arithmetic: limits of sequences of known order, errors of known curves, the Pareto front."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from softseam.chart.errors import Error, Truth, errors, is_nothing, rms, scale_of, worst
+from softseam.chart.pareto import pareto_front
+from softseam.chart.richardson import FASTEST, SLOWEST, limit, observed_order
+from softseam.chart.series import Series
+
+TIME = np.linspace(0.0, 2.0, 401)
+TRUE = np.sin(3.0 * TIME) + 2.0
+WRONG = 0.3 * np.cos(TIME)
+
+
+def norm(values: np.ndarray) -> float:
+    return rms(values, TIME)
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.0, 3.0, 4.0])
+@pytest.mark.parametrize("h", [(0.5, 0.25, 0.125), (1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8)])
+def test_limit_of_a_sequence_of_known_order(order: float, h: tuple[float, ...]) -> None:
+    """J(h) = J* + C h^p gives back p and J* for any refinement; the bound is half the way from the finest level."""
+    levels = [TRUE + WRONG * size**order for size in h]
+    found = limit(h, levels, norm)
+    assert found.converges
+    assert found.order == pytest.approx(order, rel=1e-9)
+    np.testing.assert_allclose(found.value, TRUE, atol=1e-9)
+    assert found.uncertainty == pytest.approx(0.5 * norm(WRONG) * h[-1] ** order, rel=1e-6)
+
+
+def test_uncertainty_holds_what_a_second_term_leaves() -> None:
+    """J = J* + C h + D h^2 is no pure power: the limit is off, by less than it says."""
+    h = (1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8)
+    found = limit(h, [TRUE + WRONG * size + 2.0 * np.sin(TIME) * size**2 for size in h], norm)
+    assert 0.0 < norm(found.value - TRUE) < found.uncertainty
+
+
+def test_a_singular_quantity_has_no_limit() -> None:
+    """Stress at a sharp edge grows like h^-0.4: the sequence is not extrapolated, and said to be uncertain."""
+    h = (1 / 2, 1 / 4, 1 / 8)
+    levels = [TRUE * size**-0.4 for size in h]
+    found = limit(h, levels, norm)
+    assert not found.converges
+    assert found.value is levels[-1]
+    assert found.uncertainty == pytest.approx(norm(levels[-1] - levels[-2]))
+
+
+def test_slow_orders_are_taken_for_the_slowest_and_fast_ones_for_the_fastest() -> None:
+    h = (1.0, 0.5, 0.25)
+    slow, fast = (limit(h, [TRUE + WRONG * size**p for size in h], norm) for p in (0.6, 9.0))
+    assert slow.order == SLOWEST
+    assert fast.order == FASTEST
+
+
+def test_few_levels_know_little() -> None:
+    one = limit((0.1,), [TRUE], norm)
+    assert one.value is TRUE and one.uncertainty == np.inf
+    two = limit((0.2, 0.1), [TRUE + 0.2 * WRONG, TRUE + 0.1 * WRONG], norm)
+    np.testing.assert_allclose(two.value, TRUE, atol=1e-12)
+    assert two.uncertainty == pytest.approx(0.1 * norm(WRONG))  # all of the way, not half
+    same = limit((0.2, 0.1), [TRUE, TRUE], norm)
+    assert same.uncertainty == 0.0
+    with pytest.raises(ValueError):
+        limit((0.1, 0.2), [TRUE, TRUE], norm)
+
+
+def test_observed_order_at_its_ends() -> None:
+    assert observed_order((1.0, 0.5, 0.25), 1.0, 0.0) == 16.0
+    assert observed_order((1.0, 0.5, 0.25), 1.0, 1.0) == 0.0
+    assert observed_order((1.0, 0.5, 0.25), 4.0, 1.0) == pytest.approx(2.0)
+
+
+def series(time: np.ndarray, **values: np.ndarray) -> Series:
+    return Series(time, np.full(len(time), 0.05), values)
+
+
+def truth(values: np.ndarray, uncertainty: float = 0.0, left_out: str = "") -> Truth:
+    return Truth(values, rms(values, TIME), uncertainty, left_out)
+
+
+def test_error_is_the_relative_l2_norm_over_time() -> None:
+    """A run that is everywhere 3 % too large is 3 % off; one that lacks a constant c is off by c over the norm."""
+    found = errors(series(TIME, force=1.03 * TRUE, sag=TRUE - 0.1), TIME, {"force": truth(TRUE), "sag": truth(TRUE)})
+    assert found["force"].value == pytest.approx(0.03)
+    assert found["sag"].value == pytest.approx(0.1 / rms(TRUE, TIME))
+    assert not found["force"].bound
+
+
+def test_other_steps_are_compared_on_common_times() -> None:
+    """A linear curve on other times is the same curve; a value that some steps lack is bridged."""
+    coarse = np.array([0.0, 0.7, 1.1, 2.0])
+    line = 1.0 + 2.0 * TIME
+    assert errors(series(coarse, force=1.0 + 2.0 * coarse), TIME, {"force": truth(line)})["force"].value < 1e-12
+    gaps = np.where(np.arange(len(TIME)) % 3 == 0, line, np.nan)
+    gaps[-1] = line[-1]
+    gaps[0] = line[0]
+    assert errors(series(TIME, force=gaps), TIME, {"force": truth(line)})["force"].value < 1e-12
+
+
+def test_below_the_reference_s_uncertainty_an_error_is_a_bound() -> None:
+    found = errors(series(TIME, force=1.002 * TRUE), TIME, {"force": truth(TRUE, 0.005)})["force"]
+    assert found == Error(0.005, True)
+
+
+def test_what_a_run_lacks_is_infinitely_wrong() -> None:
+    assert errors(series(TIME, sag=TRUE), TIME, {"force": truth(TRUE)})["force"].value == np.inf
+    assert errors(series(TIME, force=np.full_like(TIME, np.nan)), TIME, {"force": truth(TRUE)})["force"].value == np.inf
+
+
+def test_the_worst_counts_and_what_is_left_out_does_not() -> None:
+    true = {"force": truth(TRUE), "sag": truth(TRUE), "stress": truth(TRUE, 0.3, "has no limit")}
+    run = series(TIME, force=1.01 * TRUE, sag=1.02 * TRUE, stress=2.0 * TRUE)
+    found = errors(run, TIME, true)
+    assert worst(found, true).value == pytest.approx(0.02)
+
+
+def test_slip_is_measured_by_the_tools_way() -> None:
+    slip, travel = np.full_like(TIME, 1e-3), np.full_like(TIME, 0.05)
+    assert scale_of("slip", slip, travel, TIME) == pytest.approx(0.05)
+    assert scale_of("sag", slip, travel, TIME) == pytest.approx(1e-3)
+    assert is_nothing("sag", 1e-8) and not is_nothing("sag", 1e-4)
+
+
+def test_front_of_a_few_points() -> None:
+    points = [(1.0, 0.1), (10.0, 0.2), (5.0, 0.2), (0.5, 0.1), (100.0, 0.9), (0.1, 0.01), (10.0, 0.2)]
+    assert pareto_front(points) == [4, 1, 0, 5]
+    assert pareto_front([]) == []
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), max_size=25))
+def test_front_by_its_definition(points: list[tuple[int, int]]) -> None:
+    """A point is on the front if and only if no other is at least as good in both and better in one."""
+    front = {points[i] for i in pareto_front(points)}
+    for x, y in points:
+        beaten = any((a >= x and b <= y) and (a > x or b < y) for a, b in points)
+        assert ((x, y) in front) == (not beaten)
