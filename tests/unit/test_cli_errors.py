@@ -53,6 +53,10 @@ BAD_CALLS = {
     "report is a folder": (["run", "tofu_grasp", "--report", "."], ["cannot write"]),
     "no router": (["run", "tofu_grasp", "--connect", "tcp/127.0.0.1:1"], ["tcp/127.0.0.1:1", "softseam up"]),
     "no recording": (["replay", "none.mcap"], ["none.mcap"]),
+    "chart of a rope": (["chart", "rope"], ["rope", "solid body"]),
+    "chart of nothing": (["chart", "GOOD"], ["quantities"]),
+    "chart in no time": (["chart", "tofu_grasp", "--minutes", "0"], ["--minutes"]),
+    "chart without rivals": (["chart", "tofu_grasp", "--rivals", "none.json"], ["none.json"]),
     "foreign recording": (["replay", "bad.yaml"], ["bad.yaml"]),
 }
 

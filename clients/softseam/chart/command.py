@@ -53,14 +53,14 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     scene = with_settings(loaded, wishes.settings)
     names = _names(scene)
     rivals = read_rivals(wishes.rivals, scene.name) if wishes.rivals is not None else []
+    began = perf_counter()
+    frame = frame_of(scene, wishes.scene, wishes.settings)
     folder = wishes.out or Path("out") / f"chart-{scene.name}"
     key = scene_hash(bundle_scene(scene, bundle.files))
     here, code = machine(), solver_digest()
     store = Store(folder / "runs", Identity(key, code, here), "start anew with --fresh")
     if wishes.fresh:
         store.clear()
-    began = perf_counter()
-    frame = frame_of(scene, wishes.scene, wishes.settings)
     wanted = configurations(frame)
     ladder = Ladder(wishes.scene, wishes.settings, frame, names)
     ladder.open(code, fresh=wishes.fresh)

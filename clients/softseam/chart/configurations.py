@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.duration import expected_duration
+from softseam.errors import SceneRefused
 from softseam.session import open as open_session
-from softseam_protocol.scene import BlockShape, Scene
+from softseam_protocol.scene import BlockShape, BodySpec, Scene
 
 Floats = NDArray[np.float64]
 Method = Literal["FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"]
@@ -67,7 +68,12 @@ class Frame:
 
 
 def frame_of(scene: Scene, name: str | Path, settings: Sequence[str]) -> Frame:
-    """Measure the scene's body; a mesh is read for it. Raises SceneRefused."""
+    """Measure the scene's body; a mesh is read for it. Raises SceneRefused, also for what FEM cannot simulate."""
+    if not isinstance(scene.body, BodySpec):
+        raise SceneRefused(
+            f"the scene {scene.name!r} has a {scene.body.kind}, which only particles simulate: "
+            "a chart compares with FEM, so it needs a solid body"
+        )
     shape = scene.body.shape
     if isinstance(shape, BlockShape):
         return Frame(scene, np.array(shape.size))
