@@ -189,4 +189,5 @@ class Squeeze:
             multiplier=multiplier,
             tool_position=self._tools(grip, lift),
             tool_orientation=np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)),
+            cell_energy=0.5 * grip * force * np.full(body.n_cells, 1.0 / body.n_cells),
         )

@@ -162,6 +162,11 @@ class Observation:
         """Principal Cauchy stresses, ascending, per octant of each cell (n_cells, 8, 3) [Pa]."""
         return principal_stress(self._fields().cauchy)
 
+    @property
+    def strain_energy(self) -> Floats:
+        """Strain energy of each cell, which sum to those of `regions` (n_cells,) [J]."""
+        return self._fields().cell_energy
+
     def _fields(self) -> Frame:
         if self.frame is None:
             raise FieldsNotObserved(
@@ -198,7 +203,7 @@ def observation_from(message: messages.Observation, tool_names: tuple[str, ...])
     arrays = [report.tool_position, report.tool_orientation, report.command, report.turning, report.wrench]
     arrays += [report.momentum, report.angular_momentum]
     if frame is not None:
-        arrays += [frame.x, frame.cauchy, frame.point_x, frame.contact_force]
+        arrays += [frame.x, frame.cauchy, frame.point_x, frame.contact_force, frame.cell_energy]
         frame.cell_near.setflags(write=False)
         frame.contact_tool.setflags(write=False)
     for array in arrays:

@@ -221,6 +221,12 @@ class Advanced:
     """cells squeezed so far that they count in part with full quadrature"""
     particles: ParticleReport | None = None
     """of a sheet or rope"""
+    n_substeps: Count = 1
+    """steps of the participant's own that the motion is made of"""
+    n_rejected: Count = 0
+    """substeps that were taken and given up, because their error was too large"""
+    step_error: float = 0.0
+    """largest estimated error in position that a substep made in time, 0 where it is not estimated [m]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,6 +286,8 @@ class Fields:
     contact_tool: ToolIds
     point_strain: Scalars = field(default_factory=_NO_SCALARS)
     """of a sheet or rope: largest stretch of what holds each surface point (p,) [1]"""
+    cell_energy: Scalars = field(default_factory=_NO_SCALARS)
+    """strain energy of each cell (n_cells,) [J]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -361,6 +369,12 @@ class RegionReport:
     gravity: float
     iterations: Count
     seconds: float
+    substeps: Count = 1
+    """the participant's own steps that this one is made of"""
+    rejected: Count = 0
+    """substeps that were taken and given up, because their error was too large"""
+    step_error: float = 0.0
+    """largest estimated error in position that a substep made in time, 0 where it is not estimated [m]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -414,6 +428,8 @@ class Frame:
     tool_orientation: Quaternions
     point_strain: Scalars = field(default_factory=_NO_SCALARS)
     """of a sheet or rope: largest stretch of what holds each surface point (P,) [1]"""
+    cell_energy: Scalars = field(default_factory=_NO_SCALARS)
+    """strain energy of each cell (n_cells,) [J]; empty in recordings from before there was one"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -404,6 +404,18 @@ class FemSpec(Spec):
         default=3e-5, description="Newton stops when no node moves more, relative to a cell edge [1]"
     )
     iterations: int = Field(default=30, ge=1, description="Newton iterations before the step is cut")
+    step_error: Positive | None = Field(
+        default=None,
+        description="largest error in position that a substep may make in time, relative to a cell edge; substeps are "
+        "as long as it allows; default: the step is one [1]",
+    )
+
+    @model_validator(mode="after")
+    def _substeps(self) -> FemSpec:
+        if self.step_error is not None and self.integrator in ("static", "symplectic_euler"):
+            why = {"static": "makes no error in time", "symplectic_euler": "divides steps by what is stable"}
+            raise _wrong(f"{self.integrator} {why[self.integrator]}: leave out step_error", "step_error")
+        return self
 
     @model_validator(mode="after")
     def _radius(self) -> FemSpec:
@@ -541,6 +553,14 @@ class Scene(Spec):
             if isinstance(phase, GripPhase | ReleasePhase):
                 key = "grip" if isinstance(phase, GripPhase) else "release"
                 raise _wrong("a body in cells is held by friction: close two tools on it", "motion", i, key)
+        if self.models.fem.step_error is not None and near is not None and "fem" in models:
+            raise _wrong(
+                "substeps by error cannot meet a seam, whose compliance is that of one step: leave out step_error and "
+                "shorten `step`, or give all cells to fem without regions.near",
+                "models",
+                "fem",
+                "step_error",
+            )
 
     def _known(self, names: tuple[str, ...], *at: str | int) -> None:
         """Raise if one of the names is not a tool."""

@@ -125,7 +125,7 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
         ready()
 
     def touch() -> None:
-        count = find_candidates(x, model, tools, contact, reach, work)
+        count = find_candidates(x, model, tools, contact, reach, 1.0, 1.0, work)
         evaluate_contacts(x, model, tools, count, work)
         add_contact_forces(model, count, work, work.r)
 

@@ -38,7 +38,7 @@ def _problem(
     low = model.x_rest[run.region.nodes[0] + 0, 2]
     touching = run.body.x_rest[run.region.nodes][model.point_node][:, 2] == low
     contact[touching, 0, :3] = multiplier
-    count = find_candidates(x - np.array(start), model, tools, contact, 1e-3, work)
+    count = find_candidates(x - np.array(start), model, tools, contact, 1e-3, 1.0, 1.0, work)
     return model, tree, work, tools, x, count
 
 
@@ -108,7 +108,7 @@ def test_tools_that_carry_a_point_along_do_not_rub() -> None:
     tools = tools._replace(orientation_next=turned, position_next=tools.position + np.array([[0.01, 0.0, 0.0]]))
     turn = np.array([[np.cos(half), -np.sin(half), 0.0], [np.sin(half), np.cos(half), 0.0], [0.0, 0.0, 1.0]])
     none = np.zeros((len(model.point_stiffness), 1, 6))
-    count = find_candidates(x, model, tools, none, 1e-3, work)
+    count = find_candidates(x, model, tools, none, 1e-3, 1.0, 1.0, work)
     evaluate_contacts(x @ turn.T + np.array([0.01, 0.0, 0.0]), model, tools, count, work)
     assert (work.state[:count] == STICK).all()
     assert np.abs(work.contact[:count, 9:12]).max() < 1e-16

@@ -8,6 +8,7 @@ import rerun.blueprint as rrb
 from softseam.replay import paths
 from softseam.replay.curves import Plot
 from softseam.replay.world import Scales
+from softseam.view import colors
 from softseam.view.tool_shapes import grid_spacing
 from softseam_protocol.scene import PlaneTool, Scene
 
@@ -25,6 +26,8 @@ def layout(
     body = [f"+ {paths.NEAR}", f"+ {paths.FAR}", f"+ {paths.GRID}", f"+ {paths.TOOLS}/**"]
     models = camera.view("Models: coral near, blue far", body)
     stress = camera.view("von Mises stress", [f"+ {paths.STRESS}", *edges, *planes])
+    density = colors.engineering(scales.energy, "J/m³")
+    energy = camera.view(f"Strain energy density, 0 to {density}", [f"+ {paths.ENERGY}", *edges, *planes])
     forces = camera.view(
         "Forces: contact yellow, seam green", [f"+ {paths.GHOST}", f"+ {paths.FORCES}/**", *edges, *planes]
     )
@@ -38,7 +41,7 @@ def layout(
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                rrb.Horizontal(models, rrb.Tabs(stress, forces, active_tab=0)),
+                rrb.Horizontal(models, rrb.Tabs(stress, forces, energy, active_tab=0)),
                 rrb.Tabs(*curves, active_tab=0),
                 row_shares=[1.7, 1.0],
             ),

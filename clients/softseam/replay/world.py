@@ -27,6 +27,8 @@ class Scales:
 
     stress: float
     """end of the colour scale [Pa]"""
+    energy: float
+    """end of the colour scale of the strain energy density [J/m^3]"""
     contact: float
     """contact force of the longest arrow [N]"""
     multiplier: float
@@ -38,15 +40,16 @@ class Scales:
 
 def find_scales(recording: Recording, surface: DisplaySurface) -> Scales:
     """Look at every frame once. The stress scale ends above 99.5 % of what is to be seen in 98 % of the frames."""
-    tops, contact, multiplier = [], 0.0, 0.0
+    tops, dense, contact, multiplier = [], [], 0.0, 0.0
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for frame in recording.frames():
         tops.append(float(np.quantile(surface.at_points(von_mises(frame.cauchy)), 0.995)))
+        dense.append(float(np.quantile(surface.energy_density(frame.cell_energy), 0.995)))
         contact = max(contact, _longest(frame.contact_force))
         multiplier = max(multiplier, _longest(frame.multiplier))
         low, high = np.minimum(low, frame.point_x.min(axis=0)), np.maximum(high, frame.point_x.max(axis=0))
-    usual = float(np.quantile(tops, 0.98)) if tops else 0.0
-    return Scales(colors.round_up(usual), contact, multiplier, low, high)
+    usual, dense_usual = (float(np.quantile(values, 0.98)) if values else 0.0 for values in (tops, dense))
+    return Scales(colors.round_up(usual), colors.round_up(dense_usual), contact, multiplier, low, high)
 
 
 class World:
@@ -67,7 +70,8 @@ class World:
             self._stream.log(f"{paths.TOOLS}/{tool.name}", _tool_mesh(tool), static=True)
             self._stream.log(f"{paths.TOOLS}/{tool.name}/edges", _tool_lines(tool), static=True)
         triangles = self._surface.triangles
-        self._stream.log(paths.STRESS, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
+        for path in (paths.STRESS, paths.ENERGY):
+            self._stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
         ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
         self._stream.log(paths.GHOST, ghost, static=True)
         for path, color in ((paths.NEAR, colors.NEAR), (paths.FAR, colors.FAR)):
@@ -80,11 +84,16 @@ class World:
             vertex_positions=vertices.astype(np.float32),
             vertex_normals=self._surface.normals(vertices).astype(np.float32),
         )
-        for path in (paths.NEAR, paths.FAR, paths.STRESS, paths.GHOST):
+        for path in (paths.NEAR, paths.FAR, paths.STRESS, paths.ENERGY, paths.GHOST):
             self._stream.log(path, shape)
         stress = self._surface.at_points(von_mises(frame.cauchy))
-        shades = colors.stress_colors(stress, self._scales.stress)[self._surface.vertex_point]
-        self._stream.log(paths.STRESS, rr.Mesh3D.from_fields(vertex_colors=shades))
+        energy = self._surface.energy_density(frame.cell_energy)
+        for path, values, top in (
+            (paths.STRESS, stress, self._scales.stress),
+            (paths.ENERGY, energy, self._scales.energy),
+        ):
+            shades = colors.stress_colors(values, top)[self._surface.vertex_point]
+            self._stream.log(path, rr.Mesh3D.from_fields(vertex_colors=shades))
         self._log_regions(frame)
         self._log_grid(frame)
         self._log_tools(frame)

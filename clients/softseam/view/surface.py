@@ -30,6 +30,7 @@ class DisplaySurface:
         """ends of the lines where cells' faces meet a flat surface, as surface points (L, 2)"""
         self.extent = float(np.ptp(mesh.point_rest, axis=0).max()) if len(mesh.point_rest) else 1.0
         """longest side of the bounding box at rest [m]"""
+        self._cell_volume = mesh.fill.mean(axis=1) * float(np.prod(mesh.edges))
 
     def vertices(self, point_x: Floats) -> Floats:
         """Positions of the display vertices (V, 3) [m]."""
@@ -53,6 +54,15 @@ class DisplaySurface:
         """A value per octant (C, 8), interpolated to the surface points (P,)."""
         flat = octant_values.reshape(-1)
         return np.asarray((flat[self._octant_ids] * self._octant_weights).sum(axis=1))
+
+    def energy_density(self, cell_energy: Floats) -> Floats:
+        """Strain energy of each cell (C,) [J] over its filled volume, interpolated to the surface points (P,) [J/m^3].
+
+        Zero where a recording has no energies.
+        """
+        if not len(cell_energy) or len(cell_energy) != len(self._cell_volume):
+            return np.zeros(len(self._octant_ids))
+        return self.at_points(np.repeat((cell_energy / np.maximum(self._cell_volume, 1e-300))[:, None], 8, axis=1))
 
 
 def von_mises(cauchy: Floats) -> Floats:

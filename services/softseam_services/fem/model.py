@@ -109,6 +109,8 @@ class FemModel(NamedTuple):
     """(p,)"""
     point_stiffness: Floats
     """r, 0 at points that are for display only (p,) [N/m]"""
+    swiftness: float
+    """rho h^2/(3 E), h the spacing of nodes: inertia of the layer rho h/3 that a point stands for over E/h [s^2]"""
     point_face: Ints
     """face that a point inside it belongs to; these come last, p counts them too. -1 at nodes of such faces, -2 at
     other points (p,)"""
@@ -142,6 +144,8 @@ class Work(NamedTuple):
     """how much of it `full` makes up (c,)"""
     mixed: Ints
     """how many cells `full` has a part of (1,)"""
+    energy: Floats
+    """of each cell (c,) [J]"""
     xe: Floats
     F: Floats
     P: Floats
@@ -165,7 +169,7 @@ class Work(NamedTuple):
     multiplier: Floats
     contact: Floats
     hold: Floats
-    """per pair: stiffness [N/m], and the part of the normal force that is carried over"""
+    """per pair: stiffness [N/m], the part of the normal force that is carried over, and the gap that is left [m]"""
     side: NDArray[np.int8]
     """per pair: side of the box that covers the point, -1 where the tool's gap counts"""
     state: NDArray[np.int8]
@@ -226,7 +230,8 @@ def build_model(
     point_cell = np.concatenate([region.point_cell, inner.cell]).astype(np.int32)
     of_point = np.repeat(np.arange(len(point_cell)), np.diff(pointer))
     local = np.argmax(region.cell_nodes[point_cell[of_point]] == node[:, None], axis=1)
-    per_area = body.material.young / (0.5 * float(body.edges.min()))
+    spacing = 0.5 * float(body.edges.min())
+    per_area = body.material.young / spacing
     stiffness = np.concatenate([PENALTY * per_area * body.surface.area[region.points], SOFT * per_area * inner.area])
     x, shape = cell_shapes(body, region)
     general = element != "hex27" or len(x) > 1 or body.material.kind not in _SPLITS
@@ -276,6 +281,7 @@ def build_model(
         point_weight=point_weight,
         point_cell=point_cell,
         point_stiffness=stiffness,
+        swiftness=body.material.density * spacing**2 / (3.0 * body.material.young),
         point_face=np.concatenate([np.where(inner.alone, ALONE, -1), inner.face]).astype(np.int32),
         face_nodes=inner.face_nodes,
         edged=inner.edged,
@@ -292,6 +298,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         part=np.ones(n_cells),
         full=np.zeros(n_cells),
         mixed=np.zeros(1, dtype=np.int32),
+        energy=np.zeros(n_cells),
         xe=np.empty((n_cells, 3, 27)),
         F=np.empty((n_cells, 3, 24)),
         P=np.empty((n_cells, 3, 24)),
@@ -312,7 +319,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         start=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
         contact=np.zeros((n_pairs, N_COLUMNS)),
-        hold=np.zeros((n_pairs, 2)),
+        hold=np.zeros((n_pairs, 3)),
         side=np.zeros(n_pairs, dtype=np.int8),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),

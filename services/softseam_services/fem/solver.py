@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ToolMotion
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.fem import substeps
 from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
@@ -32,6 +32,7 @@ from softseam_services.fem.kernels.newton import (
 )
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
+from softseam_services.fem.state import FemState
 from softseam_services.tools.kernels import all_finite
 from softseam_services.tools.tool_set import ToolSet
 
@@ -42,25 +43,9 @@ _FAILURES = {
 }
 _CAREFUL_ITERATIONS = 200
 _MOST_HALVINGS = 5
-
-
-@dataclass
-class FemState:
-    """Everything of a region that evolves (n nodes, p surface points, t tools)."""
-
-    x: Floats
-    """(n, 3) [m]"""
-    v: Floats
-    """(n, 3) [m/s]"""
-    contact: Floats
-    """per point and tool: force on the body [N], slip since contact began [m] (p, t, 6)"""
-    history: Floats
-    """what the integrator keeps of the steps before (k, n, 3)"""
-    past: float = 0.0
-    """length of the step that made the history, 0 where there is none [s]; of statics, the share of the load borne"""
-
-    def copy(self) -> FemState:
-        return FemState(self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy(), self.past)
+# Of the error that a substep may make in time, the share that Newton's method may leave.
+_UNSEEN = 1e-2
+_AT_ONCE = substeps.Substeps(n_accepted=1)
 
 
 class FemSolver:
@@ -81,6 +66,14 @@ class FemSolver:
         self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0)
         self._memo = np.zeros(N_MEMO)
         self._gather = gathering(self._model, len(region.points))
+        self._tolerance = self._spec.tolerance * self._model.edge
+        self._substeps: substeps.Substeps | None = None
+        # substeps alternate between two lengths, of which each keeps a factor of its own
+        self._both = [(self._work, self._memo)]
+        if self._spec.step_error is not None:
+            self._bound = self._spec.step_error * self._model.edge
+            self._tolerance = min(self._tolerance, _UNSEEN * self._bound)
+            self._both.append((build_work(self._model, self._tree, n_tools), np.zeros(N_MEMO)))
         shape = (len(self._model.point_face), n_tools, 6)
         if state is None:
             x, v, contact = body.x_rest[region.nodes], body.v_initial[region.nodes], np.zeros(shape)
@@ -97,6 +90,7 @@ class FemSolver:
             np.zeros((self._scheme.n_history, len(region.nodes), 3)),
         )
         self._next = self._committed.copy()
+        self._spare = [self._committed.copy() for _ in range(4)] if self._spec.step_error is not None else []
         self._tentative = False
         self._knows_stiffness = False
         self._step: tuple[int, int] | None = None
@@ -124,7 +118,7 @@ class FemSolver:
     @property
     def factorisations(self) -> int:
         """Matrices factored since the state was last set or a step failed."""
-        return int(self._memo[N_FACTORS])
+        return int(sum(memo[N_FACTORS] for _, memo in self._both))
 
     @property
     def state(self) -> FemState:
@@ -153,6 +147,12 @@ class FemSolver:
             end.x += now.x
         self._couple(request)
         whole = self._moved(request.tools)
+        if self._spec.step_error is not None:
+            status = self._adapt(now, end, request, whole)
+            if status != CONVERGED:
+                return self._failed(request, self._why(status), began)
+            self._tentative = True
+            return self._reply(request, "converged", began)
         status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
         if status == STALLED:
             # slow, but not lost: points that slip on the bound of friction; go on with a new factor
@@ -180,6 +180,7 @@ class FemSolver:
         most: int,
         careful: bool,
         parts_left: int = 1,
+        pace: float = 1.0,
     ) -> int:
         """One step, or one of the parts left of it, from `now` into `end`, whose x is the first guess.
 
@@ -188,12 +189,35 @@ class FemSolver:
         static = self._scheme.kind == STATIC
         past = raised(now.past, parts_left) if static else now.past
         status: int = kernel.advance(
-            self._scheme, now.x, now.v, past, now.history, now.contact, dt, force, self._model, self._tree, tools,
-            self._spec.tolerance * self._model.edge, most, careful, self._work, self._memo,
+            self._scheme, now.x, now.v, past, now.history, now.contact, dt, pace, force, self._model, self._tree, tools,
+            self._tolerance, most, careful, self._work, self._memo,
             end.x, end.v, end.history, end.contact, self._wrench, self._out, self._seam_x, self._distance,
         )  # fmt: skip
         end.past = past if static else dt
         return status
+
+    def _adapt(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:
+        """The step in substeps as long as the error in time allows; returns a status of `kernels.newton`."""
+
+        def take(begin: FemState, end: FemState, level: int, place: int) -> tuple[int, float, float]:
+            self._work, self._memo = self._both[level % 2]
+            share = 0.5**level
+            dt, tools = request.dt * share, _part_of(whole, place * share, (place + 1) * share)
+            iterations = 0.0
+            for careful in (False, True) if level >= substeps.DEEPEST else (False,):
+                most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
+                status = self._advance(begin, end, dt, request.seam_force, tools, most, careful, pace=share)
+                iterations += self._out[kernel.N_ITERATIONS]
+                if status == CONVERGED:
+                    break
+                self._memo[FACTORED] = 0.0
+                end.x[:] = begin.x
+            return status, float(self._out[kernel.TOOL_WORK]), iterations
+
+        report = substeps.advance(take, self._scheme, now, end, self._spare, request.dt, self._bound)
+        self._out[kernel.TOOL_WORK], self._out[kernel.N_ITERATIONS] = report.tool_work, report.iterations
+        self._substeps = report
+        return report.status
 
     def _insist(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:
         """What is left when the plain step failed: a careful one from `now`, then 2, 4 ... 32 parts."""
@@ -211,7 +235,9 @@ class FemSolver:
                         self._memo[:] = 0.0
                         end.x[:] = begin.x
                         most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
-                        status = self._advance(begin, end, dt, request.seam_force, tools, most, careful, pieces - piece)
+                        status = self._advance(
+                            begin, end, dt, request.seam_force, tools, most, careful, pieces - piece, 1.0 / pieces
+                        )
                         iterations += self._out[kernel.N_ITERATIONS]
                         if status == CONVERGED:
                             break
@@ -279,16 +305,19 @@ class FemSolver:
     def _failed(self, request: Advance, text: str, began: float) -> Advanced:
         now, end = self._committed, self._next
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
-        end.history[:], end.past = now.history, now.past
+        end.history[:], end.past, end.level = now.history, now.past, now.level
         self._tentative = False
         self._wrench[:] = 0.0
         self._out[:] = 0.0
-        self._memo[FACTORED] = 0.0
+        self._substeps = None
+        for _, memo in self._both:
+            memo[FACTORED] = 0.0
         self._seam_x[:] = now.x[self._region.seam]
         return self._reply(request, text, began)
 
     def _reply(self, request: Advance, status: str, began: float) -> Advanced:
         out, numbers = self._out, self._out.tolist()
+        taken = self._substeps or _AT_ONCE
         whole = request.compliance and status == "converged"
         return Advanced(
             request.header,
@@ -312,6 +341,9 @@ class FemSolver:
             out[kernel.LOWEST : kernel.LOWEST + 6].copy().reshape(2, 3),
             self._work.seam_actual.copy(),
             n_crushed=int(self._work.mixed[0]),
+            n_substeps=taken.n_accepted,
+            n_rejected=taken.n_rejected,
+            step_error=taken.error,
         )
 
     def commit(self) -> None:
@@ -324,6 +356,7 @@ class FemSolver:
         """Fields of the last advanced step."""
         state, region = self.state, self._region
         cauchy = np.zeros((len(region.cells), 8, 6))
+        strain_energy(state.x, self._model, self._work)
         cauchy_stress(state.x, self._model, self._work, cauchy)
         weights = self._model.point_weight[:, None] * state.x[self._model.point_node]
         point_x = np.add.reduceat(weights, self._model.point_ptr[:-1], axis=0) if len(weights) else np.zeros((0, 3))
@@ -339,6 +372,7 @@ class FemSolver:
             point_x=point_x[: len(region.points)],
             contact_force=force.sum(axis=1),
             contact_tool=_touched(size),
+            cell_energy=self._work.energy.copy(),
         )
 
     def snapshot(self) -> bytes:
@@ -346,15 +380,15 @@ class FemSolver:
         self.commit()
         self._forget()
         now = self._committed
-        return pack(now.x, now.v, now.contact, now.history, np.array([now.past]))
+        return pack(now.x, now.v, now.contact, now.history, np.array([now.past, float(now.level)]))
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
         now = self._committed
         x, v, contact, history, past = unpack(
-            state, now.x.shape, now.v.shape, now.contact.shape, now.history.shape, (1,)
+            state, now.x.shape, now.v.shape, now.contact.shape, now.history.shape, (2,)
         )
-        self._committed = FemState(x, v, contact, history, float(past[0]))
+        self._committed = FemState(x, v, contact, history, float(past[0]), int(past[1]))
         self._next = self._committed.copy()
         self._forget()
 
@@ -362,12 +396,15 @@ class FemSolver:
         self._tentative = False
         self._step = None
         self._knows_stiffness = False
-        self._memo[:] = 0.0
-        self._work.factored_state[:] = 0
+        for work, memo in self._both:
+            memo[:] = 0.0
+            work.factored_state[:] = 0
 
 
 def _part_of(whole: Tools, first: float, last: float) -> Tools:
     """The tools' motion between two fractions of the step; turns are interpolated along the shorter way."""
+    if last - first == 1.0:
+        return whole
     travel = whole.position_next - whole.position
     turn = np.where(
         np.sum(whole.orientation * whole.orientation_next, axis=1, keepdims=True) < 0.0,

@@ -83,6 +83,9 @@ class Accounts:
                 reply.gravity,
                 reply.iterations,
                 reply.seconds,
+                reply.n_substeps,
+                reply.n_rejected,
+                reply.step_error,
             )
         assert momentum is not None and angular is not None
         energies = Energies(kinetic, strain, gravity)

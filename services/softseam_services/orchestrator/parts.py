@@ -35,6 +35,9 @@ def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
             iterations=sum(part[name].iterations for part in parts),
             seconds=sum(part[name].seconds for part in parts),
             penetration=max(part[name].penetration for part in parts),
+            n_substeps=sum(part[name].n_substeps for part in parts),
+            n_rejected=sum(part[name].n_rejected for part in parts),
+            step_error=max(part[name].step_error for part in parts),
             wrench=np.mean([part[name].wrench for part in parts], axis=0),
         )
         for name, last in parts[-1].items()

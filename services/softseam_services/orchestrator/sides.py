@@ -111,10 +111,12 @@ def whole_frame(
     cauchy = np.empty((body.n_cells, 8, 6))
     point_x = np.empty((body.n_points, 3))
     strain = np.zeros(0)
+    energy = np.empty(body.n_cells)
     for name in reversed(sides.names):
         side = fields[name]
         x[side.nodes] = side.x
         cauchy[sides.cells[name]] = side.cauchy
+        energy[sides.cells[name]] = side.cell_energy
         point_x[side.points] = side.point_x
         strain = side.point_strain
     force, tool = contact_state(body, fields)
@@ -131,4 +133,5 @@ def whole_frame(
         position.copy(),
         orientation.copy(),
         strain,
+        energy,
     )

@@ -17,6 +17,7 @@ from softseam_services.tools.tool_set import ToolSet
 from .compliance import SeamProbe
 from .kernels import summary as k
 from .kernels.block import new_workspace
+from .kernels.energy import cell_energies
 from .kernels.lanes import aligned
 from .kernels.pairs import N_ROWS, WIDTH, place_points
 from .kernels.split import split_forces
@@ -59,7 +60,7 @@ class PbdSolver:
     ) -> None:
         self.model = model = build_model(scene, body, region, tools)
         self.substeps = model.substeps(scene.step)
-        self._dt, self._planned = scene.step, self.substeps
+        self._dt, self._planned, self._n_substeps = scene.step, self.substeps, self.substeps
         n, p, t = model.n_nodes, model.n_points, model.n_tools
         self._committed = new_state(n, model.blocks.n_batches, p, t)
         self._work = new_state(n, model.blocks.n_batches, p, t)
@@ -199,6 +200,7 @@ class PbdSolver:
             time.perf_counter() - start,
             self._cell_distance.copy(),
             result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
+            n_substeps=self._n_substeps,
         )
 
     def _share_out(self, request: Advance) -> None:
@@ -235,6 +237,7 @@ class PbdSolver:
         if request.dt != self._dt:
             self._dt, self._planned = request.dt, self.model.substeps(request.dt)
         n_substeps = self._planned * 2**attempt
+        self._n_substeps = n_substeps
         n_sweeps = self.model.spec.sweeps + attempt
         if work.monitor[0] < CRUSHED:
             n_sweeps = max(n_sweeps, 2)
@@ -298,6 +301,10 @@ class PbdSolver:
         cauchy = np.zeros((len(region.cells), 8, 6))
         blocks = model.blocks
         octant_stress(self._ws, self._xw, blocks.nodes, blocks.octant, blocks.constants, blocks.law, cauchy)
+        energy = np.zeros(len(region.cells))
+        cell_energies(
+            self._ws, self._xw, blocks.nodes, blocks.volume, blocks.octant, blocks.constants, blocks.law, energy
+        )
         point_x = np.zeros((model.n_points, 3))
         place_points(self._xw, model.indptr, model.node, model.weight, point_x)
         size = np.einsum("ptc,ptc->pt", state.force_mean, state.force_mean)
@@ -315,6 +322,7 @@ class PbdSolver:
             point_x=point_x,
             contact_force=state.force_mean.sum(axis=1),
             contact_tool=tool,
+            cell_energy=energy,
         )
 
     def snapshot(self) -> bytes:

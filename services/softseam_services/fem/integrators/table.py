@@ -37,3 +37,15 @@ def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool) -> S
     if name == "midpoint":
         return Scheme(MIDPOINT, np.array([midpoint.theta(radius)]), 0)
     return Scheme(GENERALISED_ALPHA, generalised_alpha.parameters(radius), generalised_alpha.N_HISTORY)
+
+
+def order(scheme: Scheme) -> int:
+    """Of convergence: the error of one step grows with its length to the power order + 1."""
+    return 1 if scheme.kind == IMPLICIT_EULER or (scheme.kind == MIDPOINT and scheme.parameters[0] > 0.5) else 2
+
+
+def halves_share(scheme: Scheme, dt: float, past: float) -> float:
+    """Error of two steps of dt/2 over their difference from one of dt, after a step of length `past` [1]."""
+    if scheme.kind == BDF2:
+        return bdf2.halves_share(dt, past)
+    return float(1.0 / (2 ** order(scheme) - 1))

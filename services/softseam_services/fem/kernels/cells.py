@@ -222,7 +222,10 @@ def add_cell_tangents(x, model, tree, work, safe):
 
 @njit(cache=True, error_model="numpy")
 def strain_energy(x, model, work):
-    """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(f) mu/2 sum_ab S_ab x_a . x_b."""
+    """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(f) mu/2 sum_ab S_ab x_a . x_b.
+
+    work.energy (c,) += each cell's
+    """
     deformation(x, model, work)
     mu, lam = model.mu, model.lambda_
     n_cells = len(model.cell_nodes)
@@ -230,6 +233,7 @@ def strain_energy(x, model, work):
     total = 0.0
     for cell in range(n_cells):
         F = work.F[cell]
+        own = 0.0
         for q in range(8):
             at = 3 * q
             square = cross = 0.0
@@ -247,12 +251,14 @@ def strain_energy(x, model, work):
                 J += F[0, at + 1] * (F[1, at + 2] * F[2, at] - F[1, at] * F[2, at + 2])
                 J += F[0, at + 2] * (F[1, at] * F[2, at + 1] - F[1, at + 1] * F[2, at])
                 density = 0.5 * mu * (square + 2.0 * trace) + volumetric(J, mu, lam)[0]
-            total += work.part[cell] * model.weight[cell, q] * density
+            own += model.weight[cell, q] * density
         quadratic = 0.0
         for i in range(3):
             for a in range(27):
                 quadratic += work.xe[cell, i, a] * work.fe[cell, i, a]
-        total += 0.5 * work.part[cell] * model.mean_fill[cell] * quadratic
+        own = work.part[cell] * (own + 0.5 * model.mean_fill[cell] * quadratic)
+        work.energy[cell] += own
+        total += own
     return total
 
 

@@ -39,7 +39,8 @@ def add_cell_tangents(x, model, tree, work, safe):
 
 @njit(cache=True, error_model="numpy")
 def strain_energy(x, model, work):
-    """Energy [J] whose gradient is f."""
+    """Energy [J] whose gradient is f; work.energy (c,) <- what each cell has of it."""
+    work.energy[:] = 0.0
     if model.general:
         energy = points.strain_energy(x, model, model.rule, work.part, work)
     else:

@@ -146,7 +146,7 @@ def subtract_forces(x, model, rule, part, work, r):
 
 @njit(cache=True, error_model="numpy")
 def strain_energy(x, model, rule, part, work):
-    """Energy [J] of eq. (1), whose gradient is f."""
+    """Energy [J] of eq. (1), whose gradient is f; work.energy (c,) += each cell's."""
     gather(x, model.cell_nodes, work.xe)
     n_elements, n_nodes = rule.nodes.shape
     averaged = len(rule.group_nodes) > 0
@@ -183,7 +183,9 @@ def strain_energy(x, model, rule, part, work):
                             product += xe[i, nodes[a]] * xe[i, nodes[b]]
                         square += rule.stabilisation[shape, element, a, b] * product
                 own += 0.5 * rule.fill[cell, element] * square
-        total += part[cell] * own
+        own *= part[cell]
+        work.energy[cell] += own
+        total += own
     return total
 
 

@@ -17,6 +17,7 @@ from softseam_services.fem.kernels.contact import (
     augment,
     evaluate_contacts,
     find_candidates,
+    firmness,
     point_position,
 )
 from softseam_services.fem.kernels.crushed import share_cells
@@ -106,7 +107,7 @@ def _summarise(x0, x, v, seam_force, model, work, out):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _implicit(scheme, x0, v0, past, history, contact0, dt, model, tree, tools, tolerance, most, careful,
+def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, tools, tolerance, most, careful,
               work, memo, x, v, history_next):  # fmt: skip
     """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""
     inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
@@ -122,7 +123,7 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, model, tree, tools, t
     search = True
     while True:
         if search:
-            count = find_candidates(x0, model, tools, contact0, reach, work)
+            count = find_candidates(x0, model, tools, contact0, reach, firmness(model, inertia), pace, work)
             search = False
         status, iterations = newton(
             x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, work, memo
@@ -150,10 +151,11 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, model, tree, tools, t
 
 
 @njit(cache=True, error_model="numpy")
-def advance(scheme, x0, v0, past, history, contact0, dt, seam_force, model, tree, tools, tolerance, most, careful,
+def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model, tree, tools, tolerance, most, careful,
             work, memo, x, v, history_next, contact, wrench, out, seam_x, distance):  # fmt: skip
     """One step from x0, v0, history, contact0 over dt; returns a status of `newton`.
 
+    pace: share of a penetration at the start that the step takes out, 1 but for parts of a step; see kernels/contact.py
     x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
     CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
     """
@@ -170,7 +172,7 @@ def advance(scheme, x0, v0, past, history, contact0, dt, seam_force, model, tree
         status, iterations = march(scheme.parameters[1], x0, v0, dt, model, work, memo, x, v)
     else:
         status, iterations, count = _implicit(
-            scheme, x0, v0, past, history, contact0, dt, model, tree, tools, tolerance, most, careful,
+            scheme, x0, v0, past, history, contact0, dt, pace, model, tree, tools, tolerance, most, careful,
             work, memo, x, v, history_next,
         )  # fmt: skip
     out[N_ITERATIONS] = iterations

@@ -1,0 +1,33 @@
+"""What of a region evolves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from softseam_services.body.body import Floats
+
+
+@dataclass
+class FemState:
+    """Everything of a region that evolves (n nodes, p surface points, t tools)."""
+
+    x: Floats
+    """(n, 3) [m]"""
+    v: Floats
+    """(n, 3) [m/s]"""
+    contact: Floats
+    """per point and tool: force on the body [N], slip since contact began [m] (p, t, 6)"""
+    history: Floats
+    """what the integrator keeps of the steps before (k, n, 3)"""
+    past: float = 0.0
+    """length of the step that made the history, 0 where there is none [s]; of statics, the share of the load borne"""
+    level: int = 0
+    """substeps by error begin with 2^-level of the step"""
+
+    def copy(self) -> FemState:
+        return FemState(self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy(), self.past, self.level)
+
+    def into(self, other: FemState) -> None:
+        """Write this state over the other."""
+        other.x[:], other.v[:], other.contact[:], other.history[:] = self.x, self.v, self.contact, self.history
+        other.past, other.level = self.past, self.level

@@ -1,0 +1,36 @@
+"""Strain energy of each cell for read-out."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
+
+from .block import ENERGY, VOLUME, gather
+from .general import energy_lanes_general
+from .lanes import LANES, move_four
+from .linear import energy_lanes_linear
+from .neo_hookean import energy_lanes
+
+
+@njit(cache=True, error_model="numpy")
+def cell_energies(ws, xw, nodes, volume, octant, constants, law, energy):
+    """V (psi(F) + 1/2 q^T K q) of the blocks of each cell.
+
+    volume  (b, LANES)  fill times volume [m^3]
+    octant  (b, LANES)  8 cell + octant, -1 for padding
+    energy  (c,)        [J], updated in place
+    """
+    energy[:] = 0.0
+    for batch in range(len(nodes)):
+        gather(ws, xw, nodes, batch)
+        move_four(ws, LANES * VOLUME, volume, LANES * batch)
+        if law == NEO_HOOKEAN:
+            energy_lanes(ws, constants)
+        elif law == LINEAR:
+            energy_lanes_linear(ws, constants)
+        else:
+            energy_lanes_general(ws, constants, law)
+        for lane in range(LANES):
+            if octant[batch, lane] >= 0:
+                energy[octant[batch, lane] // 8] += ws[LANES * ENERGY + lane]
