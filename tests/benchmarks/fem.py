@@ -103,7 +103,7 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
     build = time.process_time() - began
     solver = run.solver
     model, tree, work, memo = solver._model, solver._tree._replace(kind=kind), solver._work, solver._memo
-    tools = solver._tool_tuple(run.request().tools)
+    tools = solver._moved(run.request().tools)
     x, none = model.x_rest.copy(), np.zeros(0, dtype=np.int32)
     n = 3 * int(np.count_nonzero(tree.position >= 0))
     contact = solver._committed.contact
