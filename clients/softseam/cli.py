@@ -40,6 +40,10 @@ Settings = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. tools.left.friction=0.05. Repeatable."),
 ]
 
+Tolerance = Annotated[
+    float | None,
+    typer.Option("--tolerance", metavar="SHARE", help="Largest error of any quantity, e.g. 0.05 for 5 %."),
+]
 Deployment = Annotated[
     str | None, typer.Option("--deployment", metavar="NAME", help="Keeps apart what shares a router; default: local.")
 ]
@@ -57,6 +61,7 @@ def _out() -> Console:
     "softseam run tofu_grasp\n\n"
     "softseam run my.yaml --record run.mcap --report run.json --pictures pictures\n\n"
     "softseam run tofu_grasp --model fem --set step=0.005\n\n"
+    "softseam run tofu_grasp --tolerance 0.05\n\n"
     "softseam run tofu_grasp --set tools.left.friction=0.05 --set tools.right.friction=0.05"
 )
 def run(
@@ -71,13 +76,15 @@ def run(
     pictures: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw pictures into this folder.")] = None,
     connect: Endpoint = None,
     view: Annotated[bool, typer.Option("--view", help="Show the run in rerun afterwards.")] = False,
+    tolerance: Tolerance = None,
     settings: Settings = None,
 ) -> None:
     """Simulate a scene: progress, a closing table, and whatever files you ask for."""
     from softseam.running import Wishes
     from softseam.running import run as run_scene
 
-    run_scene(Wishes(scene, model, tuple(settings or ()), connect, record, report, pictures, view), _out())
+    wishes = Wishes(scene, model, tuple(settings or ()), connect, record, report, pictures, view, tolerance)
+    run_scene(wishes, _out())
 
 
 @app.command(epilog="[bold]Examples[/bold]\n\nsoftseam demo\n\nsoftseam demo --scene tofu_pads --out out/pads")
@@ -160,6 +167,40 @@ def chart(
     from softseam.chart.command import chart as draw_chart
 
     draw_chart(Wishes(scene, tuple(settings or ()), out, minutes, rivals, fresh), _out())
+
+
+@app.command(
+    epilog="[bold]What it does[/bold]\n\n"
+    "FEM alone is refined until every quantity of the scene is known to a quarter of the tolerance. Then the "
+    "configurations of [bold]softseam chart[/bold] are tried, cheapest first, until no other can be faster than the "
+    "best one that is accurate enough. The plan is kept in ~/.cache/softseam, and "
+    "[bold]softseam run --tolerance[/bold] follows it.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam plan tofu_grasp --tolerance 0.05\n\n"
+    "softseam plan tofu_grasp --tolerance 0.1 --rtf 50 --quantity grip_force --quantity slip"
+)
+def plan(
+    scene: SceneArgument,
+    tolerance: Tolerance = None,
+    rtf: Annotated[
+        float | None, typer.Option("--rtf", metavar="FACTOR", help="Least real-time factor; default: any.")
+    ] = None,
+    quantities: Annotated[
+        list[str] | None,
+        typer.Option("--quantity", metavar="NAME", help="What has to be accurate; default: all the scene asks for."),
+    ] = None,
+    minutes: Annotated[
+        float, typer.Option(metavar="MINUTES", help="Longest that the search may run, without compiling.")
+    ] = 5.0,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept plan, reference and runs.")] = False,
+    settings: Settings = None,
+) -> None:
+    """Find the least that a scene needs: the fastest way to simulate it within a tolerance."""
+    from softseam.plan.command import Wishes
+    from softseam.plan.command import plan as find_plan
+
+    wishes = Wishes(scene, tuple(settings or ()), tolerance, rtf, tuple(quantities or ()), minutes, fresh)
+    find_plan(wishes, _out())
 
 
 @app.command(

@@ -19,10 +19,11 @@ from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
 from softseam.progress import RunProgress
 from softseam.report import ReportBuilder, write_report
+from softseam.scenes import bundle_of
 from softseam.session import Session
 from softseam.session import open as open_session
 from softseam.showing import draw, drawing_errors
-from softseam.variants import Model
+from softseam.variants import Model, with_settings
 from softseam_protocol.facts import facts
 
 
@@ -38,6 +39,7 @@ class Wishes:
     report: Path | None = None
     pictures: Path | None = None
     view: bool = False
+    tolerance: float | None = None
 
 
 def run(wishes: Wishes, console: Console) -> dict[str, Any]:
@@ -47,6 +49,14 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
     for path in (wishes.record, wishes.report):
         if path is not None:
             _writable(path)
+    settings = wishes.settings
+    if wishes.tolerance is not None and wishes.model is not None:
+        raise BadInput("--model and --tolerance exclude each other: a tolerance chooses the model, too")
+    if wishes.model is None and (wishes.tolerance is not None or _tolerance(wishes) is not None):
+        from softseam.plan.command import Wishes as PlanWishes
+        from softseam.plan.command import planned
+
+        settings = (*settings, *planned(PlanWishes(wishes.scene, settings, wishes.tolerance), console))
     with tempfile.TemporaryDirectory(prefix="softseam-") as scratch:
         recording = wishes.record
         if recording is None and (wishes.pictures is not None or wishes.view):
@@ -56,7 +66,7 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
             record = recording is not None
         began = perf_counter()
         with open_session(
-            wishes.scene, wishes.connect, model=wishes.model, settings=wishes.settings, record=record
+            wishes.scene, wishes.connect, model=wishes.model, settings=settings, record=record
         ) as session:
             report = follow(session, console, began=began, model=wishes.model)
         if recording is not None:
@@ -73,6 +83,10 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
                 raise SoftseamError("nothing to draw: the recorder wrote no file that can be read from here")
             _show(recording, wishes, console)
     return report
+
+
+def _tolerance(wishes: Wishes) -> float | None:
+    return with_settings(bundle_of(wishes.scene)[0], wishes.settings).tolerance
 
 
 def follow(

@@ -63,7 +63,7 @@ def open(
     record: str | Path | bool | None = None,
     timeout: float = 120.0,
 ) -> Session:
-    """Open a session on a scene.
+    """Open a session on a scene. One with a `tolerance` is planned first, unless it was before or a model is given.
 
     scene     path of a scene file, the name of a bundled scene ("tofu_grasp"), or a Scene
     connect   endpoint of a router with an orchestrator behind it, e.g. "tcp/127.0.0.1:7447"; None: in this process
@@ -74,6 +74,11 @@ def open(
     """
     parsed, bundle = bundle_of(scene)
     varied = with_settings(parsed, settings)
+    if varied.tolerance is not None:
+        if model is None:
+            from softseam.plan.command import planned_quietly
+
+            varied = with_settings(varied, planned_quietly(scene, settings))
     if model is not None:
         varied = with_model(varied, model)
     if varied is not parsed:

@@ -12,6 +12,9 @@ from softseam_protocol import marked_yaml
 from softseam_protocol.scene import RegionsSpec, Scene
 from softseam_protocol.scene_file import SceneError, parse_scene, scene_json
 
+AS_GIVEN = ("budget=null", "tolerance=null")
+"""settings with which a scene is simulated as it stands, whatever accuracy it asks for"""
+
 Model = Literal["fem", "pbd", "hybrid"]
 
 

@@ -470,6 +470,12 @@ class SeamSpec(Spec):
     exchanges: int = Field(default=16, ge=1, description="most exchanges a step")
 
 
+class BudgetSpec(Spec):
+    """What simulating may cost."""
+
+    rtf: Positive = Field(description="least real-time factor: simulated over wall seconds, in one process [1]")
+
+
 class Scene(Spec):
     """One scene: a body, tools, their motion, and how to simulate them."""
 
@@ -495,8 +501,17 @@ class Scene(Spec):
         default={}, description="points of the body at rest [m]; von Mises stress and displacement are reported there"
     )
 
+    tolerance: Positive | None = Field(
+        default=None,
+        lt=1.0,
+        description="largest error of any quantity, L2 over time: cells, step and models are then chosen for it [1]",
+    )
+    budget: BudgetSpec | None = Field(default=None, description="what they may cost; goes with a tolerance")
+
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
+        if self.budget is not None and self.tolerance is None:
+            raise _wrong("a budget goes with a tolerance: add one, e.g. tolerance: 0.05", "budget")
         for i, phase in enumerate(self.motion):
             if isinstance(phase, TurnPhase) and phase.speed * self.step > LARGEST_TURN:
                 angle = phase.speed * self.step

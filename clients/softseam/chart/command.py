@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -21,7 +21,7 @@ from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
 from softseam.report import write_report
 from softseam.scenes import bundle_of
-from softseam.variants import with_settings
+from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
@@ -50,8 +50,9 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     require_extra("solve", "simulating in this process")
     require_extra("view", "drawing a chart")
     loaded, bundle = bundle_of(wishes.scene)
+    wishes = replace(wishes, settings=(*wishes.settings, *AS_GIVEN))
     scene = with_settings(loaded, wishes.settings)
-    names = _names(scene)
+    names = quantity_names(scene)
     rivals = read_rivals(wishes.rivals, scene.name) if wishes.rivals is not None else []
     began = perf_counter()
     frame = frame_of(scene, wishes.scene, wishes.settings)
@@ -77,7 +78,7 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     return rows, reference
 
 
-def _names(scene: Scene) -> tuple[str, ...]:
+def quantity_names(scene: Scene) -> tuple[str, ...]:
     """The quantities to compare: the scene's, and what it asks of its probes."""
     probed = [f"{probe}.{what}" for probe in scene.probes for what in ("von_mises", "displacement")]
     names = (*scene.quantities, *probed)

@@ -67,12 +67,12 @@ class Frame:
         return float(np.cbrt(np.prod(self.extent / np.array(self.counts(across)))))
 
 
-def frame_of(scene: Scene, name: str | Path, settings: Sequence[str]) -> Frame:
+def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:
     """Measure the scene's body; a mesh is read for it. Raises SceneRefused, also for what FEM cannot simulate."""
     if not isinstance(scene.body, BodySpec):
         raise SceneRefused(
             f"the scene {scene.name!r} has a {scene.body.kind}, which only particles simulate: "
-            "a chart compares with FEM, so it needs a solid body"
+            "charts and plans compare with FEM, so they need a solid body"
         )
     shape = scene.body.shape
     if isinstance(shape, BlockShape):

@@ -15,6 +15,7 @@ from softseam.errors import SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import Session
 from softseam.session import open as open_session
+from softseam_protocol.scene import Scene
 
 RUNS = 3
 """timed runs of a configuration"""
@@ -94,7 +95,7 @@ class _Stopped(Exception):
 
 
 def measure(
-    scene: str | Path,
+    scene: str | Path | Scene,
     settings: Sequence[str],
     names: tuple[str, ...],
     *,

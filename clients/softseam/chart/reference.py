@@ -28,6 +28,7 @@ from softseam.chart.store import Identity, Store
 from softseam.errors import SoftseamError
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
+from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 
 Floats = NDArray[np.float64]
@@ -99,7 +100,7 @@ class Reference:
 class Ladder:
     """Computes, or reads from the cache, the levels of a scene's reference."""
 
-    def __init__(self, name: str | Path, settings: Sequence[str], frame: Frame, names: tuple[str, ...]) -> None:
+    def __init__(self, name: str | Path | Scene, settings: Sequence[str], frame: Frame, names: tuple[str, ...]) -> None:
         self._name, self._settings, self._frame, self._names = name, tuple(settings), frame, names
         # an undamped body swings on, which implicit Euler would have to resolve with very short steps
         self.integrator = "implicit_euler" if frame.scene.tools else "bdf2"
@@ -185,10 +186,11 @@ Watch = Callable[[str, float], Told]
 """told what is computed now and its foreseen seconds; returns what is told of its progress"""
 
 
-def climb(ladder: Ladder, frame: Frame, budget: float, watch: Watch) -> Reference:
+def climb(ladder: Ladder, frame: Frame, budget: float, watch: Watch, target: float = TARGET) -> Reference:
     """Refine cells, then the step, until both are fine enough or the next level would not end within the budget.
 
     budget  wall time, without compiling [s]; levels from the cache cost nothing
+    target  how uncertain the cells and the step may each leave a quantity [1]
     """
     spent = 0.0
     step = frame.scene.step
@@ -214,7 +216,7 @@ def climb(ladder: Ladder, frame: Frame, budget: float, watch: Watch) -> Referenc
             enough = False
             break
         cells.append(across)
-        if len(cells) > 2 and _fine(_limits(ladder, frame, [(a, step) for a in cells])):
+        if len(cells) > 2 and _fine(_limits(ladder, frame, [(a, step) for a in cells]), target):
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
@@ -225,9 +227,9 @@ def climb(ladder: Ladder, frame: Frame, budget: float, watch: Watch) -> Referenc
             enough = False
             break
         steps.append(step / 2**halving)
-        if len(steps) > 2 and _fine(_limits(ladder, frame, [(at, s) for s in steps])):
+        if len(steps) > 2 and _fine(_limits(ladder, frame, [(at, s) for s in steps]), target):
             break
-    return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough)
+    return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough, target)
 
 
 def assemble(
@@ -236,6 +238,7 @@ def assemble(
     by_cells: Sequence[tuple[int, float]],
     by_steps: Sequence[tuple[int, float]],
     enough: bool,
+    target: float = TARGET,
 ) -> Reference:
     """The reference that levels refined in cells, and others refined in steps, lead to."""
     time = _common(ladder, [*by_cells, *by_steps])
@@ -260,7 +263,7 @@ def assemble(
         )
         uncertainty = part.uncertainty_cells + part.uncertainty_steps
         why = ""
-        if not by_cell.converges and part.uncertainty_cells > TARGET:
+        if not by_cell.converges and part.uncertainty_cells > target:
             why = "has no limit: finer cells change it by as much as coarser ones did"
         elif uncertainty > KNOWN:
             why = f"its reference is known to {100 * uncertainty:.2g} % only"
@@ -271,7 +274,7 @@ def assemble(
         truth = {name: Truth(t.values, t.scale, t.uncertainty) for name, t in truth.items()}
         enough = False
     levels = tuple(ladder.level(*level) for level in dict.fromkeys([*by_cells, *by_steps]))
-    complete = enough and all(t.uncertainty <= 2 * TARGET for t in truth.values() if not t.left_out)
+    complete = enough and all(t.uncertainty <= 2 * target for t in truth.values() if not t.left_out)
     return Reference(time, truth, parts, levels, ladder.integrator, complete)
 
 
@@ -289,14 +292,14 @@ def _limits(
     }
 
 
-def _fine(limits: Mapping[str, Limit]) -> bool:
+def _fine(limits: Mapping[str, Limit], target: float) -> bool:
     """Whether every quantity that has a limit is known to the target.
 
     Slip is not waited for: its scale, the tools' way, is not known here, and it hardly ever decides.
     """
     for name, found in limits.items():
         size = float(np.sqrt(np.mean(found.value**2)))
-        if name != "slip" and found.converges and not is_nothing(name, size) and found.uncertainty > TARGET * size:
+        if name != "slip" and found.converges and not is_nothing(name, size) and found.uncertainty > target * size:
             return False
     return True
 

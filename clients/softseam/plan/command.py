@@ -1,0 +1,183 @@
+"""`softseam plan`, and what a scene's `tolerance` asks for: find a plan, or read one that was found before."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from softseam.chart.command import quantity_names
+from softseam.chart.configurations import Configuration, configurations, frame_of
+from softseam.chart.machine import machine
+from softseam.chart.measure import Outcome, measure
+from softseam.chart.progress import ChartProgress
+from softseam.chart.reference import Ladder, cache_folder, climb
+from softseam.chart.store import Identity, Store
+from softseam.embedded import solver_digest
+from softseam.errors import BadInput, require_extra
+from softseam.plan.planner import REFERENCE, Goal, Plan, choose
+from softseam.scenes import bundle_of
+from softseam.variants import AS_GIVEN, with_settings
+from softseam.view.colors import label
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_file import bundle_scene, scene_hash
+
+RUNS = 1
+"""timed runs of a configuration"""
+REFERENCE_SHARE = 0.5
+"""of the budget, for the reference"""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What `softseam plan` was asked for; a tolerance or a speed that is None is the scene's."""
+
+    scene: str | Path | Scene
+    settings: tuple[str, ...] = ()
+    tolerance: float | None = None
+    rtf: float | None = None
+    quantities: tuple[str, ...] = ()
+    minutes: float = 5.0
+    fresh: bool = False
+
+
+def plan(wishes: Wishes, console: Console) -> Plan:
+    """Find the plan, or read it from the cache, and print it.
+
+    Raises BadInput, SceneRefused, and NoPlan where nothing is accurate and fast enough.
+    """
+    found = find(wishes, console)
+    show(found, console)
+    return found
+
+
+def find(wishes: Wishes, console: Console) -> Plan:
+    """The plan, from the cache where it is there."""
+    require_extra("solve", "planning, which simulates in this process,")
+    loaded, bundle = bundle_of(wishes.scene)
+    asked = with_settings(loaded, wishes.settings)
+    goal = _goal(wishes, asked)
+    wishes = replace(wishes, settings=(*wishes.settings, *AS_GIVEN))
+    scene = with_settings(loaded, wishes.settings)
+    names = _names(scene, wishes.quantities)
+    key = scene_hash(bundle_scene(scene, bundle.files))
+    code, here = solver_digest(), machine()
+    folder = cache_folder().with_name("plans") / f"{scene.name}-{key[:12]}-{_short(code)}-{_short(here)}"
+    store = Store(folder, Identity(key, code, here), "plan anew with --fresh")
+    if wishes.fresh:
+        store.clear()
+    name = f"plan-{_short(repr((goal, names)))}"
+    kept = store.read(name)
+    if kept is not None:
+        return Plan.from_json(kept)
+    found = _search(wishes, scene, goal, names, code, store, console)
+    store.write(name, found.as_json())
+    return found
+
+
+def _search(
+    wishes: Wishes, scene: Scene, goal: Goal, names: tuple[str, ...], code: str, store: Store, console: Console
+) -> Plan:
+    frame = frame_of(scene, wishes.scene, wishes.settings)
+    wanted = configurations(frame)
+    ladder = Ladder(wishes.scene, wishes.settings, frame, names)
+    ladder.open(code, fresh=wishes.fresh)
+    budget = 60.0 * wishes.minutes
+    began = perf_counter()
+    with ChartProgress(console) as progress:
+        target = 0.5 * REFERENCE * goal.tolerance
+        reference = climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference, target)
+        progress.known(reference)
+        progress.expect(wanted)
+
+        def run(configuration: Configuration) -> Outcome:
+            data = store.read(configuration.key)
+            if data is not None:
+                return Outcome.from_json(data)
+            left = budget - (perf_counter() - began)
+            if left < configuration.seconds:
+                return Outcome("left out", "give more --minutes")
+            settings = (*wishes.settings, *configuration.settings)
+            told = progress.configuration(configuration, (1 + RUNS) * configuration.seconds)
+            outcome = measure(wishes.scene, settings, names, runs=RUNS, limit=left, length=frame.length, told=told)
+            if outcome.status != "stopped":
+                store.write(configuration.key, outcome.as_json())
+            return outcome
+
+        return choose(goal, reference, wanted, run)
+
+
+def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:
+    """The settings with which a scene is simulated as its tolerance asks for; says on one line what they are."""
+    found = find(wishes, console)
+    choice = found.choice
+    text = (
+        f"planned for {100 * found.goal.tolerance:.2g} %: {choice.label}, which is off by {100 * choice.error:.2g} % "
+        f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time"
+    )
+    console.print(Text(text, style="dim"), soft_wrap=True)
+    return (*AS_GIVEN, *choice.settings)
+
+
+def planned_quietly(scene: str | Path | Scene, settings: Sequence[str]) -> tuple[str, ...]:
+    """The same for a program: progress goes to the terminal's standard error, if there is one."""
+    console = Console(stderr=True, quiet=not sys.stderr.isatty())
+    return planned(Wishes(scene, tuple(settings)), console)
+
+
+def show(found: Plan, console: Console) -> None:
+    """What was chosen, and what else was tried: the fastest ones, and what is wrong with them."""
+    table = Table(box=None, padding=(0, 2))
+    for name in ("", "real-time factor", "error", "decided by"):
+        table.add_column(name, justify="right" if name in ("real-time factor", "error") else "left")
+    for one in sorted(found.tried, key=lambda one: -one.rtf)[:12]:
+        chosen = one is found.choice
+        style = "bold green" if chosen else "" if one.error <= found.goal.tolerance else "dim"
+        mark = Text(("> " if chosen else "  ") + one.label, style=style)
+        known = one.error < float("inf")
+        error = f"{100 * one.error:.2g} %" if known else ""
+        table.add_row(mark, f"{one.rtf:.3g}", error, label(one.decided_by) if known else one.decided_by)
+    console.print(table)
+    choice = found.choice
+    text = (
+        f"{choice.label} is the fastest of {len(found.tried)} that were tried and is accurate to "
+        f"{100 * found.goal.tolerance:.2g} %: its worst error is {100 * choice.error:.2g} % "
+        f"({label(choice.decided_by)}), what is true being known to {100 * found.uncertainty:.2g} %"
+    )
+    console.print(Text(text), soft_wrap=True)
+    console.print(Text(" ".join(f"--set '{setting}'" for setting in choice.settings), style="dim"), soft_wrap=True)
+
+
+def _goal(wishes: Wishes, scene: Scene) -> Goal:
+    tolerance = scene.tolerance if wishes.tolerance is None else wishes.tolerance
+    if tolerance is None:
+        raise BadInput("say how accurate it has to be: --tolerance 0.05 allows every quantity to be 5 % off")
+    if not 0.0 < tolerance < 1.0:
+        raise BadInput(f"--tolerance {tolerance:g}: give a number between 0 and 1, e.g. 0.05 for 5 %")
+    kept = 0.0 if scene.budget is None or wishes.tolerance is not None else scene.budget.rtf
+    rtf = kept if wishes.rtf is None else wishes.rtf
+    if not 0.0 <= rtf < 1e9:
+        raise BadInput(f"--rtf {rtf:g}: give a number above zero, e.g. 20 for twenty times real time")
+    if not 0.0 < wishes.minutes < 1e5:
+        raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
+    return Goal(tolerance, rtf)
+
+
+def _names(scene: Scene, wanted: Sequence[str]) -> tuple[str, ...]:
+    """The quantities that count: those asked for, or all that the scene has."""
+    there = quantity_names(scene)
+    for name in wanted:
+        if name not in there:
+            raise BadInput(f"--quantity {name}: the scene {scene.name!r} observes {', '.join(there)}")
+    return tuple(wanted) or there
+
+
+def _short(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:8]

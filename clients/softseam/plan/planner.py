@@ -1,0 +1,167 @@
+"""Chooses how to simulate a scene: the fastest of the chart's configurations that is accurate enough.
+
+Nothing is guessed. The reference is FEM alone, refined until it is known to a fraction of the tolerance (the chart's
+reference.py); the configurations are tried cheapest first, each once, until those left cannot be faster than the best
+one found. What counts as an error is what a run differs from the reference by, plus what the reference may be off by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from softseam.chart.configurations import Configuration
+from softseam.chart.errors import errors
+from softseam.chart.measure import Outcome
+from softseam.chart.reference import Reference
+from softseam.chart.sweep import learn
+from softseam.errors import SoftseamError
+
+REFERENCE = 0.25
+"""the reference is refined until it is known to this share of the tolerance [1]"""
+WORST_REFERENCE = 0.75
+"""and no plan is made with one that is known worse than this [1]"""
+HOPE = 1.5
+"""a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""
+
+Measure = Callable[[Configuration], Outcome]
+
+
+class NoPlan(SoftseamError):
+    """Nothing that was tried is accurate enough and fast enough."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What a plan has to reach."""
+
+    tolerance: float
+    """largest error of any quantity, L2 over time and relative [1]"""
+    rtf: float = 0.0
+    """least real-time factor, 0 for any"""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A configuration that was run."""
+
+    label: str
+    settings: tuple[str, ...]
+    rtf: float
+    error: float
+    """bound of its worst error: infinite where it failed [1]"""
+    decided_by: str
+    """the quantity that is worst, or why it failed"""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What was chosen, and from what."""
+
+    goal: Goal
+    choice: Tried
+    tried: tuple[Tried, ...]
+    uncertainty: float
+    """of the reference [1]"""
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "tolerance": self.goal.tolerance,
+            "rtf": self.goal.rtf,
+            "uncertainty": self.uncertainty,
+            "choice": self.tried.index(self.choice),
+            "tried": [vars(one) | {"settings": list(one.settings), "error": _finite(one.error)} for one in self.tried],
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Plan:
+        """Raises KeyError, TypeError, ValueError or IndexError where the data are no plan."""
+        tried = tuple(
+            Tried(
+                str(one["label"]),
+                tuple(map(str, one["settings"])),
+                float(one["rtf"]),
+                float("inf") if one["error"] is None else float(one["error"]),
+                str(one["decided_by"]),
+            )
+            for one in data["tried"]
+        )
+        goal = Goal(float(data["tolerance"]), float(data["rtf"]))
+        return cls(goal, tried[int(data["choice"])], tried, float(data["uncertainty"]))
+
+
+def choose(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
+    """Try the configurations, cheapest first, until none that is left can be faster than the best one so far.
+
+    Raises NoPlan where none is accurate enough, or none of those fast enough; its text names the nearest.
+    """
+    if not reference.uncertainty <= WORST_REFERENCE * goal.tolerance:
+        raise NoPlan(
+            f"what is true is known to {_percent(reference.uncertainty)} only, too little to plan for "
+            f"{_percent(goal.tolerance)}: give more --minutes, or leave out the quantities that are not known better"
+        )
+    pace: dict[str, float] = {}
+    tried: list[Tried] = []
+    best: Tried | None = None
+    least = float("inf")
+    for configuration in sorted(wanted, key=lambda c: (c.seconds, c.key)):
+        if configuration.seconds * pace.get(configuration.method, 1.0) > HOPE * least:
+            continue
+        outcome = measure(configuration)
+        learn(pace, configuration, outcome)
+        one = judged(configuration, outcome, reference)
+        tried.append(one)
+        if one.error <= goal.tolerance and (best is None or one.rtf > best.rtf):
+            best, least = one, min(outcome.walls)
+    if best is None or best.rtf < goal.rtf:
+        raise NoPlan(_nearest(goal, best, tried))
+    return Plan(goal, best, tuple(tried), reference.uncertainty)
+
+
+def judged(configuration: Configuration, outcome: Outcome, reference: Reference) -> Tried:
+    """The bound of a run's worst error: what it differs by, plus what the reference may be off by."""
+    label, settings = configuration.label, configuration.settings
+    if outcome.status != "done" or outcome.series is None:
+        return Tried(label, settings, 0.0, float("inf"), f"{outcome.status}: {outcome.reason}")
+    found = errors(outcome.series, reference.time, reference.truth)
+    bounds = {
+        name: found[name].value + (0.0 if found[name].bound else reference.truth[name].uncertainty)
+        for name in reference.counted
+    }
+    decisive = max(bounds, key=lambda name: bounds[name])
+    return Tried(label, settings, outcome.rtf, bounds[decisive], decisive)
+
+
+def _nearest(goal: Goal, best: Tried | None, tried: Sequence[Tried]) -> str:
+    """Why there is no plan, and what comes nearest."""
+    done = [one for one in tried if np.isfinite(one.error)]
+    if not done:
+        reasons = "; ".join(dict.fromkeys(one.decided_by for one in tried)) or "there was nothing to try"
+        return f"no configuration could be run: {reasons}"
+    if best is None:
+        near = min(done, key=lambda one: one.error)
+        return (
+            f"nothing that was tried is accurate to {_percent(goal.tolerance)}: {near.label} comes nearest with "
+            f"{_percent(near.error)} at {near.rtf:.3g} times real time ({near.decided_by}): allow more, or ask for "
+            "fewer quantities"
+        )
+    fast = [one for one in done if one.rtf >= goal.rtf]
+    text = (
+        f"nothing that was tried is accurate to {_percent(goal.tolerance)} at {goal.rtf:.3g} times real time: "
+        f"{best.label} is accurate at {best.rtf:.3g} times"
+    )
+    if fast:
+        near = min(fast, key=lambda one: one.error)
+        text += f", {near.label} fast enough with {_percent(near.error)} ({near.decided_by})"
+    return text
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.2g} %"
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
