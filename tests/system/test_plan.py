@@ -1,0 +1,78 @@
+"""`softseam plan`, `run --tolerance`, and a scene that says how accurate it has to be, through the command and Python."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import softseam
+
+SCENE = """\
+softseam: 1
+name: pressed
+step: 0.01
+gravity: [0, 0, 0]
+body:
+  shape: {kind: block, size: [0.02, 0.02, 0.02]}
+  cell: 0.01
+  material: {kind: neo_hookean, young: 20.0e3, poisson: 0.40, density: 1000}
+tools:
+  left: {kind: box, size: [0.01, 0.03, 0.03], position: [-0.0151, 0, 0.01], friction: 0.6}
+  right: {kind: box, size: [0.01, 0.03, 0.03], position: [0.0151, 0, 0.01], friction: 0.6}
+motion:
+  - {tools: [left, right], close: 0.02, until: {compression: 0.1}}
+  - {hold: 0.05}
+quantities: [grip_force]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plan")
+    (folder / "pressed.yaml").write_text(SCENE)
+    (folder / "tolerant.yaml").write_text(SCENE + "tolerance: 0.2\n")
+    return folder
+
+
+def ask(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"XDG_CACHE_HOME": str(folder / "cache"), "COLUMNS": "200"}
+    command = [sys.executable, "-m", "softseam.cli", *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.slow
+def test_a_plan_is_found_kept_and_followed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = ask(folder, "plan", "pressed.yaml", "--tolerance", "0.2", "--minutes", "1")
+    assert found.returncode == 0, found.stderr
+    assert "is the fastest of" in found.stdout and "is accurate to 20 %" in found.stdout
+    again = ask(folder, "plan", "pressed.yaml", "--tolerance", "0.2")
+    assert again.stdout[-200:] == found.stdout[-200:] and "reference," not in again.stdout
+    run = ask(folder, "run", "pressed.yaml", "--tolerance", "0.2")
+    assert run.returncode == 0 and run.stdout.startswith("planned for 20 %: "), run.stderr
+    # the same body and tolerance, said in the scene
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    with softseam.open(folder / "tolerant.yaml") as planned, softseam.open(folder / "tolerant.yaml", model="fem") as plain:
+        assert planned.scene.tolerance is None and plain.scene.step == 0.01
+        assert (planned.scene.step, planned.scene.regions, planned.scene.body.cell) != (
+            plain.scene.step,
+            plain.scene.regions,
+            plain.scene.body.cell,
+        )
+        assert planned.run().quantities["grip_force"] == pytest.approx(plain.run().quantities["grip_force"], rel=0.4)
+
+
+@pytest.mark.slow
+def test_what_cannot_be_reached_is_said_before_a_run(folder: Path) -> None:
+    refused = ask(folder, "run", "pressed.yaml", "--tolerance", "0.2", "--set", "budget.rtf=1e6")
+    assert refused.returncode == 2 and "a budget goes with a tolerance" in refused.stderr
+    refused = ask(folder, "plan", "pressed.yaml", "--tolerance", "0.2", "--rtf", "1e6")
+    assert refused.returncode == 2 and "at 1e+06 times real time:" in refused.stderr
+    for arguments in (["--tolerance", "2"], [], ["--tolerance", "0.1", "--quantity", "slip"]):
+        wrong = ask(folder, "plan", "pressed.yaml", *arguments)
+        assert wrong.returncode == 2 and len(wrong.stderr.splitlines()) <= 2, wrong.stderr
+    both = ask(folder, "run", "pressed.yaml", "--tolerance", "0.2", "--model", "fem")
+    assert both.returncode == 2 and "exclude each other" in both.stderr

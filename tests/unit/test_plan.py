@@ -1,0 +1,104 @@
+"""The planner's choice: the fastest of what is accurate enough, and no more runs than that takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from softseam.chart.configurations import Configuration
+from softseam.chart.errors import Truth
+from softseam.chart.measure import Outcome
+from softseam.chart.reference import Part, Reference
+from softseam.chart.series import Series
+from softseam.plan.planner import Goal, NoPlan, Plan, choose
+
+TIME = np.linspace(0.0, 1.0, 5)
+FLAT = np.ones(5)
+
+
+def reference(uncertainty: float = 0.001, left_out: str = "") -> Reference:
+    part = Part(0.0, 0.0, 1.0, 1.0, 0.0)
+    truth = {"grip_force": Truth(FLAT, 1.0, uncertainty), "sag": Truth(FLAT, 1.0, uncertainty, left_out)}
+    return Reference(TIME, truth, {"grip_force": part, "sag": part}, (), "implicit_euler", True)
+
+
+def configuration(key: str, seconds: float) -> Configuration:
+    return Configuration(key, "XPBD", key, (f"name={key}",), seconds)
+
+
+def outcome(wall: float, force: float, sag: float = 0.0) -> Outcome:
+    """A run of one second that is off by these shares."""
+    series = Series(TIME, np.zeros(5), {"grip_force": FLAT * (1.0 + force), "sag": FLAT * (1.0 + sag)})
+    return Outcome("done", series=series, walls=(wall,), simulated=1.0, steps=5)
+
+
+class Bench:
+    """Measures what it was given, and notes what it was asked for."""
+
+    def __init__(self, outcomes: Mapping[str, Outcome]) -> None:
+        self.outcomes, self.asked = outcomes, list[str]()
+
+    def __call__(self, configuration: Configuration) -> Outcome:
+        self.asked.append(configuration.key)
+        return self.outcomes[configuration.key]
+
+
+WANTED = [configuration("dear", 10.0), configuration("cheap", 0.1), configuration("middle", 1.0)]
+
+
+def test_the_fastest_that_is_accurate_enough_is_chosen_and_dearer_ones_are_not_run() -> None:
+    bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.03)})
+    plan = choose(Goal(0.05), reference(), WANTED, bench)
+    assert plan.choice.label == "middle" and plan.choice.settings == ("name=middle",)
+    assert bench.asked == ["cheap", "middle"]
+    assert plan.choice.error == pytest.approx(0.03 + 0.001) and plan.choice.decided_by == "grip_force"
+
+
+def test_a_foreseen_cost_that_was_wrong_does_not_hide_a_faster_one() -> None:
+    """The dearer by estimate is tried as long as it may be faster, and wins by what was measured."""
+    wanted = [configuration("first", 1.0), configuration("second", 1.2)]
+    bench = Bench({"first": outcome(1.0, 0.01), "second": outcome(0.5, 0.02)})
+    assert choose(Goal(0.05), reference(), wanted, bench).choice.label == "second"
+
+
+def test_every_quantity_that_counts_has_to_be_accurate() -> None:
+    runs = {"cheap": outcome(0.1, 0.0, sag=0.3), "middle": outcome(1.0, 0.0, sag=0.01)}
+    assert choose(Goal(0.05), reference(), WANTED, Bench(runs)).choice.label == "middle"
+    assert choose(Goal(0.05), reference(left_out="no limit"), WANTED, Bench(runs)).choice.label == "cheap"
+
+
+def test_what_the_reference_may_be_off_by_counts_as_an_error() -> None:
+    """4 % off a truth that is known to 2 % may be 6 % off what is true."""
+    runs = {"cheap": outcome(0.1, 0.04), "middle": outcome(1.0, 0.025), "dear": outcome(10.0, 0.0)}
+    plan = choose(Goal(0.05), reference(0.02), WANTED, Bench(runs))
+    assert plan.choice.label == "middle" and plan.choice.error == pytest.approx(0.045)
+
+
+def test_a_reference_that_is_not_known_well_enough_makes_no_plan() -> None:
+    with pytest.raises(NoPlan, match=r"known to 4 % only, too little to plan for 5 %: give more --minutes"):
+        choose(Goal(0.05), reference(0.04), WANTED, Bench({}))
+
+
+def test_where_nothing_is_accurate_the_nearest_is_named() -> None:
+    runs = {"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.1), "dear": Outcome("failed", "it diverged")}
+    with pytest.raises(NoPlan, match=r"accurate to 5 %: middle comes nearest with 10 % at 1 times real time"):
+        choose(Goal(0.05), reference(), WANTED, Bench(runs))
+    lost = dict.fromkeys(runs, Outcome("failed", "it diverged"))
+    with pytest.raises(NoPlan, match="no configuration could be run: failed: it diverged"):
+        choose(Goal(0.05), reference(), WANTED, Bench(lost))
+
+
+def test_where_the_accurate_ones_are_too_slow_both_sides_are_named() -> None:
+    runs = {"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.01), "dear": outcome(10.0, 0.0)}
+    with pytest.raises(NoPlan) as caught:
+        choose(Goal(0.05, rtf=5.0), reference(), WANTED, Bench(runs))
+    assert "middle is accurate at 1 times, cheap fast enough with 20 % (grip_force)" in str(caught.value)
+    assert choose(Goal(0.05, rtf=0.5), reference(), WANTED, Bench(runs)).choice.label == "middle"
+
+
+def test_a_plan_is_read_as_it_was_written() -> None:
+    runs = {"cheap": Outcome("failed", "it diverged"), "middle": outcome(1.0, 0.01), "dear": outcome(10.0, 0.0)}
+    plan = choose(Goal(0.05), reference(), WANTED, Bench(runs))
+    assert Plan.from_json(plan.as_json()) == plan
