@@ -1,4 +1,4 @@
-"""`softseam plan`, `run --tolerance`, and a scene that says how accurate it has to be, through the command and Python."""
+"""`softseam plan`, `run --tolerance`, and a scene that says how accurate it has to be: by command and from Python."""
 
 from __future__ import annotations
 
@@ -55,7 +55,10 @@ def test_a_plan_is_found_kept_and_followed(folder: Path, monkeypatch: pytest.Mon
     assert run.returncode == 0 and run.stdout.startswith("planned for 20 %: "), run.stderr
     # the same body and tolerance, said in the scene
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-    with softseam.open(folder / "tolerant.yaml") as planned, softseam.open(folder / "tolerant.yaml", model="fem") as plain:
+    with (
+        softseam.open(folder / "tolerant.yaml") as planned,
+        softseam.open(folder / "tolerant.yaml", model="fem") as plain,
+    ):
         assert planned.scene.tolerance is None and plain.scene.step == 0.01
         assert (planned.scene.step, planned.scene.regions, planned.scene.body.cell) != (
             plain.scene.step,
