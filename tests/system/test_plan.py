@@ -60,11 +60,7 @@ def test_a_plan_is_found_kept_and_followed(folder: Path, monkeypatch: pytest.Mon
         softseam.open(folder / "tolerant.yaml", model="fem") as plain,
     ):
         assert planned.scene.tolerance is None and plain.scene.step == 0.01
-        assert (planned.scene.step, planned.scene.regions, planned.scene.body.cell) != (
-            plain.scene.step,
-            plain.scene.regions,
-            plain.scene.body.cell,
-        )
+        assert planned.scene.body != plain.scene.body or planned.scene.step != plain.scene.step
         assert planned.run().quantities["grip_force"] == pytest.approx(plain.run().quantities["grip_force"], rel=0.4)
 
 

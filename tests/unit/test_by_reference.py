@@ -34,7 +34,7 @@ class Outer(NamedTuple):
 def outer(**changes: Any) -> Outer:
     matrix = np.arange(24.0).reshape(4, 6)[:, ::2]  # not contiguous
     counts, flags = np.array([3, 4], dtype=np.int32), np.array([True, False])
-    fields = {"matrix": matrix, "counts": counts, "flags": flags, "inner": Inner(np.array([-7.0]))}
+    fields: dict[str, Any] = {"matrix": matrix, "counts": counts, "flags": flags, "inner": Inner(np.array([-7.0]))}
     return Outer(**(fields | {"scale": -0.5, "n": -3, "on": True} | changes))
 
 
