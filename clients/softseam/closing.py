@@ -17,6 +17,10 @@ _SHOWN = {
     "compression": ("compression", "%", 1e2),
     "peak_von_mises": ("peak von Mises", "kPa", 1e-3),
     "tip_deflection": ("tip deflection", "mm", 1e3),
+    "worst_stretch": ("worst stretch", "%", 1e2),
+    "stretch_violation": ("violation, stretch", "%", 1e2),
+    "bending_violation": ("violation, bending", "%", 1e2),
+    "held": ("particles held", "", 1.0),
 }
 _PROBED = {"von_mises": ("kPa", 1e-3), "displacement": ("mm", 1e3)}
 _COLOR = {"lifted": "green", "held": "green", "finished": "green"}

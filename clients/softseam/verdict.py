@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softseam.columns import Columns
-from softseam_protocol.scene import MovePhase, Scene
+from softseam_protocol.scene import MovePhase, ReleasePhase, Scene
 
 _RISE = 0.002
 """tools that rise less than this lift nothing [m]"""
@@ -35,6 +35,8 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
         return Verdict("unfinished", "no step was taken")
     movers = {name for phase in scene.motion if isinstance(phase, MovePhase) for name in phase.tools}
     rises = [(columns[f"tool.{name}.z"], name) for name in sorted(movers)]
+    if any(isinstance(phase, ReleasePhase) for phase in scene.motion):
+        rises = []  # what is let go is not lifted
     rise = max((float(z[-1] - z.min()) for z, _ in rises), default=0.0)
     if rise < _RISE:
         return Verdict("finished" if done else "unfinished", f"the run came to its end{end}" if done else end[6:])

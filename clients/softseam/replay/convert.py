@@ -37,10 +37,10 @@ def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
     tabs = log_curves(stream, builder.columns, recording.scene)
     if scales is None or surface is None:
         return rrb.Blueprint(auto_views=True)
-    log_scale(stream, scales.stress)
+    log_scale(stream, surface, scales.stress)
     text = summary(recording, builder, scales)
     stream.log(paths.SUMMARY, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-    return layout(recording.scene, tabs, scales, surface.extent, has_events=has_events)
+    return layout(recording.scene, tabs, scales, surface, has_events=has_events)
 
 
 def _at(stream: rr.RecordingStream, time: float, step: int) -> None:

@@ -12,6 +12,7 @@ from softseam.replay import paths
 from softseam.replay.world import Scales
 from softseam.report import ReportBuilder
 from softseam.view import colors
+from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages import Event
 
 _ALARMS = ("solver", "seam", "participant_lost", "alarm", "recording")
@@ -50,7 +51,7 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str
     return "\n".join(lines)
 
 
-def log_scale(stream: rr.RecordingStream, top: float) -> None:
+def log_scale(stream: rr.RecordingStream, surface: DisplaySurface, top: float) -> None:
     """The colour scale as a small picture."""
     from matplotlib.figure import Figure
 
@@ -58,10 +59,10 @@ def log_scale(stream: rr.RecordingStream, top: float) -> None:
     figure = Figure(figsize=(4.2, 0.95), dpi=200, facecolor="#181b22")
     axes = figure.add_axes((0.06, 0.48, 0.88, 0.3))
     ramp = colors.stress_colors(np.linspace(0.0, top, 512), top)
-    axes.imshow(ramp[None, :, :], aspect="auto", extent=(0.0, top / 1e3, 0.0, 1.0))
+    axes.imshow(ramp[None, :, :], aspect="auto", extent=(0.0, top * surface.load_factor, 0.0, 1.0))
     axes.set_yticks([])
     axes.tick_params(colors=ink, labelsize=8, length=2)
-    axes.set_xlabel("von Mises stress [kPa], fixed over the run", color=ink, fontsize=8)
+    axes.set_xlabel(f"{surface.load_label}, fixed over the run", color=ink, fontsize=8)
     for spine in axes.spines.values():
         spine.set_visible(False)
     buffer = io.BytesIO()

@@ -9,6 +9,7 @@ from softseam.replay import paths
 from softseam.replay.curves import Plot
 from softseam.replay.world import Scales
 from softseam.view import colors
+from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import grid_spacing
 from softseam_protocol.scene import PlaneTool, Scene
 
@@ -16,16 +17,17 @@ _BACKGROUND = (24, 27, 34)
 
 
 def layout(
-    scene: Scene, tabs: dict[str, list[Plot]], scales: Scales, extent: float, *, has_events: bool
+    scene: Scene, tabs: dict[str, list[Plot]], scales: Scales, surface: DisplaySurface, *, has_events: bool
 ) -> rrb.Blueprint:
     """Models and stress side by side, curves below, facts to the right."""
     ground = any(isinstance(tool, PlaneTool) for tool in scene.tools.values())
     edges = [f"+ {paths.TOOLS}/{name}/edges" for name in scene.tools]
     planes = [f"+ {paths.TOOLS}/{name}/**" for name, tool in scene.tools.items() if isinstance(tool, PlaneTool)]
-    camera = _Camera(scales, extent, grid=not ground)
+    load = surface.load_label.partition(" [")[0]
+    camera = _Camera(scales, surface.extent, grid=not ground)
     body = [f"+ {paths.NEAR}", f"+ {paths.FAR}", f"+ {paths.GRID}", f"+ {paths.TOOLS}/**"]
     models = camera.view("Models: coral near, blue far", body)
-    stress = camera.view("von Mises stress", [f"+ {paths.STRESS}", *edges, *planes])
+    stress = camera.view(load, [f"+ {paths.STRESS}", *edges, *planes])
     density = colors.engineering(scales.energy, "J/m³")
     energy = camera.view(f"Strain energy density, 0 to {density}", [f"+ {paths.ENERGY}", *edges, *planes])
     forces = camera.view(
@@ -34,7 +36,7 @@ def layout(
     curves = [rrb.Horizontal(*[_plot(plot) for plot in plots], name=name) for name, plots in tabs.items() if plots]
     side: list[rrb.View | rrb.Container] = [
         rrb.TextDocumentView(origin=paths.SUMMARY, name="Run"),
-        rrb.Spatial2DView(origin=paths.SCALE, name="von Mises scale", background=_BACKGROUND),
+        rrb.Spatial2DView(origin=paths.SCALE, name=f"Scale of {load}", background=_BACKGROUND),
     ]
     if has_events:
         side.append(_events())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from softseam.recording import Recording
 from softseam.replay import paths
 from softseam.view import colors
-from softseam.view.surface import DisplaySurface, von_mises
+from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import ToolShape, tool_shapes
 from softseam_protocol.messages import Frame
 
@@ -26,7 +26,7 @@ class Scales:
     """Fixed over the run, so that one picture can be compared with another."""
 
     stress: float
-    """end of the colour scale [Pa]"""
+    """end of the colour scale of what `DisplaySurface.load` gives"""
     energy: float
     """end of the colour scale of the strain energy density [J/m^3]"""
     contact: float
@@ -43,7 +43,7 @@ def find_scales(recording: Recording, surface: DisplaySurface) -> Scales:
     tops, dense, contact, multiplier = [], [], 0.0, 0.0
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for frame in recording.frames():
-        tops.append(float(np.quantile(surface.at_points(von_mises(frame.cauchy)), 0.995)))
+        tops.append(float(np.quantile(surface.load(frame), 0.995)))
         dense.append(float(np.quantile(surface.energy_density(frame.cell_energy), 0.995)))
         contact = max(contact, _longest(frame.contact_force))
         multiplier = max(multiplier, _longest(frame.multiplier))
@@ -86,7 +86,7 @@ class World:
         )
         for path in (paths.NEAR, paths.FAR, paths.STRESS, paths.ENERGY, paths.GHOST):
             self._stream.log(path, shape)
-        stress = self._surface.at_points(von_mises(frame.cauchy))
+        stress = self._surface.load(frame)
         energy = self._surface.energy_density(frame.cell_energy)
         for path, values, top in (
             (paths.STRESS, stress, self._scales.stress),

@@ -14,7 +14,7 @@ from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas
-from softseam.view.surface import DisplaySurface, von_mises
+from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import ToolShape, grid_spacing, rotate, tool_shapes
 from softseam_protocol.messages import Frame
 
@@ -34,7 +34,7 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     assert recording.surface is not None
     surface = DisplaySurface(recording.surface)
     frames = _pick(recording)
-    stresses = [surface.at_points(von_mises(frame.cauchy)) for frame in frames]
+    stresses = [surface.load(frame) for frame in frames]
     top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
     tools = tool_shapes(recording.scene, surface.extent, recording.surface.tools)
     camera, height = _camera(frames, tools, surface.extent)
@@ -55,7 +55,7 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
             axes[row, column].set_axis_off()
         time = frame.header.time + recording.scene.step
         axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
-    _legend(figure, builder, top, tall)
+    _legend(figure, builder, surface, top, tall)
     return write(figure, path)
 
 
@@ -125,7 +125,7 @@ def _draw(
     return [canvas.image(layer) for layer in range(2)]
 
 
-def _legend(figure: Figure, builder: ReportBuilder, top: float, tall: float) -> None:
+def _legend(figure: Figure, builder: ReportBuilder, surface: DisplaySurface, top: float, tall: float) -> None:
     """What the colours mean, below the rows."""
     models = builder.columns.models
     patches = [
@@ -145,9 +145,9 @@ def _legend(figure: Figure, builder: ReportBuilder, top: float, tall: float) -> 
     )
     scale = figure.add_axes((0.60, 0.50 / tall, 0.37, 0.17 / tall))
     ramp = colors.stress_colors(np.linspace(0.0, top, 512), top)
-    scale.imshow(ramp[None], aspect="auto", extent=(0.0, top / 1e3, 0.0, 1.0))
+    scale.imshow(ramp[None], aspect="auto", extent=(0.0, top * surface.load_factor, 0.0, 1.0))
     scale.set_yticks([])
     scale.tick_params(labelsize=9, colors=SOFT, length=2)
-    scale.set_xlabel("von Mises stress [kPa]", fontsize=9.5, color=INK, labelpad=1)
+    scale.set_xlabel(surface.load_label, fontsize=9.5, color=INK, labelpad=1)
     for spine in scale.spines.values():
         spine.set_visible(False)

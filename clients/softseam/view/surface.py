@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import SurfaceMesh
+from softseam_protocol.messages import Frame, SurfaceMesh
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,6 +31,9 @@ class DisplaySurface:
         self.extent = float(np.ptp(mesh.point_rest, axis=0).max()) if len(mesh.point_rest) else 1.0
         """longest side of the bounding box at rest [m]"""
         self._cell_volume = mesh.fill.mean(axis=1) * float(np.prod(mesh.edges))
+        self._in_cells = len(mesh.cell_center) > 0
+        self.load_label, self.load_factor = ("von Mises stress [kPa]", 1e-3) if self._in_cells else ("stretch [%]", 1e2)
+        """what `load` gives, and the factor to the unit that it is shown in"""
 
     def vertices(self, point_x: Floats) -> Floats:
         """Positions of the display vertices (V, 3) [m]."""
@@ -48,7 +51,13 @@ class DisplaySurface:
 
     def near(self, cell_near: NDArray[np.int8]) -> NDArray[np.bool_]:
         """Which triangles belong to the near region (T,)."""
+        if not self._in_cells:
+            return np.zeros(len(self.triangles), dtype=np.bool_)
         return np.asarray(cell_near[self._triangle_cell] != 0)
+
+    def load(self, frame: Frame) -> Floats:
+        """What the body bears at its surface points: von Mises stress [Pa], or a sheet's stretch [1] (P,)."""
+        return self.at_points(von_mises(frame.cauchy)) if self._in_cells else frame.point_strain
 
     def at_points(self, octant_values: Floats) -> Floats:
         """A value per octant (C, 8), interpolated to the surface points (P,)."""

@@ -78,7 +78,7 @@ class ParticleSolver:
         self._work_arrays = (
             self._xw,
             np.zeros((n, 3)),
-            np.zeros((n, 3)),
+            np.zeros((2, n, 3)),
             np.zeros(n, dtype=np.int64),
             np.zeros((n, 3)),
             np.zeros((n + 8, 3)),

@@ -23,11 +23,11 @@ def list_pairs(x, n, x_rest, within, apart, cube, start, order, first, second):
     cube (n, 3) int64, start (2^p + 1,) int32, order (n,) int32 are workspace; pairs go into first and second
     (capacity,). Returns their number; more than the capacity where not all found room.
     """
-    mask = len(start) - 2
+    mask, per = len(start) - 2, 1.0 / within
     start[:] = 0
     for i in range(n):
         for axis in range(3):
-            cube[i, axis] = np.int64(np.floor(x[i, axis] / within))
+            cube[i, axis] = np.int64(np.floor(x[i, axis] * per))
         start[_bucket(cube[i, 0], cube[i, 1], cube[i, 2], mask) + 1] += 1
     for b in range(len(start) - 1):
         start[b + 1] += start[b]

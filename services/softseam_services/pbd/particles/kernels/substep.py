@@ -46,6 +46,13 @@ def _farthest(xw, x_listed, n):
 
 
 @njit(cache=True, error_model="numpy")
+def _note(xw, x_listed, n):
+    """Remember where particles are as contacts are listed: x_listed (n, 3) in place."""
+    for i in range(n):
+        x_listed[i, 0], x_listed[i, 1], x_listed[i, 2] = xw[i, 0], xw[i, 1], xw[i, 2]
+
+
+@njit(cache=True, error_model="numpy")
 def _velocities(xw, x_prev, v, n, h, drag):
     """v = (x - x_n)/h/(1 + c h): of clamped and held particles without drag, which their holder overcomes."""
     for i in range(n):
@@ -130,7 +137,7 @@ def advance_step(
     wrench[:] = 0.0
     outcome[:] = 0.0
     share = 1.0 / n_substeps
-    listed, count, n_pairs = -1, 0, 0
+    listed, count, n_pairs = 0, 0, 0
     tool_pose(0.0, position, orientation, position_next, orientation_next, place[0], turn[0])
     for s in range(n_substeps):
         now, then = s % 2, (s + 1) % 2
@@ -142,19 +149,18 @@ def advance_step(
                 v_prev[k, axis] = v[ids[k], axis]
         _predict(xw, x_prev, v, n, gravity, h)
         carry(xw, n_held, ids, held, local, place[then], turn[then])
-        way = margin if listed < 0 else np.sqrt(_farthest(xw, x_listed, n)) + (s + 1 - listed) * travel
-        if way >= 0.5 * margin:
+        if s == 0 or np.sqrt(_farthest(xw, x_listed[0], n)) + (s - listed) * travel >= 0.5 * margin:
             listed = s
-            for i in range(n):
-                x_listed[i, 0], x_listed[i, 1], x_listed[i, 2] = xw[i, 0], xw[i, 1], xw[i, 2]
+            _note(xw, x_listed[0], n)
             reach = radius + margin
             count = list_contacts(xw, xw, n, kind, shape, place[then], turn[then], reach, particle, tool)
-            if layers[0] > 0.0:
-                reach = 2.0 * radius + margin
-                n_pairs = list_pairs(xw, n, x_rest, reach, layers[0], cube, start, order, first, second)
-                if n_pairs > len(first):
-                    n_pairs = len(first)
-                    outcome[CROWDED] = 1.0
+        if layers[0] > 0.0 and (s == 0 or np.sqrt(_farthest(xw, x_listed[1], n)) >= 0.5 * margin):
+            _note(xw, x_listed[1], n)
+            reach = 2.0 * radius + margin
+            n_pairs = list_pairs(xw, n, x_rest, reach, layers[0], cube, start, order, first, second)
+            if n_pairs > len(first):
+                n_pairs = len(first)
+                outcome[CROWDED] = 1.0
         push[:count] = 0.0
         s_lambda[:] = 0.0
         b_lambda[:] = 0.0
