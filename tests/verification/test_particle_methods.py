@@ -35,7 +35,7 @@ def test_a_forced_spring_answers_as_its_transfer_function_says(stiffness: float,
 
 
 def test_the_chapters_answer_to_exercise_9_4_is_not_what_xpbd_does() -> None:
-    """It takes k_eff = 1/(alpha + dt^2/m) for the stiffness. At rest XPBD shows 1/alpha, whatever the step and the mass."""
+    """It takes k_eff = 1/(alpha + dt^2/m). At rest XPBD shows 1/alpha, whatever the step and the mass."""
     for h in (0.01, 0.001):
         still = transfer(1000.0, 1.0, h, 0.0)
         assert still == pytest.approx(1.0 / 1000.0, rel=1e-12)

@@ -15,7 +15,7 @@ from softseam_services.orchestrator.simulation import Simulation
 
 
 def test_the_rope_scene_hangs_in_a_catenary() -> None:
-    """y = a cosh(x/a), L = 2 a sinh(d/2a), horizontal tension H = w a: shape within 0.3 % of the length, H within 2 %."""
+    """y = a cosh(x/a), L = 2 a sinh(d/2a): shape within 0.3 % of the length, horizontal tension w a within 2 %."""
     simulation = Simulation(load_scene(Path(__file__).parents[2] / "scenes" / "rope.yaml").bundle, EmbeddedTransport())
     reports = []
     while not simulation.done:

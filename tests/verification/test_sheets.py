@@ -39,7 +39,7 @@ def bent(body: ParticleBody, x: Floats) -> float:
 def test_a_lattice_has_the_stiffness_of_its_membrane(
     divisions: tuple[int, int], shear: float | None, strain: tuple[float, float, float]
 ) -> None:
-    """Uniform small strain: energy per area 1/2 (C11 (ex^2 + ey^2) + 2 C12 ex ey + G g^2), C12 = G, Y = C11 - C12^2/C11."""
+    """Uniform small strain: energy per area 1/2 (C11 (ex^2 + ey^2) + 2 C12 ex ey + G g^2), C12 = G."""
     body = build(divisions=divisions, shear=shear)
     ex, ey, g = 1e-6 * np.array(strain)
     x = body.x_rest.copy()
