@@ -227,6 +227,10 @@ class Advanced:
     """substeps that were taken and given up, because their error was too large"""
     step_error: float = 0.0
     """largest estimated error in position that a substep made in time, 0 where it is not estimated [m]"""
+    residual: float = 0.0
+    """PBD: what the stress of the blocks lacks to that of their shapes at the end of the step, relative [1]"""
+    alarm: str = ""
+    """what the participant's monitor saw and did about it in this step; empty where that was nothing"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,6 +74,8 @@ def advanceds(draw: st.DrawFn) -> Advanced:
         seam_force=draw(arrays(s, 3)),
         fields=None,
         n_crushed=draw(counts),
+        residual=draw(numbers),
+        alarm=draw(st.sampled_from(["", "sweeps 2: über 3"])),
     )
 
 

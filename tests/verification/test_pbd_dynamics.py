@@ -125,28 +125,6 @@ def test_substeps_far_beyond_the_plan_are_caught() -> None:
     assert "retried" in _kicked(BODIES[1], "neo_hookean", 1, 0.4)
 
 
-@pytest.mark.parametrize("how", ["crushed", "stretched", "flattened", "mirrored", "scrambled", "a point"])
-@pytest.mark.parametrize("sweeps", [1, 2])
-def test_torn_shapes_recover(how: str, sweeps: int) -> None:
-    scene = block_scene(step=0.01, pbd={"sweeps": sweeps})
-    rest = PbdRun(scene).body.x_rest
-    rng = np.random.default_rng(0)
-    x = {
-        "crushed": rest * np.array([1.0, 1.0, 0.2]),
-        "stretched": rest * np.array([5.0, 1.0, 1.0]),
-        "flattened": rest * np.array([1.0, 1.0, 0.0]),
-        "mirrored": rest * np.array([-1.0, 1.0, 1.0]),
-        "scrambled": rng.uniform(-0.025, 0.025, rest.shape),
-        "a point": 1e-9 * rng.standard_normal(rest.shape),
-    }[how]
-    run = PbdRun(scene, x=np.ascontiguousarray(x))
-    last = run.run(3.0)[-1]
-    volume_ratio = run.solver._committed.monitor[0]
-    assert volume_ratio > 0.99
-    # A strain of 1 % in all of the body is 1.25e-4 m^3 x 20 kPa x 1e-4/2.
-    assert last.strain < 1.25e-4
-
-
 def test_the_clamped_end_stays() -> None:
     run = PbdRun(cantilever((0.2, 0.05, 0.05), 0.05, 1e5, 0.4))
     run.run(0.1)

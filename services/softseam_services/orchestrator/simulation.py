@@ -116,6 +116,7 @@ class Simulation:
     def _forget(self) -> None:
         """The last step is another's."""
         self._crushed = 0
+        self._alarmed: set[str] = set()
         self._report: StepReport | None = None
         self._frame: Frame | None = None
 
@@ -286,7 +287,7 @@ class Simulation:
             self._lift_base = height
 
     def _warn(self, replies: Mapping[str, Advanced]) -> None:
-        """Tell of alarms of the energy, and of the first cells that are crushed."""
+        """Tell of alarms of the energy, of the first cells that are crushed, and of what a monitor did."""
         at = f"step {self._clock.step - 1}"
         for alarm in self._accounts.raised:
             self._event("energy", f"{at}: {alarm.value}")
@@ -294,6 +295,10 @@ class Simulation:
         if crushed and not self._crushed:
             self._event("cells", f"{at}: {crushed} cells are squeezed beyond half: full quadrature")
         self._crushed = crushed
+        for name, reply in replies.items():
+            if reply.alarm and name not in self._alarmed:
+                self._event("monitor", f"{at}, {name}: {reply.alarm}")
+        self._alarmed = {name for name, reply in replies.items() if reply.alarm}
 
     def _event(self, kind: str, message: str) -> None:
         event = Event(self._clock.now(), kind, message)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from enum import Enum
 
 import numpy as np
 
@@ -14,11 +13,13 @@ from softseam_services.body.body import Body, Floats, Region
 from softseam_services.tools.kernels import all_finite
 from softseam_services.tools.tool_set import ToolSet
 
+from . import watch
 from .compliance import SeamProbe
 from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.energy import cell_energies
 from .kernels.lanes import aligned
+from .kernels.monitor import N_FIGURES
 from .kernels.pairs import N_ROWS, WIDTH, place_points
 from .kernels.split import split_forces
 from .kernels.stress import octant_stress
@@ -28,28 +29,12 @@ from .model import KAPPA, build_model
 from .pair import Pair
 from .state import decode_state, encode_state, new_state
 
-RETRIES = 3
-"""how often a failed step is tried again, each time with twice the substeps and one more sweep"""
-COLD = 2
-"""attempt from which on carried forces start from zero"""
 MARGIN = 0.1
 """points within this many block edges of a tool, and what speeds add to it, are tried for contact"""
 TOUCH = 1e-3
 """gap below which a handed-over point touches a tool, in block edges"""
-RISE = 0.5
-"""largest rise of the energy in a step beyond the work done on it, relative to energy plus work; impacts reach 0.1"""
-CRUSHED = 0.3
-"""least volume ratio below which a step takes two sweeps: one is not always enough to turn a block right side out"""
-
-
-class Fault(Enum):
-    """Outcome of a step; the text names the remedy."""
-
-    NONE = "converged"
-    INPUT = "a tool pose, the seam force or dt is not finite or not positive: check the request"
-    ANCHOR = "PBD takes a seam force that is constant over the step: leave seam_anchor empty on this side"
-    DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
-    ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
+COLLAPSE_STEP = 1e-4
+"""size, relative to rest, that a body without shape is given again"""
 
 
 class PbdSolver:
@@ -71,7 +56,7 @@ class PbdSolver:
         self._xw = aligned(n + 8, 4)
         self._xw[:n, 3] = model.inverse_mass
         self._xw[n:, :3] = model.blocks.padding_x
-        self._energies = np.zeros((model.blocks.n_batches, 2))
+        self._figures = np.zeros((model.blocks.n_batches, N_FIGURES))
         self._scratch = (
             self._xw,
             np.zeros((n, 3)),
@@ -86,7 +71,7 @@ class PbdSolver:
             np.zeros((2, t, 4)),
             np.zeros((2, t, 12)),
             np.zeros(n),
-            self._energies,
+            self._figures,
         )
         self._wrench = np.zeros((t, 6))
         self._margin = MARGIN * float(model.blocks.edges.min())
@@ -140,41 +125,46 @@ class PbdSolver:
         state.a[:] = model.inverse_mass[:, None] * force[:n, :3]
         batch_energies(
             *(self._ws, self._xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law, 0, blocks.n_batches),
-            self._energies,
+            self._figures,
         )
-        strain, least_j = strain_energy(self._energies)
+        strain, least_j = strain_energy(self._figures)
         kinetic = 0.5 * float(region.mass @ np.einsum("nc,nc->n", state.v, state.v))
         gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
-        state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None)
+        stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(model.x_rest, axis=0).max())
+        state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
         self._floor = 1e-8 * model.body.material.mu * float(blocks.volume.sum())
 
     @property
     def strain(self) -> float:
         """Strain energy of the last committed step [J]."""
-        return float(self._committed.monitor[2])
+        return float(self._committed.monitor[watch.STRAIN])
 
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
         committed, work = self._committed, self._work
         result = self._result
-        iterations = 0
-        fault = Fault.ANCHOR if len(request.seam_anchor) else Fault.INPUT
-        if fault is Fault.INPUT and _finite(request):
-            if committed.monitor[4] != 0.0:
+        iterations, notice = 0, ""
+        fault = watch.Fault.ANCHOR if len(request.seam_anchor) else watch.Fault.INPUT
+        if fault is watch.Fault.INPUT and _finite(request):
+            if committed.monitor[watch.UNSHARED] != 0.0:
                 self._share_out(request)
-            for attempt in range(RETRIES + 1):
-                iterations += self._try(request, attempt)
-                fault = self._check()
-                if fault is Fault.NONE:
+            cause = ""
+            for attempt in range(watch.RETRIES + 1):
+                n_substeps, n_sweeps = self._try(request, attempt)
+                iterations += n_substeps * n_sweeps
+                fault = watch.check(result, committed.monitor, self._floor)
+                notice = watch.alarm(cause, result, committed.monitor, attempt, n_substeps, n_sweeps)
+                lagging = attempt == 0 and watch.grows(result, committed.monitor)
+                if fault is watch.Fault.NONE and not lagging:
                     break
-        if fault in (Fault.INPUT, Fault.ANCHOR, Fault.DIVERGED):
+                cause = fault.value.split(":")[0] if fault is not watch.Fault.NONE else "the residual grows"
+        if fault in (watch.Fault.INPUT, watch.Fault.ANCHOR, watch.Fault.DIVERGED):
             np.copyto(work.buffer, committed.buffer)
             result[:] = 0.0
             self._wrench[:] = 0.0
             self._cell_distance[:] = 0.0
         else:
-            work.monitor[0], work.monitor[1] = result[k.LEAST_J], result[k.KINETIC]
-            work.monitor[2], work.monitor[3] = result[k.STRAIN], result[k.GRAVITY]
+            watch.remember(work.monitor, result)
         self._tentative = True
         compliance = np.zeros((0, 0))
         if request.compliance:
@@ -201,6 +191,8 @@ class PbdSolver:
             self._cell_distance.copy(),
             result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
             n_substeps=self._n_substeps,
+            residual=numbers[k.RESIDUAL],
+            alarm=notice,
         )
 
     def _share_out(self, request: Advance) -> None:
@@ -220,17 +212,19 @@ class PbdSolver:
             TOUCH * float(model.blocks.edges.min()),
             state.force,
         )
-        state.monitor[4] = 0.0
+        state.monitor[watch.UNSHARED] = 0.0
 
-    def _try(self, request: Advance, attempt: int) -> int:
-        """One attempt at the step from the committed state into the tentative one; returns the sweeps taken.
+    def _try(self, request: Advance, attempt: int) -> tuple[int, int]:
+        """One attempt at the step from the committed state into the tentative one; returns substeps and sweeps.
 
         Attempt 0 is the plan. Later ones halve the substep each time and sweep once more; from the second on the
         carried forces start from zero, because those of a torn shape throw the nodes apart.
         """
         work, motion = self._work, request.tools
         np.copyto(work.buffer, self._committed.buffer)
-        if attempt >= COLD:
+        if work.monitor[watch.STRETCH] < watch.COLLAPSED:
+            work.x[:] += COLLAPSE_STEP * (self.model.x_rest - self.model.x_rest.mean(axis=0))
+        if attempt >= watch.COLD:
             work.stress[:] = 0.0
             work.a[:] = 0.0
             work.force[:] = 0.0
@@ -239,7 +233,7 @@ class PbdSolver:
         n_substeps = self._planned * 2**attempt
         self._n_substeps = n_substeps
         n_sweeps = self.model.spec.sweeps + attempt
-        if work.monitor[0] < CRUSHED:
+        if watch.needs_two_sweeps(work.monitor):
             n_sweeps = max(n_sweeps, 2)
         self._pair.run(
             n_substeps * n_sweeps,
@@ -268,18 +262,7 @@ class PbdSolver:
             KAPPA,
             self._margin,
         )
-        return int(n_substeps * n_sweeps)
-
-    def _check(self) -> Fault:
-        """Whether the tentative step can be believed."""
-        now = self._result.tolist()
-        if not math.isfinite(sum(now)):
-            return Fault.DIVERGED
-        _, kinetic, strain, gravity, _ = self._committed.monitor.tolist()
-        tools, seam = now[k.TOOL_WORK], now[k.SEAM_WORK]
-        rise = now[k.KINETIC] + now[k.STRAIN] + now[k.GRAVITY] - kinetic - strain - gravity - tools - seam
-        scale = kinetic + strain + abs(tools) + abs(seam) + now[k.PUSHED] + self._floor
-        return Fault.ENERGY if rise > RISE * scale else Fault.NONE
+        return n_substeps, n_sweeps
 
     def _compliance(self, request: Advance) -> Floats:
         if self._probe is None or self._probe.dt != request.dt:

@@ -9,6 +9,7 @@ import numpy as np
 from softseam_services.body.body import Floats
 
 from .kernels.block import N_STRESS
+from .watch import N_MONITOR
 
 
 @dataclass(frozen=True)
@@ -31,13 +32,12 @@ class PbdState:
     force_mean: Floats
     """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
     monitor: Floats
-    """least volume ratio of all blocks, kinetic, strain and gravity energy [J] at the end of the last step, and
-    1 where contact forces wait to be shared out among tools (5,)"""
+    """what the last step left for the monitor, see `watch` (N_MONITOR,)"""
 
 
 def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     """A zero state for n nodes, b batches, p points and t tools."""
-    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 3), (5,))
+    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 3), (N_MONITOR,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)
@@ -45,7 +45,7 @@ def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     return PbdState(buffer, *views)
 
 
-MAGIC = b"softseam pbd 2\n"
+MAGIC = b"softseam pbd 3\n"
 
 
 def encode_state(state: PbdState) -> bytes:

@@ -14,9 +14,10 @@ from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs
 from .crew import done, first_share, next_share, wait_for
+from .monitor import batch_residuals, residual
 from .pairs import find_pairs, place_points, store_pairs
 from .relax import relax
-from .summary import LEAST_J, SEAM_WORK, STRAIN, TOOL_WORK, summarise
+from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, strain_energy
 from .tool_motion import tool_motions, tool_pose
 
@@ -119,7 +120,7 @@ def advance_step(
     quaternion,
     motion,
     node_gap,
-    energies,
+    figures,
     # results, overwritten
     force_mean,
     wrench,
@@ -282,7 +283,8 @@ def advance_step(
             )
     first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
     while first < end:
-        batch_energies(ws, xw, nodes, volume, constants, law, first, end, energies)
+        batch_energies(ws, xw, nodes, volume, constants, law, first, end, figures)
+        batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, figures)
         first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
     before += len(nodes)
     if rank > 0:
@@ -312,6 +314,7 @@ def advance_step(
         n_substeps,
         result,
     )
-    result[STRAIN], result[LEAST_J] = strain_energy(energies)
+    result[STRAIN], result[LEAST_J] = strain_energy(figures)
+    result[RESIDUAL], result[STRETCH] = residual(figures)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
     cell_distances(x, cell_nodes, kind, shape, pose[1], quaternion[1], near, node_gap, cell_distance)

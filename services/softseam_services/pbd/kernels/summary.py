@@ -11,8 +11,8 @@ from .lanes import four, three
 from .pairs import DEPTH, EIGHT, MEAN, POINT, SLIP_SINCE
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
-MOMENTUM, ANGULAR, BOUNDS, N_PAIRS = 10, 13, 16, 22
-N_RESULTS = 23
+MOMENTUM, ANGULAR, BOUNDS, N_PAIRS, RESIDUAL, STRETCH = 10, 13, 16, 22, 23, 24
+N_RESULTS = 25
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

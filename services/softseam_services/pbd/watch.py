@@ -1,0 +1,82 @@
+"""Whether a step can be believed, and what is done at once where it cannot: the monitor of the PBD participant."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+
+from softseam_services.body.body import Floats
+
+from .kernels import summary as k
+
+RETRIES = 3
+"""how often a failed step is tried again, each time with twice the substeps and one more sweep"""
+COLD = 2
+"""attempt from which on carried forces start from zero, because those of a torn shape throw the nodes apart"""
+RISE = 0.5
+"""largest rise of the energy in a step beyond the work done on it, relative to energy plus work; impacts reach 0.1"""
+CRUSHED, STRETCHED, LAGGING = 0.3, 3.0, 0.6
+"""a volume ratio below, a stretch or a residual above these takes two sweeps in the next step: one is not always enough
+to turn a block right side out"""
+GROWTH = 1.5
+"""a residual above LAGGING that grew by more than this in a step has the step repeated once"""
+COLLAPSED = 1e-4
+"""largest stretch below which a body has no shape left, and none of its forces a direction"""
+
+LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH = range(7)
+N_MONITOR = 7
+"""what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
+out among tools, residual and largest stretch"""
+
+
+class Fault(Enum):
+    """Outcome of a step; the text names the remedy."""
+
+    NONE = "converged"
+    INPUT = "a tool pose, the seam force or dt is not finite or not positive: check the request"
+    ANCHOR = "PBD takes a seam force that is constant over the step: leave seam_anchor empty on this side"
+    DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
+    ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
+
+
+def remember(monitor: Floats, result: Floats) -> None:
+    """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays."""
+    monitor[LEAST_J], monitor[RESIDUAL], monitor[STRETCH] = result[k.LEAST_J], result[k.RESIDUAL], result[k.STRETCH]
+    monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
+
+
+def needs_two_sweeps(monitor: Floats) -> bool:
+    """Whether the step after this one must solve more than once a substep."""
+    least_j, stretch, residual = monitor[LEAST_J], monitor[STRETCH], monitor[RESIDUAL]
+    return bool(least_j < CRUSHED or stretch > STRETCHED or residual > LAGGING)
+
+
+def check(result: Floats, monitor: Floats, floor: float) -> Fault:
+    """Whether a step with this result (N_RESULTS,) can follow one that left `monitor`; floor [J] is roundoff."""
+    now = result.tolist()
+    if not math.isfinite(sum(now)):
+        return Fault.DIVERGED
+    before = monitor.tolist()
+    kinetic, strain = before[KINETIC], before[STRAIN]
+    tools, seam = now[k.TOOL_WORK], now[k.SEAM_WORK]
+    rise = now[k.KINETIC] + now[k.STRAIN] + now[k.GRAVITY] - kinetic - strain - before[GRAVITY] - tools - seam
+    scale = kinetic + strain + abs(tools) + abs(seam) + now[k.PUSHED] + floor
+    return Fault.ENERGY if rise > RISE * scale else Fault.NONE
+
+
+def grows(result: Floats, monitor: Floats) -> bool:
+    """Whether the residual of a step that may be believed grew so much that it is worth repeating."""
+    return bool(result[k.RESIDUAL] > max(LAGGING, GROWTH * monitor[RESIDUAL]))
+
+
+def alarm(cause: str, result: Floats, monitor: Floats, attempt: int, n_substeps: int, n_sweeps: int) -> str:
+    """What the monitor saw and did in a step from a state that left `monitor`, empty where that was nothing."""
+    parts = []
+    if attempt > 0:
+        cold = ", carried forces dropped" if attempt >= COLD else ""
+        parts.append(f"{cause}: repeated with {n_substeps} substeps, sweeps {n_sweeps}{cold}")
+    elif needs_two_sweeps(monitor):
+        parts.append(f"crushed, torn or behind its shape: sweeps {n_sweeps}")
+    if result[k.RESIDUAL] > LAGGING:
+        parts.append(f"not converged, stress is {min(result[k.RESIDUAL], 99.0):.0%} off its shape")
+    return "; ".join(parts)
