@@ -204,6 +204,31 @@ def plan(
 
 
 @app.command(
+    epilog="[bold]What it does[/bold]\n\n"
+    "The body, clamped as in the scene but without tools and gravity, is let go from its slowest oscillation with "
+    "several counts of substeps and sweeps. Frequency, the Young's modulus that it tells, and what the oscillation "
+    "loses a period stand beside the wanted ones: those of hex27 cells, solved exactly. Kept in ~/.cache/softseam.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam calibrate cantilever\n\n"
+    "softseam calibrate my.yaml --tolerance 0.01 --report calibration.json"
+)
+def calibrate(
+    scene: SceneArgument,
+    tolerance: Annotated[
+        float, typer.Option(metavar="SHARE", help="Of Young's modulus in time, and of the amplitude a period.")
+    ] = 0.05,
+    report: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the figures as JSON.")] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget what was measured before.")] = False,
+    settings: Settings = None,
+) -> None:
+    """Measure stiffness, frequency and damping as XPBD shows them, and name the cheapest substeps that will do."""
+    from softseam.calibrating import Wishes
+    from softseam.calibrating import calibrate as measure
+
+    measure(Wishes(scene, tuple(settings or ()), tolerance, report, fresh), _out())
+
+
+@app.command(
     epilog="[bold]Examples[/bold]\n\nsoftseam up\n\nsoftseam up -- softseam run tofu_grasp --connect tcp/127.0.0.1:7447"
 )
 def up(

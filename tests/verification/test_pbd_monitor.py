@@ -125,7 +125,7 @@ def test_the_report_tells_what_the_monitor_did() -> None:
     def take(message: StepReport | Event | Frame) -> None:
         builder.add(message)
 
-    simulation = Simulation(bundle, EmbeddedTransport(), session="monitor", emit=take)  # type: ignore[arg-type]
+    simulation = Simulation(bundle, EmbeddedTransport(), session="monitor", emit=take)
     for _ in range(4):
         simulation.step({"left": (3.0, 0.0, 0.0), "right": (-3.0, 0.0, 0.0)})
     simulation.close()

@@ -139,6 +139,11 @@ class PbdSolver:
         """Strain energy of the last committed step [J]."""
         return float(self._committed.monitor[watch.STRAIN])
 
+    @property
+    def positions(self) -> Floats:
+        """Positions of the region's nodes at the end of the last committed step (n, 3) [m]."""
+        return self._committed.x
+
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
         committed, work = self._committed, self._work

@@ -1,0 +1,92 @@
+"""What `softseam calibrate` measures, against closed forms and against what it should find."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pbd_run import block_scene, cantilever
+
+from softseam import cli
+from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
+from softseam_services.body.build import build_body
+from softseam_services.calibration.measure import Bench, cheapest, oscillation, settings
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.5, 5.0])
+def test_an_oscillation_tells_its_frequency_and_damping(damping: float) -> None:
+    t = 0.01 * np.arange(40)
+    q = 3.0 * np.exp(-damping * t) * np.cos(20.0 * t + 0.3)
+    np.testing.assert_allclose(oscillation(q, 0.01), (20.0, damping), rtol=1e-9, atol=1e-9)
+    assert oscillation(np.exp(-t), 0.01)[0] == 0.0
+
+
+def test_wanted_is_a_beams_frequency() -> None:
+    """A clamped beam, ten times as long as high: omega = 3.516 sqrt(E I/(rho A L^4)), shear takes 2 % of it."""
+    bench = Bench(*_of(cantilever((0.2, 0.02, 0.02), (0.02, 0.01, 0.01), 1e5, 0.0)))
+    euler = 3.5160 * np.sqrt(1e5 * 0.02**2 / 12.0 / 1000.0) / 0.2**2 / (2.0 * np.pi)
+    assert 0.965 < bench.wanted.frequency / euler < 0.995
+    assert bench.wanted.blocks == pytest.approx(bench.wanted.frequency, rel=0.02)
+
+
+@pytest.mark.parametrize("clamped", [True, False])
+def test_what_is_shown_is_implicit_eulers(clamped: bool) -> None:
+    """The blocks' own frequency to 1e-3; exp(-pi omega h) of the amplitude is left a period later, 5 % of the loss off."""
+    fixed = ({"min": (-1.0, -1.0, -1.0), "max": (-0.0249, 1.0, 1.0)},) if clamped else ()
+    bench = Bench(*_of(block_scene((0.05, 0.05, 0.025), 0.025, step=0.01, fixed=fixed)))
+    shown = bench.show(120, 1)
+    omega = 2.0 * np.pi * bench.wanted.blocks
+    assert shown.stable and not shown.auto
+    assert abs(shown.time_error) < 1e-3
+    assert shown.loss == pytest.approx(1.0 - np.exp(-np.pi * omega * 0.01 / 120), rel=0.05)
+
+
+def test_the_cheapest_setting_is_within_the_tolerance() -> None:
+    """Found on the way up from the automatic rule; a looser tolerance is never dearer."""
+    bench = Bench(*_of(block_scene((0.05, 0.05, 0.025), 0.025, step=0.01)))
+    fine, loose = cheapest(list(settings(bench, 0.02)), 0.02), cheapest(list(settings(bench, 0.2)), 0.2)
+    assert fine is not None and loose is not None
+    assert fine.loss < 0.02 and loose.loss < 0.2 and loose.substeps < fine.substeps
+    assert fine.loss > 0.012
+
+
+def test_too_many_cells_are_refused() -> None:
+    with pytest.raises(ValueError, match="at most 600 cells"):
+        Bench(*_of(block_scene((0.1, 0.1, 0.1), 0.01)))
+
+
+def _of(scene: Scene) -> tuple[Scene, Body]:
+    return scene, build_body(scene, {})
+
+
+def test_the_command_prints_keeps_and_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path, report = tmp_path / "beam.yaml", tmp_path / "beam.json"
+    scene = block_scene((0.1, 0.025, 0.025), 0.025, step=0.01, fixed=({"min": (-1, -1, -1), "max": (-0.0499, 1, 1)},))
+    path.write_text(scene.model_dump_json())
+
+    def command(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr("sys.argv", ["softseam", "calibrate", str(path), *words])
+        try:
+            code = cli.main()
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+        return code, *capsys.readouterr()
+
+    code, printed, _ = command("--report", str(report))
+    assert code == 0 and "wanted" in printed and "recommended" in printed and "cheapest within 5 %" in printed
+    found = json.loads(report.read_text())
+    assert found["recommended"]["substeps"] in [each["substeps"] for each in found["shown"]]
+    seconds = [each["seconds"] for each in found["shown"]]
+    command("--report", str(report))
+    assert [each["seconds"] for each in json.loads(report.read_text())["shown"]] == seconds
+    assert list((tmp_path / "cache").rglob("calibration.json"))
+    code, _, error = command("--tolerance", "2")
+    assert code == 2 and "--tolerance" in error
+    code, _, error = command("--set", "body.cell=0.002")
+    assert code == 2 and "at most 600 cells" in error
