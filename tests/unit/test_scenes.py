@@ -19,7 +19,8 @@ from softseam_services.server import build_setup
 from softseam_services.tools.build import build_tools
 
 SCENES = Path(__file__).parents[2] / "scenes"
-CELLS = ["cantilever", "dumpling", "sausage", "tofu_grasp", "tofu_pads", "tofu_slab"]
+CELLS = ["cantilever", "dumpling", "sausage", "sausage_bend", "silken_tofu"]
+CELLS += ["tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab"]
 PARTICLES = ["cloth_fold", "rope"]
 
 

@@ -130,3 +130,16 @@ def test_the_side_that_owns_the_seam_has_the_points_in_faces(near: list[int]) ->
     mine, far = build_region(whole.body, cells, seam), build_region(whole.body, others, seam, owns_seam_points=False)
     assert face_points(whole.body, mine, whole.tools, "hex27").edged.all()
     assert not face_points(whole.body, far, whole.tools, "hex27").edged.any()
+
+
+def test_a_face_that_passes_by_an_edge_is_not_pressed_by_the_side_round_the_corner() -> None:
+    """A pad presses the side of a cube over its upper half, down to its middle: the cube's top, a tenth of a millimetre
+    of which is above the pad's lower side, is 25 mm deep in that side, and not in touch with it."""
+    pad = {"kind": "box", "size": (0.01, 0.06, 0.05), "friction": 0.0}
+    tools = {"left": {**pad, "position": (-0.0301, 0.0, 0.05)}, "right": {**pad, "position": (0.0301, 0.0, 0.05)}}
+    run = FemRun(block(tools=tools, gravity=(0.0, 0.0, 0.0), step=0.01))
+    for _ in range(8):
+        reply = run.step({"left": (0.01, 0.0, 0.0), "right": (-0.01, 0.0, 0.0)})
+        assert reply.penetration < 2e-3
+        assert abs(reply.wrench[1, 2]) < 0.05 * abs(reply.wrench[1, 0]) or abs(reply.wrench[1, 0]) < 1e-3
+    assert reply.wrench[1, 0] > 0.1

@@ -31,6 +31,8 @@ from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 OPEN, STICK, SLIP = 0, 1, 2
 ALONE = -2
 """in model.point_face: a point that touches every tool; -1 a node of a face that has points of its own"""
+_BESIDE = 0.25
+"""depth below a side of a box, in cell edges, at which a point that did not touch before came in beside that side"""
 # columns of work.contact
 GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
 N_COLUMNS = 13
@@ -76,18 +78,18 @@ def find_candidates(x, model, tools, multiplier, reach, firm, pace, work):
                 continue
             kind, shape = tools.kind[tool], tools.shape[tool]
             position, turn = tools.position_next[tool], tools.orientation_next[tool]
+            f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
+            touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
             share, carry, side = 1.0, 1.0, -1
             if face >= 0:
                 share, whole, side = covered(x, model.face_nodes[face], xp, patches, shape, position, turn)
-                if side < 0:
+                carry = whole**CARRY_POWER
+                gap = side_gap(side, shape, position, turn, xp)[0] if side >= 0 else 0.0
+                if side < 0 or (gap < -_BESIDE * model.edge and not touched):
                     work.factored_state[point, tool] = OPEN
                     continue
-                carry = whole**CARRY_POWER
-                gap = side_gap(side, shape, position, turn, xp)[0]
             else:
                 gap = tool_gap(kind, shape, position, turn, xp)[0]
-            f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
-            touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
                 work.pair[count, 0] = point
                 work.pair[count, 1] = tool
