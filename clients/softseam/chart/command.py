@@ -16,7 +16,7 @@ from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Ladder, Reference, climb, described
 from softseam.chart.store import Identity, Store
 from softseam.chart.sweep import sweep
-from softseam.chart.table import Row, row_json, rows_of, write_csv
+from softseam.chart.table import Row, busy, row_json, rows_of, write_csv
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
 from softseam.report import write_report
@@ -70,7 +70,7 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
         reference = climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference)
         progress.known(reference)
         left = max(REFERENCE_SHARE * budget, budget - (perf_counter() - began))
-        progress.expect(wanted)
+        progress.expect(wanted, left)
         outcomes = sweep(wishes.scene, wishes.settings, frame, names, wanted, store, left, progress.configuration)
     rows = rows_of(wanted, outcomes, reference)
     _write(folder, scene, key, code, here, rows, reference, rivals)
@@ -108,7 +108,7 @@ def _write(
         "chart_version": CHART_VERSION,
         "scene": {"name": scene.name, "hash": key},
         "code": code[:16],
-        "machine": here,
+        "machine": here + busy(rows),
         "reference": described(reference),
         "rows": [row_json(row) for row in rows],
         "asked": [vars(mark) for mark in ASKED],

@@ -20,7 +20,11 @@ Floats = NDArray[np.float64]
 Method = Literal["FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"]
 METHODS: tuple[Method, ...] = ("FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is")
 
-LINEAR = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
+Counts = tuple[int, int, int]
+"""cells along x, y and z"""
+Factors = tuple[float, ...]
+
+OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
 UNKNOWN_LENGTH = 3.0
 """for estimates, where the length of the motion is not known before [s]"""
@@ -52,19 +56,27 @@ class Frame:
         """Expected length of the motion [s]."""
         return expected_duration(self.scene) or UNKNOWN_LENGTH
 
-    def counts(self, across: int) -> tuple[int, int, int]:
-        """Nearly cubic cells along x, y and z, `across` of them along the body's shortest edge."""
-        along = np.maximum(1, np.floor(self.extent / (self.extent.min() / across) + 0.5))
+    def across(self, count: int) -> Counts:
+        """Nearly cubic cells, `count` of them along the body's shortest edge."""
+        return self._counts(self.extent.min() / count)
+
+    @property
+    def own(self) -> Counts | None:
+        """The scene's own cells; None where it leaves them to the solver."""
+        cell = self.scene.body.cell if isinstance(self.scene.body, BodySpec) else None
+        return None if cell is None else self._counts(np.array(cell))
+
+    def _counts(self, edge: Floats | float) -> Counts:
+        along = np.maximum(1, np.floor(self.extent / edge + 0.5))
         return int(along[0]), int(along[1]), int(along[2])
 
-    def cell(self, across: int) -> str:
+    def cell(self, counts: Counts) -> str:
         """The setting that asks for these cells."""
-        edges = self.extent / np.array(self.counts(across))
-        return f"body.cell={json.dumps(edges.tolist())}"
+        return f"body.cell={json.dumps((self.extent / np.array(counts)).tolist())}"
 
-    def size(self, across: int) -> float:
+    def size(self, counts: Counts) -> float:
         """Edge of a cube of a cell's volume [m]."""
-        return float(np.cbrt(np.prod(self.extent / np.array(self.counts(across)))))
+        return float(np.cbrt(np.prod(self.extent / np.array(counts))))
 
 
 def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:
@@ -83,69 +95,74 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
 
 
 def fem_settings(
-    frame: Frame, across: int, step: float, element: str = "hex27", integrator: str = "implicit_euler"
+    frame: Frame, counts: Counts, step: float, element: str = "hex27", integrator: str = "implicit_euler"
 ) -> tuple[str, ...]:
     """FEM alone."""
     fem = f"models.fem={{element: {element}, integrator: {integrator}}}"
-    return "regions={default: fem}", frame.cell(across), f"step={step:.9g}", fem
+    return "regions={default: fem}", frame.cell(counts), f"step={step:.9g}", fem
 
 
 def configurations(frame: Frame) -> list[Configuration]:
-    """The sweep of a scene, cheapest first."""
-    return sorted((*_fem(frame), *_xpbd(frame), *_hybrid(frame), *_as_is(frame)), key=lambda c: (c.seconds, c.key))
+    """The sweep of a scene, cheapest first; cells that two parts of it ask for are taken once."""
+    found = {c.key: c for c in (*_fem(frame), *_xpbd(frame), *_hybrid(frame), *_as_is(frame))}
+    return sorted(found.values(), key=lambda c: (c.seconds, c.key))
+
+
+def _cells_and_factors(
+    frame: Frame, given: Sequence[tuple[int, Factors]], own: Factors
+) -> list[tuple[Counts, Factors]]:
+    """Cells with the multiples of the scene's step that they are tried with: cubic ones, and the scene's own."""
+    cells = [(frame.across(count), factors) for count, factors in given]
+    return cells if frame.own is None else [*cells, (frame.own, own)]
 
 
 def _fem(frame: Frame) -> Iterator[Configuration]:
     step = frame.scene.step
-    for across, factors in ((1, (8, 4, 2, 1)), (2, (8, 4, 2, 1, 0.5)), (3, (4, 2, 1, 0.5)), (4, (2, 1)), (6, (1,))):
+    cubic = ((1, (8, 4, 2, 1)), (2, (8, 4, 2, 1, 0.5)), (3, (4, 2, 1, 0.5)), (4, (2, 1, 0.5)), (6, (1, 0.5)))
+    for counts, factors in _cells_and_factors(frame, cubic, (4, 2, 1, 0.5)):
         for factor in factors:
-            yield _fem_one(frame, across, factor * step)
-    for element in LINEAR:
+            yield _fem_one(frame, counts, factor * step)
+    for element in OTHERS:
         for across in (2, 4):
-            yield _fem_one(frame, across, step, element)
+            yield _fem_one(frame, frame.across(across), step, element)
     for integrator in ("midpoint", "bdf2"):
         for factor in (1, 2):
-            yield _fem_one(frame, 2, factor * step, integrator=integrator)
+            yield _fem_one(frame, frame.across(2), factor * step, integrator=integrator)
 
 
 def _fem_one(
-    frame: Frame, across: int, step: float, element: str = "hex27", integrator: str = "implicit_euler"
+    frame: Frame, counts: Counts, step: float, element: str = "hex27", integrator: str = "implicit_euler"
 ) -> Configuration:
-    settings = fem_settings(frame, across, step, element, integrator)
+    settings = fem_settings(frame, counts, step, element, integrator)
     named = "" if element == "hex27" else f" {element}"
     how = "" if integrator == "implicit_euler" else f" {integrator}"
-    seconds = fem_seconds(frame, across, step) * (1.0 if element == "hex27" else 2.0)
+    seconds = fem_seconds(frame, counts, step) * (1.0 if element == "hex27" else 2.0)
     method: Method = "FEM, quadratic" if element == "hex27" else "FEM, other elements"
-    label = f"FEM{named} {_cells(frame, across)}, {_ms(step)}{how}"
-    return Configuration(f"fem-{element}-{integrator}-{across}-{_ms(step, '')}", method, label, settings, seconds)
+    label = f"FEM{named} {_cells(counts)}, {_ms(step)}{how}"
+    return Configuration(
+        f"fem-{element}-{integrator}-{_cells(counts)}-{_ms(step, '')}", method, label, settings, seconds
+    )
 
 
 def _xpbd(frame: Frame) -> Iterator[Configuration]:
     step = frame.scene.step
-    for across, factors in (
-        (1, (8, 4, 2, 1)),
-        (2, (8, 4, 2, 1)),
-        (3, (8, 4, 2, 1)),
-        (4, (4, 2, 1)),
-        (6, (4, 1)),
-        (8, (2,)),
-    ):
+    cubic = ((1, (8, 4, 2, 1)), (2, (8, 4, 2, 1)), (3, (8, 4, 2, 1)), (4, (4, 2, 1)), (6, (4, 1)), (8, (2,)))
+    for counts, factors in _cells_and_factors(frame, cubic, (4, 2, 1)):
         for factor in factors:
-            yield _xpbd_one(frame, across, factor * step)
+            yield _xpbd_one(frame, counts, factor * step)
     for across, substeps in ((2, 2), (2, 4), (2, 8), (2, 16), (4, 8), (4, 32)):
-        yield _xpbd_one(frame, across, step, f"substeps: {substeps}")
+        yield _xpbd_one(frame, frame.across(across), step, f"substeps: {substeps}")
     for across, sweeps in ((2, 2), (2, 4), (4, 2), (4, 4)):
-        yield _xpbd_one(frame, across, step, f"sweeps: {sweeps}")
+        yield _xpbd_one(frame, frame.across(across), step, f"sweeps: {sweeps}")
     for across, factor in ((2, 4), (3, 4), (4, 4), (4, 1), (6, 4)):
-        yield _xpbd_one(frame, across, factor * step, "hourglass: fitted")
+        yield _xpbd_one(frame, frame.across(across), factor * step, "hourglass: fitted")
 
 
-def _xpbd_one(frame: Frame, across: int, step: float, how: str = "") -> Configuration:
-    settings = ("regions={default: pbd}", frame.cell(across), f"step={step:.9g}", f"models.pbd={{{how}}}")
-    cells = float(np.prod(frame.counts(across)))
-    seconds = frame.length / step * (2e-4 + 2.5e-6 * cells ** (4 / 3) * step / 0.01)
-    label = f"XPBD {_cells(frame, across)}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
-    key = f"xpbd-{across}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}"
+def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Configuration:
+    settings = ("regions={default: pbd}", frame.cell(counts), f"step={step:.9g}", f"models.pbd={{{how}}}")
+    seconds = frame.length / step * (2e-4 + 2.5e-6 * float(np.prod(counts)) ** (4 / 3) * step / 0.01)
+    label = f"XPBD {_cells(counts)}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
+    key = f"xpbd-{_cells(counts)}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}"
     return Configuration(key, "XPBD", label, settings, seconds)
 
 
@@ -155,34 +172,33 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
     if near is None or near.model == frame.scene.regions.default:
         return
     reaches = ((1.0, ""),) if near.within is None else ((0.5, ", half as wide"), (1.0, ""), (2.0, ", twice as wide"))
-    for across, factors in ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))):
+    for counts, factors in _cells_and_factors(frame, ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))), (2, 1)):
         for reach, told in reaches:
             for factor in factors if reach == 1.0 else (1,):
-                settings = ["regions.near.split=always", frame.cell(across), f"step={factor * step:.9g}"]
+                settings = ["regions.near.split=always", frame.cell(counts), f"step={factor * step:.9g}"]
                 if near.within is not None:
                     settings.append(f"regions.near.within={reach * near.within:.9g}")
-                label = f"hybrid {_cells(frame, across)}, {_ms(factor * step)}{told}"
-                seconds = 3.0 * fem_seconds(frame, across, factor * step)
-                key = f"hybrid-{across}-{_ms(factor * step, '')}-{reach:g}"
+                label = f"hybrid {_cells(counts)}, {_ms(factor * step)}{told}"
+                seconds = 3.0 * fem_seconds(frame, counts, factor * step)
+                key = f"hybrid-{_cells(counts)}-{_ms(factor * step, '')}-{reach:g}"
                 yield Configuration(key, "hybrid", label, tuple(settings), seconds)
 
 
 def _as_is(frame: Frame) -> Iterator[Configuration]:
-    for factor in (2, 1):
+    for factor in (4, 2, 1, 0.5):
         step = factor * frame.scene.step
-        seconds = 2.0 * fem_seconds(frame, 3, step)
+        seconds = 2.0 * fem_seconds(frame, frame.own or frame.across(3), step)
         label = f"as it is, {_ms(step)}"
         yield Configuration(f"as-is-{_ms(step, '')}", "as it is", label, (f"step={step:.9g}",), seconds)
 
 
-def fem_seconds(frame: Frame, across: int, step: float) -> float:
+def fem_seconds(frame: Frame, counts: Counts, step: float) -> float:
     """Rough wall time of FEM alone [s]."""
-    cells = float(np.prod(frame.counts(across)))
-    return float(frame.length / step * (2e-4 + 4e-6 * cells**1.55))
+    return float(frame.length / step * (2e-4 + 4e-6 * np.prod(counts) ** 1.55))
 
 
-def _cells(frame: Frame, across: int) -> str:
-    return "x".join(str(count) for count in frame.counts(across))
+def _cells(counts: Counts) -> str:
+    return "x".join(str(count) for count in counts)
 
 
 def _ms(step: float, unit: str = " ms") -> str:

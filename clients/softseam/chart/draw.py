@@ -17,7 +17,7 @@ from softseam.chart.configurations import METHODS
 from softseam.chart.landmarks import Landmark
 from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
 from softseam.chart.reference import Reference
-from softseam.chart.table import Row
+from softseam.chart.table import Row, busy
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
 
@@ -38,7 +38,7 @@ def draw_chart(
 ) -> Path:
     """Write the picture; returns its path."""
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=150, facecolor=PAPER)
-    heading(figure, f"Accuracy against speed: {title}", subtitle(reference, machine))
+    heading(figure, f"Accuracy against speed: {title}", subtitle(reference, machine, rows))
     axes = figure.subplots()
     figure.subplots_adjust(left=0.068, right=0.93, top=1.0 - 1.72 / HEIGHT, bottom=0.62 / HEIGHT)
     plain(axes, "")
@@ -58,16 +58,16 @@ def draw_chart(
     return write(figure, path)
 
 
-def subtitle(reference: Reference, machine: str) -> str:
+def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     """What the error is the error of, how far the reference is known, and where it was measured."""
     names = ", ".join(colors.label(name) for name in reference.counted)
     known = f"{100 * reference.uncertainty:.2g} %" if np.isfinite(reference.uncertainty) else "an unknown error"
     text = f"error: the worst of {names}, in L2 over time, against FEM refined until known to {known}\n"
     left_out = [colors.label(name) for name, true in reference.truth.items() if true.left_out]
-    text += f"{machine}, one process, one thread; compiling and setting up left out"
-    if left_out:
-        text += f"; {', '.join(left_out)} not counted: no limit, or not known to 5 %"
-    return text + ("" if reference.complete else "; the budget ended before the reference was known to 1 %")
+    text += f"{machine}, one process; compiling and setting up left out{busy(rows)}"
+    if not reference.complete:
+        return f"{text}; the budget ended before the reference was known to 1 %"
+    return f"{text}; not counted, for it has no limit: {', '.join(left_out)}" if left_out else text
 
 
 def placed(row: Row) -> tuple[float, float, bool] | None:
@@ -183,27 +183,30 @@ def _legend(figure: Figure, rows: Sequence[Row], asked: Sequence[Landmark], riva
         )
 
     present = [m for m in METHODS if any(row.configuration.method == m and placed(row) for row in rows)]
-    entries = [mark(m, TONES[m], "*" if m == "as it is" else "o") for m in present]
-    entries.append(Line2D([], [], color=INK, linewidth=1.1, label="nothing is both faster and more accurate"))
+    above = [mark(m, TONES[m], "*" if m == "as it is" else "o") for m in present]
+    below = [Line2D([], [], color=INK, linewidth=1.1, label="nothing is both faster and more accurate")]
     if asked:
-        entries.append(mark("what was asked for (not measured)", ASKED, "D", hollow=True))
+        below.append(mark("asked for, not measured", ASKED, "D", hollow=True))
     if rivals:
-        entries.append(mark("other simulators", RIVAL, "s", hollow=True))
+        below.append(mark("other simulators", RIVAL, "s", hollow=True))
     if any(row.error is not None and row.error.bound and placed(row) for row in rows):
-        entries.append(mark("error is at most this", SOFT, "$\\downarrow$"))
+        below.append(mark("error at most this", SOFT, "$\\downarrow$"))
     if any(row.error is None and placed(row) for row in rows):
-        entries.append(mark("failed, at the speed it had", SOFT, "x"))
-    figure.legend(
-        handles=entries,
-        loc="upper left",
-        bbox_to_anchor=(0.006, 1.0 - 1.06 / HEIGHT),
-        ncols=5,
-        frameon=False,
-        fontsize=9.5,
-        labelcolor=INK,
-        handletextpad=0.3,
-        columnspacing=1.5,
-    )
+        below.append(mark("failed, at the speed it had", SOFT, "x"))
+    if any((place := placed(row)) and place[2] and row.error is not None for row in rows):
+        below.append(mark("off by more than 100 %", SOFT, "^"))
+    for entries, down in ((above, 1.04), (below, 1.29)):
+        figure.legend(
+            handles=entries,
+            loc="upper left",
+            bbox_to_anchor=(0.006, 1.0 - down / HEIGHT),
+            ncols=len(entries),
+            frameon=False,
+            fontsize=9.5,
+            labelcolor=INK,
+            handletextpad=0.3,
+            columnspacing=1.5,
+        )
 
 
 def _label(figure: Figure, axes: Axes, rows: Sequence[Row], marks: Sequence[Landmark], reference: Reference) -> None:

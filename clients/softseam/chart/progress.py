@@ -29,7 +29,7 @@ class ChartProgress:
         self._finished = 0.0
         self._spent = 0.0
         """what the finished work was foreseen to take, and took [s]"""
-        self._began = perf_counter()
+        self._end = perf_counter()
         self._shown = -_LINE
 
     def __enter__(self) -> ChartProgress:
@@ -68,8 +68,9 @@ class ChartProgress:
         text = f"reference known to {100 * reference.uncertainty:.2g} %"
         (self._bar.console if self._bar else self._console).print(text, highlight=False, style="dim")
 
-    def expect(self, wanted: Sequence[Configuration]) -> None:
-        """The sweep begins."""
+    def expect(self, wanted: Sequence[Configuration], budget: float) -> None:
+        """The sweep begins; it ends within the budget [s], but for compiling."""
+        self._end = perf_counter() + budget
         self._rough = {c.key: (1 + RUNS) * c.seconds for c in wanted}
         self._total = sum(self._rough.values())
 
@@ -82,20 +83,21 @@ class ChartProgress:
         if not self._spent:
             self._spent, self._finished = now, before
         text = f"{at + 1} of {len(keys)}: {configuration.label}"
-        self._told(text, before, 0.0, force=False)
+        self._told(text, before, 0.0)
 
         def told(done: float) -> None:
-            self._told(text, before, done * self._rough[configuration.key], force=False)
+            self._told(text, before, done * self._rough[configuration.key])
 
         return told
 
-    def _told(self, text: str, before: float, part: float, *, force: bool) -> None:
+    def _told(self, text: str, before: float, part: float) -> None:
         done = before + part - self._finished
         taken = perf_counter() - self._spent
         left = self._total - before - part
         # until something was measured, the rough estimates stand
         pace = taken / done if done > 0.02 * self._total else 1.0
-        self._say(text, (before + part) / self._total, f"ETA {pace * left:.0f} s", force=force)
+        eta = max(0.0, min(pace * left, self._end - perf_counter()))
+        self._say(text, (before + part) / self._total, f"ETA {eta:.0f} s")
 
     def _say(self, text: str, done: float, state: str, *, force: bool = False) -> None:
         if self._bar is not None and self._task is not None:

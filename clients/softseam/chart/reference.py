@@ -119,16 +119,16 @@ class Ladder:
 
     def seconds(self, across: int, step: float) -> float:
         """Foreseen wall time of a level that is not done [s]."""
-        rough = fem_seconds(self._frame, across, step)
+        rough = fem_seconds(self._frame, self._frame.across(across), step)
         known = sorted((a, s) for a, s in self.done if a <= across)
         if not known:
             return rough
         at = known[-1]
-        cells, before = (float(np.prod(self._frame.counts(a))) for a in (across, at[0]))
+        cells, before = (float(np.prod(self._frame.across(a))) for a in (across, at[0]))
         power = GROWTH[1]
         if len({a for a, _ in known}) > 1:
             lower = next(k for k in reversed(known) if k[0] < at[0])
-            fewer = float(np.prod(self._frame.counts(lower[0])))
+            fewer = float(np.prod(self._frame.across(lower[0])))
             paid, less = self._paid(at) / at[1] ** -1, self._paid(lower) / lower[1] ** -1
             power = float(np.clip(np.log(paid / less) / np.log(before / fewer), *GROWTH))
         return float(self._paid(at) * (cells / before) ** power * at[1] / step)
@@ -171,7 +171,7 @@ class Ladder:
         return max(1e-3, float(sum(self.done[level].walls)))
 
     def _level(self, across: int, step: float) -> tuple[str, ...]:
-        return fem_settings(self._frame, across, step, integrator=self.integrator)
+        return fem_settings(self._frame, self._frame.across(across), step, integrator=self.integrator)
 
     def _file(self, across: int, step: float) -> str:
         return f"level-{across}-{1e3 * step:.6g}ms"
@@ -284,7 +284,7 @@ def _limits(
     """The limit of every quantity over levels that differ in cells, or in steps; uncertainties in the units of each."""
     time = _common(ladder, levels) if time is None else time
     by_cells = len({across for across, _ in levels}) > 1
-    h = [frame.size(across) if by_cells else step for across, step in levels]
+    h = [frame.size(frame.across(across)) if by_cells else step for across, step in levels]
     series = [_series(ladder, level) for level in levels]
     return {
         name: limit(h, [s.at(name, time) for s in series], lambda values: rms(values, time))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,6 +55,13 @@ def rows_of(wanted: Sequence[Configuration], outcomes: Mapping[str, Outcome], re
         Row(row.configuration, row.outcome, row.errors, row.error, i in front) if i in front else row
         for i, row in enumerate(rows)
     ]
+
+
+def busy(rows: Sequence[Row]) -> str:
+    """What to say of a machine that had other work: runs would be that much faster on it alone; '' where it had none."""
+    shares = [row.outcome.cpu / statistics.median(row.outcome.walls) for row in rows if row.outcome.cpu > 0.0]
+    share = statistics.median(shares) if shares else 1.0
+    return "" if share > 0.85 else f"; other work left the runs {100 * share:.0f} % of a core"
 
 
 def row_json(row: Row) -> dict[str, Any]:
