@@ -15,6 +15,7 @@ from rich.console import Console
 from softseam.chart.command import Wishes, chart
 from softseam.chart.landmarks import ASKED
 from softseam.chart.machine import machine
+from softseam.chart.reference import in_words
 from softseam.chart.table import Row, busy
 from softseam.view.colors import label
 
@@ -82,7 +83,7 @@ def main() -> None:
         machine=machine() + busy(rows),
         counted=", ".join(label(name) for name in reference.counted),
         levels=len(reference.levels),
-        known=f"{100 * reference.uncertainty:.2g} %",
+        known=in_words(reference.uncertainty),
         left_out="".join(left_out),
         names=" | ".join(label(name) for name in reference.counted),
         rules="|".join("---" for _ in reference.counted),

@@ -107,6 +107,11 @@ def test_below_the_reference_s_uncertainty_an_error_is_a_bound() -> None:
     assert found == Error(0.005, True)
 
 
+def test_an_unknown_uncertainty_bounds_nothing() -> None:
+    found = errors(series(TIME, force=1.002 * TRUE), TIME, {"force": truth(TRUE, np.inf)})["force"]
+    assert found.value == pytest.approx(0.002) and not found.bound
+
+
 def test_what_a_run_lacks_is_infinitely_wrong() -> None:
     assert errors(series(TIME, sag=TRUE), TIME, {"force": truth(TRUE)})["force"].value == np.inf
     assert errors(series(TIME, force=np.full_like(TIME, np.nan)), TIME, {"force": truth(TRUE)})["force"].value == np.inf

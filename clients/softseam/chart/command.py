@@ -13,7 +13,7 @@ from softseam.chart.configurations import METHODS, configurations, frame_of
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
 from softseam.chart.machine import machine
 from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Ladder, Reference, climb, described
+from softseam.chart.reference import Ladder, Reference, climb, described, in_words
 from softseam.chart.store import Identity, Store
 from softseam.chart.sweep import sweep
 from softseam.chart.table import Row, busy, row_json, rows_of, write_csv
@@ -158,7 +158,7 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
     for name, true in reference.truth.items():
         if true.left_out:
             console.print(Text(f"not counted: {label(name)} {true.left_out}", style="dim"), soft_wrap=True)
-    known = f"the reference is known to {100 * reference.uncertainty:.2g} %"
+    known = f"the reference is known to {in_words(reference.uncertainty)}"
     if not reference.complete:
         known += ", not to 1 %: the budget ended first (give more --minutes)"
     console.print(Text(known, style="dim" if reference.complete else "yellow"))

@@ -16,7 +16,7 @@ from matplotlib.transforms import Bbox
 from softseam.chart.configurations import METHODS
 from softseam.chart.landmarks import Landmark
 from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
-from softseam.chart.reference import Reference
+from softseam.chart.reference import Reference, in_words
 from softseam.chart.table import Row, busy
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
@@ -61,8 +61,9 @@ def draw_chart(
 def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     """What the error is the error of, how far the reference is known, and where it was measured."""
     names = ", ".join(colors.label(name) for name in reference.counted)
-    known = f"{100 * reference.uncertainty:.2g} %" if np.isfinite(reference.uncertainty) else "an unknown error"
-    text = f"error: the worst of {names}, in L2 over time, against FEM refined until known to {known}\n"
+    known = in_words(reference.uncertainty)
+    worst = "the worst of " if len(reference.counted) > 1 else ""
+    text = f"error: {worst}{names}, in L2 over time, against FEM refined until known to {known}\n"
     left_out = [colors.label(name) for name, true in reference.truth.items() if true.left_out]
     text += f"{machine}, one process; compiling and setting up left out{busy(rows)}"
     if not reference.complete:

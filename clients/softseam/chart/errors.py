@@ -34,7 +34,7 @@ class Truth:
     scale: float
     """what errors are divided by, in the quantity's unit"""
     uncertainty: float
-    """of the reference, relative to `scale` [1]"""
+    """of the reference, relative to `scale`; infinite where a single level says nothing about it [1]"""
     left_out: str = ""
     """why the quantity does not count in the accuracy; '' where it does"""
 
@@ -79,7 +79,7 @@ def errors(series: Series, time: Floats, truth: Mapping[str, Truth]) -> dict[str
             continue
         off = rms(series.at(name, time[shared]) - true.values[shared], time[shared]) / true.scale
         off = off if np.isfinite(off) else float("inf")
-        below = off <= true.uncertainty
+        below = off <= true.uncertainty < np.inf
         found[name] = Error(true.uncertainty if below else off, below)
     return found
 

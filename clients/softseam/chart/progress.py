@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 
 from softseam.chart.configurations import Configuration
 from softseam.chart.measure import RUNS, Told
-from softseam.chart.reference import Reference
+from softseam.chart.reference import Reference, in_words
 
 _LINE = 10.0
 """longest time between lines where there is no terminal [s]"""
@@ -65,7 +65,7 @@ class ChartProgress:
 
     def known(self, reference: Reference) -> None:
         """The reference is there."""
-        text = f"reference known to {100 * reference.uncertainty:.2g} %"
+        text = f"reference known to {in_words(reference.uncertainty)}"
         (self._bar.console if self._bar else self._console).print(text, highlight=False, style="dim")
 
     def expect(self, wanted: Sequence[Configuration], budget: float) -> None:

@@ -266,7 +266,7 @@ def assemble(
         if not by_cell.converges and part.uncertainty_cells > target:
             why = "has no limit: finer cells change it by as much as coarser ones did"
         elif uncertainty > KNOWN:
-            why = f"its reference is known to {100 * uncertainty:.2g} % only"
+            why = f"its reference is known to {in_words(uncertainty)} only"
         truth[name], parts[name] = Truth(values, scale, uncertainty, why), part
     if not truth:
         raise SoftseamError("every quantity of the scene is zero: there is nothing to compare")
@@ -344,6 +344,11 @@ def described(reference: Reference) -> dict[str, Any]:
         },
         "time": [float(f"{value:.9g}") for value in reference.time],
     }
+
+
+def in_words(uncertainty: float) -> str:
+    """An uncertainty in per cent."""
+    return f"{100 * uncertainty:.2g} %" if np.isfinite(uncertainty) else "an unknown degree"
 
 
 def _number(value: float) -> float | None:

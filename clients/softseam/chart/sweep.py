@@ -57,7 +57,7 @@ def sweep(
         left = budget - spent
         if once > min(left, LONGEST * budget):
             outcomes[configuration.key] = Outcome(
-                "left out", f"a run would take some {once:.0f} s: give more --minutes"
+                "left out", f"a run would take some {once:.2g} s: give more --minutes"
             )
             continue
         told = watch(configuration, (1 + RUNS) * once)

@@ -95,7 +95,7 @@ def _search(
         target = 0.5 * REFERENCE * goal.tolerance
         reference = climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference, target)
         progress.known(reference)
-        progress.expect(wanted)
+        progress.expect(wanted, budget - (perf_counter() - began))
 
         def run(configuration: Configuration) -> Outcome:
             data = store.read(configuration.key)
