@@ -9,20 +9,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-_SHOWN = {
-    "grip_force": ("grip force", "N", 1.0),
-    "lift_height": ("lift height", "mm", 1e3),
-    "slip": ("slip", "mm", 1e3),
-    "sag": ("sag", "mm", 1e3),
-    "compression": ("compression", "%", 1e2),
-    "peak_von_mises": ("peak von Mises", "kPa", 1e-3),
-    "tip_deflection": ("tip deflection", "mm", 1e3),
-    "worst_stretch": ("worst stretch", "%", 1e2),
-    "stretch_violation": ("violation, stretch", "%", 1e2),
-    "bending_violation": ("violation, bending", "%", 1e2),
-    "held": ("particles held", "", 1.0),
-}
-_PROBED = {"von_mises": ("kPa", 1e-3), "displacement": ("mm", 1e3)}
+from softseam.columns import unit_of
+from softseam.view.colors import label
+
+_SHOWN = {"N": ("N", 1.0), "m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "": ("", 1.0)}
+"""unit that people read and its factor, for each that is reported"""
 _COLOR = {"lifted": "green", "held": "green", "finished": "green"}
 
 
@@ -35,14 +26,10 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     table.add_column("")
     for heading in ("at the end", "largest"):
         table.add_column(heading, justify="right")
-    probes = {
-        name: (name.replace("_", " ").replace(".", ": ").replace("mises", "Mises"), *_PROBED[what])
-        for name, what in _probes(report)
-    }
-    for name, (label, unit, factor) in (_SHOWN | probes).items():
-        found = report["quantities"].get(name)
-        if found is not None and found["max"] is not None:
-            table.add_row(label, _figure(found["final"], factor, unit), _figure(found["max"], factor, unit))
+    for name, found in report["quantities"].items():
+        unit, factor = _SHOWN.get(unit_of(name), ("", 0.0))
+        if found["max"] is not None and factor and not name.endswith("_mean"):
+            table.add_row(label(name), _figure(found["final"], factor, unit), _figure(found["max"], factor, unit))
     console.print(table)
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))
@@ -54,14 +41,6 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
             grid.add_row(*row)
         console.print(grid)
     _print_events(console, report["events"])
-
-
-def _probes(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Names of what probes reported, and what it is."""
-    for name in report["quantities"]:
-        what = name.rpartition(".")[2]
-        if what in _PROBED and name not in _SHOWN:
-            yield name, what
 
 
 def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

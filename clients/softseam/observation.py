@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.errors import FieldsNotObserved
+from softseam.stress import principal_stress, von_mises
 from softseam_protocol import messages
 from softseam_protocol.messages import Event, Frame, RegionReport, SeamReport, StepReport
 
@@ -169,9 +170,7 @@ class Observation:
 
     def _fields(self) -> Frame:
         if self.frame is None:
-            raise FieldsNotObserved(
-                "this observation was taken without fields: step with fields=True, or call session.observe()"
-            )
+            raise FieldsNotObserved("this observation was taken without fields: take the step with fields=True")
         return self.frame
 
     def _quantity(self, name: str) -> float:
@@ -182,19 +181,6 @@ class Observation:
                 f"the scene does not observe {name}: add it to the scene's `quantities` "
                 f"(there are: {', '.join(self.quantities) or 'none'})"
             ) from None
-
-
-def von_mises(cauchy: Floats) -> Floats:
-    """Von Mises stress sqrt(3/2 s:s), s = deviator of the stress (..., 6) ordered xx yy zz yz xz xy [Pa]."""
-    xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy, -1, 0)
-    normal = 0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
-    return np.asarray(np.sqrt(normal + 3.0 * (yz**2 + xz**2 + xy**2)))
-
-
-def principal_stress(cauchy: Floats) -> Floats:
-    """Eigenvalues, ascending, of stresses (..., 6) ordered xx yy zz yz xz xy: (..., 3) [Pa]."""
-    full = cauchy[..., [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(*cauchy.shape[:-1], 3, 3)
-    return np.asarray(np.linalg.eigvalsh(full), dtype=np.float64)
 
 
 def observation_from(message: messages.Observation, tool_names: tuple[str, ...]) -> Observation:

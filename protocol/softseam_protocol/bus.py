@@ -24,7 +24,7 @@ import zenoh
 from softseam_protocol.bus_client import Asker, Pending, understood
 from softseam_protocol.bus_server import Handler, Server
 from softseam_protocol.codec import encode
-from softseam_protocol.errors import BusError, ForkedBus, NoRouter, PortBusy, ProtocolError
+from softseam_protocol.errors import BusError, ForkedBus, NoRouter, PortBusy
 from softseam_protocol.inbox import Inbox, LiveChange, Received
 from softseam_protocol.live_tokens import LiveTokens
 from softseam_protocol.topics import DEFAULT_ENDPOINT
@@ -201,17 +201,6 @@ class Bus(_Closing):
             asker.start(payload, _direct(reply, ended))
 
         return WatchedAsker(key, timeout, self._tokens_of(live), send)
-
-    def request_all(self, requests: Sequence[tuple[str, bytes]], timeout: float) -> list[bytes | ProtocolError]:
-        """Send (key, payload) requests at once; replies in their order, an error standing for a lost one."""
-        pending = [self.start(key, payload, timeout) for key, payload in requests]
-        replies: list[bytes | ProtocolError] = []
-        for one in pending:
-            try:
-                replies.append(one.collect())
-            except ProtocolError as error:
-                replies.append(error)
-        return replies
 
     def call(self, key: str, message: Any, allowed: Any, timeout: float) -> Any:
         """Send a message and decode its reply, which must be of the class(es) `allowed`.

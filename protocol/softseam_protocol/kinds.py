@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Literal
 
 ModelKind = Literal["fem", "pbd"]
@@ -16,11 +15,6 @@ IntegratorKind = Literal[
     "implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler", "static"
 ]
 
-KNOWN_MATERIALS: dict[ModelKind, tuple[MaterialKind, ...]] = {
-    "fem": ("neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"),
-    "pbd": ("neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"),
-}
-"""the materials that each model can take"""
 SEAM_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint")
 """those that a seam's multiplier, constant over the step, gives no energy (docs/verification.md)"""
 CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = (
@@ -31,17 +25,6 @@ CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = (
     "static",
 )
 """those under which a point that hits a tool comes to rest"""
-
-
-def material_problem(kind: MaterialKind, models: Collection[ModelKind]) -> str:
-    """Why one of a scene's models cannot take its material, and what to do; '' where all can."""
-    for model in models:
-        known = KNOWN_MATERIALS[model]
-        if kind not in known:
-            able = [other for other in KNOWN_MATERIALS if kind in KNOWN_MATERIALS[other]]
-            remedy = f"use {' or '.join(known)}" + "".join(f", or give all cells to {other}" for other in able)
-            return f"the model {model} cannot take {kind}: {remedy}"
-    return ""
 
 
 def integrator_problem(name: IntegratorKind, seam: bool, tools: bool, clamped: bool) -> str:

@@ -15,18 +15,15 @@ from typing import Any
 import numpy as np
 
 from softseam_protocol.descriptors import FIELDS, Field
+from softseam_protocol.learned import Learned
 from softseam_protocol.wire_fields import suspicious
 from softseam_protocol.wire_walk import FIXED64, VARINT, Unteachable, fields_between
 
 Reader = Callable[[bytes], Any]
 """the message, or None where the codec has to look"""
 
-_LEARN_AT = 4
-"""messages of one length that are decoded before the last of them teaches"""
-_REST = 1000
-"""messages of one length that are left in peace after one that could not teach"""
-_MOST, _ALIKE = 64, 4
-"""lengths that are kept of one class, and layouts of one length"""
+_ALIKE = 4
+"""layouts that are kept of one length: other sessions' messages have the same"""
 _SMALL = 4096
 """arrays up to this size are copied to be tested together [B]"""
 
@@ -36,12 +33,11 @@ class Layouts:
 
     def __init__(self, cls: type) -> None:
         self._cls = cls
-        self._readers: dict[int, list[Reader]] = {}
-        self._met: dict[int, int] = {}
+        self._learned: Learned[int, Reader] = Learned(_ALIKE)
 
     def read(self, data: bytes) -> Any:
         """The message, or None if no layout fits."""
-        for reader in self._readers.get(len(data), ()):
+        for reader in self._learned.known.get(len(data), ()):
             message = reader(data)
             if message is not None:
                 return message
@@ -49,18 +45,7 @@ class Layouts:
 
     def meet(self, data: bytes, message: Any) -> None:
         """Learn from a message that the codec had to decode."""
-        met = self._met[len(data)] = self._met.get(len(data), 0) + 1
-        if met < _LEARN_AT:
-            return
-        if len(self._readers) >= _MOST or len(self._met) >= 16 * _MOST:
-            self._readers, self._met = {}, {}
-        reader = _Lesson(data).reader(self._cls, message)
-        if reader is None:
-            self._met[len(data)] = -_REST
-        else:
-            self._met.pop(len(data), None)
-            # other sessions' messages have the same length
-            self._readers[len(data)] = [reader, *self._readers.get(len(data), ())][:_ALIKE]
+        self._learned.meet(len(data), lambda: _Lesson(data).reader(self._cls, message))
 
 
 class _Lesson:

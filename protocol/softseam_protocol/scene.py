@@ -14,7 +14,6 @@ from softseam_protocol.kinds import (
     MaterialKind,
     ModelKind,
     integrator_problem,
-    material_problem,
 )
 from softseam_protocol.particle_bodies import RopeBody, SheetBody
 from softseam_protocol.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge
@@ -550,14 +549,10 @@ class Scene(Spec):
                 raise _wrong(f"{have}: drives with a force_limit need cells", "tools", name, "force_limit")
 
     def _kinds_meet(self, body: BodySpec) -> None:
-        """Raise if material, integrator, models, seam and tools do not go together."""
+        """Raise if integrator, models, seam and tools do not go together."""
         near = self.regions.near
-        models = list(dict.fromkeys((self.regions.default, near.model if near else self.regions.default)))
-        problem = material_problem(body.material.kind, models)
-        if problem:
-            raise _wrong(problem, "body", "material", "kind")
         problem = integrator_problem(self.models.fem.integrator, near is not None, bool(self.tools), bool(body.fixed))
-        if problem and "fem" in models:
+        if problem and "fem" in (self.regions.default, near.model if near else ""):
             raise _wrong(problem, "models", "fem", "integrator")
         for i, name in enumerate(self.quantities):
             if name in OF_PARTICLES:

@@ -15,17 +15,14 @@ from typing import Any
 import numpy as np
 
 from softseam_protocol.descriptors import FIELDS, Field
+from softseam_protocol.learned import Learned
 from softseam_protocol.wire_walk import BYTES, FIXED64, VARINT, Unteachable, fields_between
 
 Writer = Callable[[Any], bytes | None]
 """the bytes of a message, or None where the codec has to look"""
 
-_LEARN_AT = 4
-"""messages of one sender that are encoded before the last of them teaches"""
-_REST = 1000
-"""messages that are left in peace after one that could not teach"""
-_MOST, _ALIKE = 64, 16
-"""senders that are kept of one class, and layouts of one sender"""
+_ALIKE = 16
+"""layouts that are kept of one sender"""
 _sender = attrgetter("header.session", "header.participant")
 
 
@@ -35,20 +32,16 @@ class WrittenLayouts:
     def __init__(self, cls: type) -> None:
         self._cls = cls
         self._optional = [field.name for field in FIELDS[cls] if field.optional]
-        self._writers: dict[tuple[str, str], list[Writer]] = {}
-        self._met: dict[tuple[str, str], int] = {}
+        self._learned: Learned[tuple[str, str], Writer] = Learned(_ALIKE)
 
     def write(self, message: Any) -> bytes | None:
         """The message's bytes, or None if no layout fits."""
         try:
             sender = _sender(message)
-            writers = self._writers.get(sender, [])
-            for writer in writers:
+            for writer in self._learned.known.get(sender, ()):
                 data = writer(message)
                 if data is not None:
-                    if writer is not writers[0]:
-                        # the next is probably like this one
-                        self._writers[sender] = [writer, *(other for other in writers if other is not writer)]
+                    self._learned.prefer(sender, writer)
                     return data
         except (AttributeError, TypeError, ValueError, OverflowError, struct.error):
             return None  # something in it is not what its field declares: the codec's text says what
@@ -58,18 +51,7 @@ class WrittenLayouts:
         """Learn from a message that the codec had to encode as `data`."""
         if any(getattr(message, name) is not None for name in self._optional):
             return
-        sender = _sender(message)
-        met = self._met[sender] = self._met.get(sender, 0) + 1
-        if met < _LEARN_AT:
-            return
-        if len(self._writers) >= _MOST or len(self._met) >= 16 * _MOST:
-            self._writers, self._met = {}, {}
-        writer = _Lesson(data).writer(self._cls, message)
-        if writer is None:
-            self._met[sender] = -_REST
-        else:
-            self._met.pop(sender, None)
-            self._writers[sender] = [writer, *self._writers.get(sender, ())][:_ALIKE]
+        self._learned.meet(_sender(message), lambda: _Lesson(data).writer(self._cls, message))
 
 
 class _Lesson:

@@ -95,8 +95,8 @@ def test_one_server_answers_several_keys_in_one_thread(bus: Bus, other: Bus) -> 
     other.serve(dict.fromkeys(names, handle), name="solver").start()
     assert until(lambda: all(served(bus, name) for name in names))
     payloads = [bytes([i]) * (10 ** (i + 3)) for i in range(3)]
-    replies = bus.request_all([*zip(names, payloads, strict=True)], 5.0)
-    assert replies == payloads
+    pending = [bus.start(name, payload, 5.0) for name, payload in zip(names, payloads, strict=True)]
+    assert [one.collect() for one in pending] == payloads
     assert threads == {"solver"}
 
 
@@ -113,7 +113,8 @@ def test_requests_to_several_servers_run_at_the_same_time(bus: Bus, other: Bus, 
         third.serve({KEYS.echo("far"): handle}).start()
         assert until(lambda: served(bus, KEYS.echo("near")) and served(bus, KEYS.echo("far")))
         # each handler waits for the other: one after the other would break the barrier
-        assert bus.request_all([(KEYS.echo("near"), b"meet"), (KEYS.echo("far"), b"meet")], 5.0) == [b"meet"] * 2
+        pending = [bus.start(KEYS.echo(name), b"meet", 5.0) for name in ("near", "far")]
+        assert [one.collect() for one in pending] == [b"meet"] * 2
 
 
 def test_nobody_serves_the_key(bus: Bus) -> None:

@@ -14,6 +14,7 @@ from softseam_protocol import codec
 from softseam_protocol.codec import decode, encode
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.layouts import Layouts
+from softseam_protocol.learned import Learned
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, Fields, Header, ToolMotion
 
 CLASSES = (Advance, Advanced)
@@ -119,6 +120,14 @@ def test_layouts_are_learned_and_used(make: Callable[..., Message]) -> None:
     assert [message is None for message in read] == [True] * 4 + [False] * 5
     assert [bits(message) for message in read[4:]] == [bits(message) for message in met[4:]]
     assert layouts.read(b"\0" * len(encode(met[0]))) is None
+
+
+def test_what_is_seldom_met_is_forgotten() -> None:
+    """Whoever sends messages of ever other lengths fills no memory."""
+    learned: Learned[int, str] = Learned(4)
+    for key in range(5000):
+        learned.meet(key, lambda: "layout")
+    assert len(learned._met) <= 1024 and not learned.known
 
 
 @pytest.mark.parametrize("make", MAKERS)

@@ -232,7 +232,7 @@ def test_senders_are_forgotten_when_there_are_many() -> None:
         for _ in range(4):
             layouts.meet(encode(message), message)
         assert layouts.write(message) == plain(message)
-        assert len(layouts._writers) <= 64
+        assert len(layouts._learned.known) <= 64
 
 
 def test_messages_with_fields_are_left_to_the_codec() -> None:

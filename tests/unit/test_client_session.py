@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import softseam
-from softseam.observation import principal_stress, von_mises
+from softseam.stress import principal_stress, von_mises
 from softseam_protocol.scene import HoldPhase
 
 SCENE = """\

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from softseam_protocol import scene_file
-from softseam_protocol.kinds import KNOWN_MATERIALS
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import BodySpec, ClosePhase, HoldPhase, MeshShape, MovePhase
 from softseam_protocol.scene_file import (
@@ -258,14 +257,6 @@ def test_a_thin_plate_with_default_cells_is_refused() -> None:
     )
     with pytest.raises(SceneError, match=r"body\.shape: .* cells, more than 200,000"):
         parse_scene(text)
-
-
-def test_a_material_that_a_model_does_not_know_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(KNOWN_MATERIALS, "pbd", ("neo_hookean", "linear"))
-    monkeypatch.setitem(KNOWN_MATERIALS, "fem", ("neo_hookean", "corotated"))
-    words = "the model pbd cannot take corotated: use neo_hookean or linear, or give all cells to fem"
-    with pytest.raises(SceneError, match=f"body.material.kind: {words}"):
-        parse_scene(GOOD.replace("neo_hookean", "corotated"))
 
 
 def test_newmark_may_not_meet_tools_nor_others_a_seam() -> None:

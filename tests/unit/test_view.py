@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from squeeze import Squeeze
 
+from softseam.stress import von_mises
 from softseam.view.colors import engineering, round_up, stress_colors
 from softseam.view.raster import Camera, Canvas
-from softseam.view.surface import DisplaySurface, von_mises
+from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import rotate, tool_shapes
 from softseam_protocol.messages import ToolSurface
 from softseam_protocol.scene import Scene

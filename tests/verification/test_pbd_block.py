@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,12 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pbd_run import CLAMP_LEFT, Energy, PbdRun, block_scene, static_solution
 
-from softseam_protocol.kinds import KNOWN_MATERIALS
+from softseam_protocol.kinds import MaterialKind
 from softseam_services.body.materials import point
 from softseam_services.pbd.kernels.general import solve_nine
 from softseam_services.pbd.kernels.sweep import batch_energies, new_workspace, strain_energy
 
-KINDS = KNOWN_MATERIALS["pbd"]
+KINDS = get_args(MaterialKind)
 STATICS = [("neo_hookean", 2), *((kind, 1) for kind in KINDS)]
 
 

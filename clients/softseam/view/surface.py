@@ -74,13 +74,6 @@ class DisplaySurface:
         return self.at_points(np.repeat((cell_energy / np.maximum(self._cell_volume, 1e-300))[:, None], 8, axis=1))
 
 
-def von_mises(cauchy: Floats) -> Floats:
-    """sqrt(3/2 s:s), s the deviator of Cauchy stress xx yy zz yz xz xy (..., 6) [Pa]."""
-    xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy, -1, 0)
-    normal = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
-    return np.asarray(np.sqrt(0.5 * normal + 3.0 * (yz * yz + xz * xz + xy * xy)))
-
-
 def _split_creases(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
     """Give each point one vertex for every smooth patch of triangles around it.
 

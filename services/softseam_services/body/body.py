@@ -141,4 +141,4 @@ class Region:
     point_cell: Ints
     """local cell ids (p,)"""
     point_local: Floats
-    """coordinates in that cell, each in [-1, 1] (p, 3)"""
+    """coordinates in that cell, each in [-1, 1], but beyond a seam of points that its owner carries (p, 3)"""

@@ -11,6 +11,7 @@ Stress counts with its value in the middle of each octant, in the trace of the s
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.messages import BodyState
 from softseam_services.body.body import Body
-from softseam_services.body.interpolate import Functions, point_weights
+from softseam_services.body.interpolate import Functions, hex27, point_weights
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.region import build_region
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides
@@ -30,28 +31,22 @@ _MIDDLES = np.array([(o & 1, o >> 1 & 1, o >> 2) for o in range(8)]) - 0.5
 """middles of a cell's octants in local coordinates (8, 3)"""
 
 
-def _quadratic_slopes() -> Floats:
-    """Derivatives of the 27 functions of a cell at the octants' middles (8, 27, 3), local coordinates in [-1, 1]."""
-    value = np.stack([0.5 * _MIDDLES * (_MIDDLES - 1.0), 1.0 - _MIDDLES**2, 0.5 * _MIDDLES * (_MIDDLES + 1.0)], axis=2)
-    slope = np.stack([_MIDDLES - 0.5, -2.0 * _MIDDLES, _MIDDLES + 0.5], axis=2)
-    out = np.ones((8, 27, 3))
-    for axis in range(3):
-        for along in range(3):
-            out[:, :, along] *= (slope if axis == along else value)[:, axis, LOCAL[:, axis]]
-    return out
+@cache
+def _slopes(functions: Functions) -> Floats:
+    """Derivatives of a cell's 27 functions at the octants' middles (8, 27, 3), local coordinates in [-1, 1].
 
-
-def _block_slopes() -> Floats:
-    """The same of the trilinear functions of each octant's corners, zero for the nodes of other octants (8, 27, 3)."""
+    Of tetrahedra those of hexahedra, which are near enough for a first guess.
+    """
     out = np.zeros((8, 27, 3))
-    corners = 2.0 * LOCAL[OCTANT_NODES[0]] - 1.0
-    for octant in range(8):
-        out[octant, OCTANT_NODES[octant]] = corners / 4.0
+    if functions in ("hex27", "tet10"):
+        value = np.empty(27)
+        for middle, slopes in zip(_MIDDLES, out, strict=True):
+            hex27(middle, value, slopes)
+    else:
+        corners = 2.0 * LOCAL[OCTANT_NODES[0]] - 1.0
+        for octant, nodes in enumerate(OCTANT_NODES):
+            out[octant, nodes] = corners / 4.0
     return out
-
-
-_SLOPES = {"hex27": _quadratic_slopes(), "tet10": _quadratic_slopes(), "hex8": _block_slopes(), "tet4": _block_slopes()}
-"""by the model's functions; those of tetrahedra are near enough to these for a first guess"""
 
 
 def first_multiplier(
@@ -85,7 +80,7 @@ def _seam_loads(
 
     beside = np.isin(region.cell_nodes, region.seam).any(axis=1)
     nodes, cells = region.cell_nodes[beside], region.cells[beside]
-    slopes = _SLOPES[functions]
+    slopes = _slopes(functions)
     jacobian = np.einsum("cai,oaj->coij", state.x[region.nodes[nodes]], slopes, optimize=True)
     volume = np.linalg.det(jacobian) * body.fill[cells]  # an octant is a unit cube of local coordinates
     xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy[cells], 2, 0)

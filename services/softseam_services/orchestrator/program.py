@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, Scene, TurnPhase
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.outline import extent_along
-from softseam_services.tools.pose import product, quaternion_turning
+from softseam_services.tools.pose import quaternion_turning, turned
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -203,8 +203,7 @@ class Program:
                 turn = quaternion_turning(np.array(phase.turn))
                 for tool in tools:
                     position[tool] = centre + rotate(turn, *(position[tool] - centre))
-                    turned = product(turn, orientation[tool])
-                    orientation[tool] = turned / np.linalg.norm(turned)
+                    orientation[tool] = turned(turn, orientation[tool])
             else:
                 grip = self._grips[number]
                 bounds = []

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages import ToolMotion
 from softseam_protocol.scene import LARGEST_TURN
-from softseam_services.tools.pose import product, quaternion_turning
+from softseam_services.tools.pose import quaternion_turning, turned
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -37,8 +37,7 @@ def tool_motion(tools: ToolSet, position: Floats, orientation: Floats, velocitie
                     f"the tool {tools.names[tool]!r} turns by {np.linalg.norm(turn):.3g} rad in a step of {dt:g} s, "
                     f"more than {LARGEST_TURN:g}: turn it more slowly, or shorten the step"
                 )
-            turned = product(quaternion_turning(turn), orientation[tool])
-            orientation_next[tool] = turned / np.linalg.norm(turned)
+            orientation_next[tool] = turned(quaternion_turning(turn), orientation[tool])
     return ToolMotion(
         position=position,
         orientation=orientation,

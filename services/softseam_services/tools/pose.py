@@ -23,6 +23,12 @@ def quaternion_onto(axis: Floats) -> Floats:
     return quaternion_turning(np.arctan2(np.hypot(x, y), z) * np.array([-y, x, 0.0]) / np.hypot(x, y))
 
 
+def turned(turn: Floats, orientation: Floats) -> Floats:
+    """An orientation (4,) after a turn (4,), of unit length again."""
+    after = product(turn, orientation)
+    return np.asarray(after / np.linalg.norm(after))
+
+
 def product(p: Floats, q: Floats) -> Floats:
     """p q (4,): first the turn q, then p."""
     w, v = p[0] * q[0] - p[1:] @ q[1:], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])

@@ -11,8 +11,8 @@ from .lanes import four, three
 from .pairs import DEPTH, EIGHT, MEAN, POINT, SLIP_SINCE
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
-MOMENTUM, ANGULAR, BOUNDS, N_PAIRS, RESIDUAL, STRETCH = 10, 13, 16, 22, 23, 24
-N_RESULTS = 25
+MOMENTUM, ANGULAR, BOUNDS, RESIDUAL, STRETCH = 10, 13, 16, 22, 23
+N_RESULTS = 24
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -72,7 +72,6 @@ def summarise(
                 point = rows[group, POINT + lane]
                 if point < 0:
                     continue
-                result[N_PAIRS] += 1.0
                 gap = tool_gap(tool_kind, tool_shape, place, turn, three(point_x, point))[0]
                 result[PENETRATION] = max(result[PENETRATION], -gap)
                 touches = False
