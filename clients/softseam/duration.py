@@ -7,23 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import (
-    BlockShape,
-    BodySpec,
-    BoxTool,
-    CapsuleTool,
-    ClosePhase,
-    CylinderTool,
-    GripPhase,
-    HoldPhase,
-    MeshTool,
-    MovePhase,
-    PlaneTool,
-    ReleasePhase,
-    Scene,
-    SphereTool,
-    TurnPhase,
-)
+from softseam_protocol.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene_motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
+from softseam_protocol.scene_tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, SphereTool
 
 Floats = NDArray[np.float64]
 

@@ -17,8 +17,9 @@ from softseam.scenes import bundle_of
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
 from softseam_protocol.messages import Vector3
-from softseam_protocol.scene import LARGEST_TURN, Scene
+from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene_motion import LARGEST_TURN
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

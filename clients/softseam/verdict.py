@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from softseam.columns import Columns
-from softseam_protocol.scene import MovePhase, ReleasePhase, Scene
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_motion import MovePhase, ReleasePhase
 
 _RISE = 0.002
 """tools that rise less than this lift nothing [m]"""

@@ -9,15 +9,23 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from softseam_protocol.kinds import (
-    ElementKind,
-    IntegratorKind,
     MaterialKind,
     ModelKind,
     integrator_problem,
 )
 from softseam_protocol.particle_bodies import RopeBody, SheetBody
-from softseam_protocol.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge
-from softseam_protocol.spec import wrong as _wrong
+from softseam_protocol.scene_models import ModelsSpec
+from softseam_protocol.scene_motion import (
+    LARGEST_TURN,
+    ClosePhase,
+    GripPhase,
+    HoldPhase,
+    Phase,
+    ReleasePhase,
+    TurnPhase,
+)
+from softseam_protocol.scene_tools import PlaneTool, ToolName, ToolSpec
+from softseam_protocol.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
 
 Quantity = Literal[
     "grip_force",
@@ -49,9 +57,8 @@ OF_PARTICLES = (
     "held",
 )
 """quantities that only a sheet or rope has"""
+ProbeName = ToolName
 
-LARGEST_TURN = 0.5
-"""of a tool in one step [rad]"""
 MOST_CELLS = 200_000
 MOST_STEPS = 10_000_000
 
@@ -95,9 +102,9 @@ class MaterialSpec(Spec):
     @model_validator(mode="after")
     def _ratio(self) -> MaterialSpec:
         if self.kind == "mooney_rivlin" and self.ratio is None:
-            raise _wrong("mooney_rivlin needs the ratio c01/(c10 + c01): give `ratio`, 0.2 for many rubbers", "kind")
+            raise wrong("mooney_rivlin needs the ratio c01/(c10 + c01): give `ratio`, 0.2 for many rubbers", "kind")
         if self.kind != "mooney_rivlin" and self.ratio is not None:
-            raise _wrong(f"{self.kind} has no ratio: only mooney_rivlin does", "ratio")
+            raise wrong(f"{self.kind} has no ratio: only mooney_rivlin does", "ratio")
         return self
 
 
@@ -133,7 +140,7 @@ class BodySpec(Spec):
             n_cells = math.prod(max(1, round(size / edge)) for size, edge in zip(self.shape.size, edges, strict=True))
             if n_cells > MOST_CELLS:
                 at = "cell" if self.cell is not None else "shape"
-                raise _wrong(f"{n_cells:,} cells, more than {MOST_CELLS:,}: give a longer cell edge", at)
+                raise wrong(f"{n_cells:,} cells, more than {MOST_CELLS:,}: give a longer cell edge", at)
         return self
 
 
@@ -145,211 +152,6 @@ def _body_tag(value: Any) -> str:
 AnyBody = Annotated[
     Annotated[BodySpec, Tag("cells")] | Annotated[SheetBody, Tag("sheet")] | Annotated[RopeBody, Tag("rope")],
     Discriminator(_body_tag),
-]
-
-
-class PlaneTool(Spec):
-    """A half-space; the body stays on the side of `normal`."""
-
-    kind: Literal["plane"] = "plane"
-    point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the plane [m]")
-    normal: Vector = Field(default=(0.0, 0.0, 1.0), description="points towards the body; any length")
-    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
-
-    @model_validator(mode="after")
-    def _direction(self) -> PlaneTool:
-        if math.hypot(*self.normal) < 1e-12:
-            raise _wrong("the normal must not be zero", "normal")
-        return self
-
-
-class _Solid(Spec):
-    """What all tools but planes have alike."""
-
-    position: Vector = Field(description="centre at time 0 (of a mesh, the centre of its bounding box) [m]")
-    friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
-    mass: NonNegative = Field(default=0.0, description="what its drive has to move [kg]")
-    force_limit: Positive | None = Field(
-        default=None, description="most that its drive presses with, along its closing, else its move [N]"
-    )
-
-
-class BoxTool(_Solid):
-    """A rigid box."""
-
-    kind: Literal["box"] = "box"
-    size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
-
-
-class SphereTool(_Solid):
-    """A rigid sphere."""
-
-    kind: Literal["sphere"] = "sphere"
-    radius: Positive = Field(description="[m]")
-
-
-class _LongTool(_Solid):
-    """What a capsule and a cylinder have alike."""
-
-    radius: Positive = Field(description="[m]")
-    length: Positive = Field(description="[m]")
-    axis: Vector = Field(default=(0.0, 0.0, 1.0), description="along its length at time 0; any length")
-
-    @model_validator(mode="after")
-    def _direction(self) -> _LongTool:
-        if math.hypot(*self.axis) < 1e-12:
-            raise _wrong("the axis must not be zero", "axis")
-        return self
-
-
-class CapsuleTool(_LongTool):
-    """A rigid cylinder with round ends."""
-
-    kind: Literal["capsule"] = "capsule"
-    length: Positive = Field(description="between the centres of its round ends [m]")
-
-
-class CylinderTool(_LongTool):
-    """A rigid cylinder with flat ends."""
-
-    kind: Literal["cylinder"] = "cylinder"
-    length: Positive = Field(description="between its flat ends [m]")
-
-
-class MeshTool(_Solid):
-    """A rigid solid from a file: a closed surface, or the boundary of a tetrahedral mesh."""
-
-    kind: Literal["mesh"] = "mesh"
-    path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
-    scale: Positive = Field(default=1.0, description="metres per unit of the file")
-    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
-
-
-ToolSpec = Annotated[
-    PlaneTool | BoxTool | SphereTool | CapsuleTool | CylinderTool | MeshTool, Field(discriminator="kind")
-]
-ToolName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]{0,63}$")]
-ProbeName = ToolName
-
-
-class Until(Spec):
-    """When a closing phase ends; the first condition met ends it."""
-
-    compression: float | None = Field(default=None, gt=0.0, lt=1.0, description="of the body between the tools [1]")
-    force: Positive | None = Field(default=None, description="mean normal force per tool [N]")
-    time: Positive | None = Field(default=None, description="length of the phase [s]")
-
-    @model_validator(mode="after")
-    def _some(self) -> Until:
-        if self.compression is None and self.force is None and self.time is None:
-            raise _wrong("say when to stop: compression, force or time")
-        return self
-
-
-class ClosePhase(Spec):
-    """Two tools approach each other at `close` [m/s] each; with `force`, they hold that force from then on."""
-
-    tools: tuple[str, str] = Field(description="the two tools, by name")
-    close: Positive = Field(description="speed of each tool [m/s]; with `force`, the highest")
-    until: Until
-    force: Positive | None = Field(
-        default=None, description="what each presses with, also in later phases, until the two close again [N]"
-    )
-
-    @model_validator(mode="after")
-    def _two(self) -> ClosePhase:
-        if self.tools[0] == self.tools[1]:
-            raise _wrong(f"{self.tools[0]!r} cannot close on itself: name two tools", "tools", 1)
-        if self.force is not None and self.until.force is not None and self.until.force > 0.99 * self.force:
-            raise _wrong(
-                f"{self.until.force:g} N is not reached where {self.force:g} N is held: at most 99 % of it",
-                "until",
-                "force",
-            )
-        return self
-
-
-class MovePhase(Spec):
-    """Tools move together by `move` [m] at `speed` [m/s]."""
-
-    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
-    move: Vector = Field(description="displacement [m]")
-    speed: Positive = Field(description="[m/s]")
-
-    @model_validator(mode="after")
-    def _somewhere(self) -> MovePhase:
-        if math.hypot(*self.move) < 1e-12:
-            raise _wrong("a move of zero length: use hold to wait", "move")
-        return self
-
-
-class TurnPhase(Spec):
-    """Tools turn together by `turn` at `speed`, as one rigid body, about a point."""
-
-    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
-    turn: Vector = Field(description="axis times angle [rad]")
-    speed: Positive = Field(description="angular speed [rad/s]")
-    about: Vector | None = Field(
-        default=None, description="centre of the turn [m]; default: the middle of the tools' positions"
-    )
-
-    @model_validator(mode="after")
-    def _some(self) -> TurnPhase:
-        if math.hypot(*self.turn) < 1e-12:
-            raise _wrong("a turn by no angle: use hold to wait", "turn")
-        return self
-
-
-class GripPhase(Spec):
-    """Tools take hold of the particles of a sheet or rope within one spacing, and stand still for `grip` [s]."""
-
-    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
-    grip: NonNegative = Field(description="[s]")
-
-
-class ReleasePhase(Spec):
-    """Tools let go of what they hold, and stand still for `release` [s]."""
-
-    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
-    release: NonNegative = Field(description="[s]")
-
-
-class HoldPhase(Spec):
-    """All tools stand still for `hold` [s]."""
-
-    hold: NonNegative = Field(description="[s]")
-
-
-PHASE_KEYS = ("close", "move", "turn", "grip", "release", "hold")
-"""the keys that name a phase"""
-
-
-def _phase_tag(value: Any) -> str | None:
-    keys = value if isinstance(value, dict) else getattr(type(value), "model_fields", ())
-    for key in PHASE_KEYS:
-        if key in keys:
-            return f"{key} phase"
-    return None
-
-
-# the tag follows from the key that names the phase, so that an error speaks of one phase, not of all
-Phase = Annotated[
-    Annotated[ClosePhase, Tag("close phase")]
-    | Annotated[MovePhase, Tag("move phase")]
-    | Annotated[TurnPhase, Tag("turn phase")]
-    | Annotated[GripPhase, Tag("grip phase")]
-    | Annotated[ReleasePhase, Tag("release phase")]
-    | Annotated[HoldPhase, Tag("hold phase")],
-    Discriminator(
-        _phase_tag,
-        custom_error_type="phase",
-        custom_error_message=(
-            "a phase says what happens: close (with tools, until), move or turn (with tools, speed), grip or release "
-            "(with tools), or hold"
-        ),
-    ),
 ]
 
 
@@ -371,7 +173,7 @@ class NearSpec(Spec):
     @model_validator(mode="after")
     def _some(self) -> NearSpec:
         if self.within is None and not self.boxes:
-            raise _wrong("say which cells are near: within (a distance to tools) or boxes")
+            raise wrong("say which cells are near: within (a distance to tools) or boxes")
         return self
 
 
@@ -380,83 +182,6 @@ class RegionsSpec(Spec):
 
     default: ModelKind = Field(default="pbd", description="model of every cell that is not near")
     near: NearSpec | None = None
-
-
-class FemSpec(Spec):
-    """Settings of the finite-element participant."""
-
-    element: ElementKind = Field(
-        default="hex27", description="hex27: quadratic, one a cell; hex8 and tet4: linear, in its eight octants"
-    )
-    integrator: IntegratorKind = Field(
-        default="implicit_euler",
-        description="implicit_euler damps and meets every seam and contact; static: no inertia; others: second order",
-    )
-    radius: float | None = Field(
-        default=None,
-        ge=0.0,
-        le=1.0,
-        description="share that midpoint and generalised_alpha keep of the fastest oscillations each step; default: "
-        "1 and 0.8, with tools 0.5 and 0 [1]",
-    )
-    tolerance: Positive = Field(
-        default=3e-5, description="Newton stops when no node moves more, relative to a cell edge [1]"
-    )
-    iterations: int = Field(default=30, ge=1, description="Newton iterations before the step is cut")
-    step_error: Positive | None = Field(
-        default=None,
-        description="largest error in position that a substep may make in time, relative to a cell edge; substeps are "
-        "as long as it allows; default: the step is one [1]",
-    )
-
-    @model_validator(mode="after")
-    def _substeps(self) -> FemSpec:
-        if self.step_error is not None and self.integrator in ("static", "symplectic_euler"):
-            why = {"static": "makes no error in time", "symplectic_euler": "divides steps by what is stable"}
-            raise _wrong(f"{self.integrator} {why[self.integrator]}: leave out step_error", "step_error")
-        return self
-
-    @model_validator(mode="after")
-    def _radius(self) -> FemSpec:
-        if self.radius is not None and self.integrator not in ("midpoint", "generalised_alpha"):
-            raise _wrong(f"{self.integrator} has no radius: only midpoint and generalised_alpha do", "radius")
-        return self
-
-
-def _substeps_tag(value: Any) -> str:
-    return "automatic" if isinstance(value, str) else "a count"
-
-
-class ClassicSpec(Spec):
-    """Stiffnesses of classic PBD, shares of a violation that one projection removes: they depend on sweeps and step."""
-
-    stretch: float = Field(default=1.0, gt=0.0, le=1.0, description="of distances [1]")
-    bending: float = Field(default=0.1, ge=0.0, le=1.0, description="of bending [1]")
-    per_substep: bool = Field(
-        default=False, description="n sweeps together remove that share: each takes 1 - (1 - k)^(1/n)"
-    )
-
-
-class PbdSpec(Spec):
-    """Settings of the PBD participant."""
-
-    method: Literal["xpbd", "pbd"] = Field(
-        default="xpbd", description="xpbd: stiffnesses in physical units; pbd: the classic one, for sheets and ropes"
-    )
-    classic: ClassicSpec = Field(default=ClassicSpec(), description="stiffnesses of method: pbd")
-    substeps: Annotated[
-        Annotated[int, Field(ge=1), Tag("a count")] | Annotated[Literal["auto"], Tag("automatic")],
-        Discriminator(_substeps_tag),
-    ] = Field(default="auto", description="substeps a step; auto: as many as its stiffest block needs")
-    sweeps: int = Field(default=1, ge=1, description="Gauss-Seidel sweeps a substep")
-    hourglass: Literal["physical", "fitted"] = "physical"
-
-
-class ModelsSpec(Spec):
-    """Settings of each model."""
-
-    fem: FemSpec = FemSpec()
-    pbd: PbdSpec = PbdSpec()
 
 
 class SeamSpec(Spec):
@@ -510,11 +235,11 @@ class Scene(Spec):
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
         if self.budget is not None and self.tolerance is None:
-            raise _wrong("a budget goes with a tolerance: add one, e.g. tolerance: 0.05", "budget")
+            raise wrong("a budget goes with a tolerance: add one, e.g. tolerance: 0.05", "budget")
         for i, phase in enumerate(self.motion):
             if isinstance(phase, TurnPhase) and phase.speed * self.step > LARGEST_TURN:
                 angle = phase.speed * self.step
-                raise _wrong(f"{angle:.3g} rad a step, more than {LARGEST_TURN:g}", "motion", i, "speed")
+                raise wrong(f"{angle:.3g} rad a step, more than {LARGEST_TURN:g}", "motion", i, "speed")
             if not isinstance(phase, HoldPhase):
                 self._known(phase.tools, "motion", i, "tools")
         if self.regions.near is not None:
@@ -524,47 +249,48 @@ class Scene(Spec):
         else:
             self._particles_alone(self.body.kind)
         if self.duration is None and not self.motion:
-            raise _wrong("give a duration, or a motion whose end is the end of the run")
+            raise wrong("give a duration, or a motion whose end is the end of the run")
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
-            raise _wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
+            raise wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
 
     def _particles_alone(self, kind: str) -> None:
         """Raise if the scene asks something of a sheet or rope that only a body in cells can do."""
         have = f"a {kind} is made of particles, not cells"
         if self.regions.default != "pbd":
-            raise _wrong(f"{have}: only pbd can simulate it", "regions", "default")
+            raise wrong(f"{have}: only pbd can simulate it", "regions", "default")
         if self.regions.near is not None:
-            raise _wrong(f"{have}, and is not cut into regions: leave `near` out", "regions", "near")
+            raise wrong(f"{have}, and is not cut into regions: leave `near` out", "regions", "near")
         if self.probes:
-            raise _wrong(f"{have}, and has no stress to probe", "probes")
+            raise wrong(f"{have}, and has no stress to probe", "probes")
         for i, quantity in enumerate(self.quantities):
             if quantity in OF_CELLS:
-                raise _wrong(f"{have}, and has no {quantity}", "quantities", i)
+                raise wrong(f"{have}, and has no {quantity}", "quantities", i)
         for i, phase in enumerate(self.motion):
             if isinstance(phase, ClosePhase) and phase.force is not None:
-                raise _wrong(f"{have}: close on it by time, or grip it", "motion", i, "force")
+                raise wrong(f"{have}: close on it by time, or grip it", "motion", i, "force")
         for name, tool in self.tools.items():
             if not isinstance(tool, PlaneTool) and tool.force_limit is not None:
-                raise _wrong(f"{have}: drives with a force_limit need cells", "tools", name, "force_limit")
+                raise wrong(f"{have}: drives with a force_limit need cells", "tools", name, "force_limit")
 
     def _kinds_meet(self, body: BodySpec) -> None:
         """Raise if integrator, models, seam and tools do not go together."""
         near = self.regions.near
         problem = integrator_problem(self.models.fem.integrator, near is not None, bool(self.tools), bool(body.fixed))
-        if problem and "fem" in (self.regions.default, near.model if near else ""):
-            raise _wrong(problem, "models", "fem", "integrator")
+        models = {self.regions.default, near.model if near else self.regions.default}
+        if problem and "fem" in models:
+            raise wrong(problem, "models", "fem", "integrator")
         for i, name in enumerate(self.quantities):
             if name in OF_PARTICLES:
-                raise _wrong(f"only sheets and ropes have {name}", "quantities", i)
+                raise wrong(f"only sheets and ropes have {name}", "quantities", i)
         if self.models.pbd.method == "pbd":
-            raise _wrong("classic pbd moves sheets and ropes: a body in cells needs xpbd", "models", "pbd", "method")
+            raise wrong("classic pbd moves sheets and ropes: a body in cells needs xpbd", "models", "pbd", "method")
         for i, phase in enumerate(self.motion):
             if isinstance(phase, GripPhase | ReleasePhase):
                 key = "grip" if isinstance(phase, GripPhase) else "release"
-                raise _wrong("a body in cells is held by friction: close two tools on it", "motion", i, key)
+                raise wrong("a body in cells is held by friction: close two tools on it", "motion", i, key)
         if self.models.fem.step_error is not None and near is not None and "fem" in models:
-            raise _wrong(
+            raise wrong(
                 "substeps by error cannot meet a seam, whose compliance is that of one step: leave out step_error and "
                 "shorten `step`, or give all cells to fem without regions.near",
                 "models",

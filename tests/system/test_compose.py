@@ -45,11 +45,13 @@ def command(*args: str, env: dict[str, str] | None = None, timeout: float = 60.0
 
 @dataclass
 class Deployment:
-    """The services as containers; its client's port is published on the loopback."""
+    """The services as containers; ports for clients, a page and its data are published on the loopback."""
 
     env: dict[str, str]
     project: str
     endpoint: str
+    page: int
+    data: int
 
     def compose(self, *args: str, timeout: float = 120.0) -> str:
         tool = ("docker-compose",) if shutil.which("docker-compose") else ("docker", "compose")
@@ -90,9 +92,10 @@ def deployment() -> Iterator[Deployment]:
     command(str(DEPLOY / "wheels.sh"), sys.executable, version, env=env, timeout=600.0)
     build = ("docker", "build", "-f", str(DEPLOY / "Dockerfile"), "--network", "none", "-t", "softseam-test")
     command(*build, "--build-arg", f"BASE_IMAGE={base}", str(DEPLOY), env=env, timeout=1500.0)
-    port = free_port()
+    port, page, data = free_port(), free_port(), free_port()
     env |= {"SOFTSEAM_IMAGE": "softseam-test", "SOFTSEAM_PORT": str(port)}
-    running = Deployment(env, f"softseam-test-{port}", f"tcp/127.0.0.1:{port}")
+    env |= {"SOFTSEAM_PAGE_PORT": str(page), "SOFTSEAM_DATA_PORT": str(data)}
+    running = Deployment(env, f"softseam-test-{port}", f"tcp/127.0.0.1:{port}", page, data)
     try:
         running.compose("up", "-d")
         running.wait_well()
@@ -185,9 +188,11 @@ def test_the_recording_is_shown_as_a_web_page(deployment: Deployment) -> None:
     page = ""
     while "rerun" not in page.lower():
         assert time.monotonic() < end, deployment.logs("viz")
-        with contextlib.suppress(OSError), urllib.request.urlopen("http://127.0.0.1:9090", timeout=5.0) as answer:
+        address = f"http://127.0.0.1:{deployment.page}"
+        with contextlib.suppress(OSError), urllib.request.urlopen(address, timeout=5.0) as answer:
             page = answer.read().decode(errors="replace")
-    with socket.create_connection(("127.0.0.1", 9876), timeout=5.0):  # where the page fetches the recording
+        time.sleep(0.2)  # the pace of asking: a page that is not there yet is refused at once
+    with socket.create_connection(("127.0.0.1", deployment.data), timeout=5.0):  # where it fetches the recording
         pass
     shown = deployment.logs("viz")
     assert "newest recording: /var/log/softseam/" in shown and "Traceback" not in shown, shown

@@ -120,6 +120,11 @@ def test_the_view_shows_both_regions_and_the_stress(rrd: Path, tmp_path: Path) -
     assert np.abs(early - late).mean() > 0.002, "the body moves"
 
 
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
 @pytest.fixture
 def served(rrd: Path) -> Iterator[tuple[int, int]]:
     """The web viewer's HTTP and gRPC ports."""
@@ -127,11 +132,9 @@ def served(rrd: Path) -> Iterator[tuple[int, int]]:
     process = subprocess.Popen(web_command(rrd, *ports), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 30.0
-        while time.monotonic() < deadline:
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", ports[0])) == 0:
-                    break
-            time.sleep(0.1)
+        while not _listens(ports[0]):
+            assert time.monotonic() < deadline and process.poll() is None, "the viewer serves no page"
+            time.sleep(0.1)  # the pace of asking: the viewer does not say when it is ready
         yield ports
     finally:
         process.terminate()

@@ -10,7 +10,7 @@ import pytest
 
 import softseam
 from softseam.stress import principal_stress, von_mises
-from softseam_protocol.scene import HoldPhase
+from softseam_protocol.scene_motion import HoldPhase
 
 SCENE = """\
 softseam: 1

@@ -12,7 +12,7 @@ from element_statics import Statics, lattice
 from numpy.typing import NDArray
 
 from softseam_protocol.kinds import ElementKind, MaterialKind
-from softseam_protocol.scene import FemSpec
+from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import FUNCTIONS
 from softseam_services.body.lattice import LOCAL

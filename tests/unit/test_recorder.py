@@ -141,7 +141,7 @@ CHILD = """
     for i in range({count}):
         recorder.write(messages[i % len(messages)])
         print(f"AT {{time.time_ns()}}\\n", end="", flush=True)
-        time.sleep({pause})
+        time.sleep({pause})  # the pace of a run
     ended = recorder.close()
     print("END", ended.messages, ended.lost, ended.note, flush=True)
 """

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from softseam_protocol import scene_file
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import BodySpec, ClosePhase, HoldPhase, MeshShape, MovePhase
+from softseam_protocol.scene import BodySpec, MeshShape
 from softseam_protocol.scene_file import (
     SceneError,
     bundle_scene,
@@ -21,6 +21,7 @@ from softseam_protocol.scene_file import (
     scene_hash,
     scene_json,
 )
+from softseam_protocol.scene_motion import ClosePhase, HoldPhase, MovePhase
 
 GOOD = """\
 # a cube between two plates

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from softseam_protocol.kinds import CONTACT_INTEGRATORS, IntegratorKind
 from softseam_protocol.messages import BodyState
-from softseam_protocol.scene import FemSpec, Scene
+from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene_models import FemSpec
 from softseam_services.fem.integrators.symplectic_euler import SAFETY
 from softseam_services.fem.kernels.cells import strain_energy
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -9,8 +9,9 @@ from pbd_run import PbdRun
 
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import BodyState, Fields, Header
-from softseam_protocol.scene import FemSpec, Scene
+from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.materials.point import energy
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from softseam.recording import Recording
 from softseam.replay import paths
-from softseam.stress import von_mises
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import ToolShape, tool_shapes

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from softseam.recording import Recording
 from softseam.report import ReportBuilder
-from softseam.stress import von_mises
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas

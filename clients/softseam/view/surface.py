@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam.stress import von_mises
 from softseam_protocol.messages import Frame, SurfaceMesh
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene import ModelsSpec
+from softseam_protocol.scene_models import ModelsSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.kernels.shape_functions import (
     QUADRATIC,

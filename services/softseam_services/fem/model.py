@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import FemSpec
+from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import FUNCTIONS, point_weights
 from softseam_services.by_reference import by_reference

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene import ModelsSpec, PbdSpec
+from softseam_protocol.scene_models import ModelsSpec, PbdSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.sides import Sides
 

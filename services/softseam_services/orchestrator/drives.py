@@ -19,7 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import ClosePhase, MovePhase, PlaneTool, Scene, ToolSpec
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_motion import ClosePhase, MovePhase
+from softseam_protocol.scene_tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.program import Grip, Program, Progress

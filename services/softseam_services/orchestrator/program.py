@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, Scene, TurnPhase
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.outline import extent_along
 from softseam_services.tools.pose import quaternion_turning, turned

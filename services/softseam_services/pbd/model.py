@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import PbdSpec, Scene
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_models import PbdSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import point_weights
 from softseam_services.tools.tool_set import ToolSet

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.scene import FemSpec
+from softseam_protocol.scene_models import FemSpec
 from softseam_services.fem.integrators import bdf2, generalised_alpha, midpoint, newmark
 from softseam_services.fem.integrators.scheme import (
     BDF2,

@@ -1,0 +1,87 @@
+"""Settings of the two models in a scene."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from softseam_protocol.kinds import ElementKind, IntegratorKind
+from softseam_protocol.spec import Positive, Spec, wrong
+
+
+class FemSpec(Spec):
+    """Settings of the finite-element participant."""
+
+    element: ElementKind = Field(
+        default="hex27", description="hex27: quadratic, one a cell; hex8 and tet4: linear, in its eight octants"
+    )
+    integrator: IntegratorKind = Field(
+        default="implicit_euler",
+        description="implicit_euler damps and meets every seam and contact; static: no inertia; others: second order",
+    )
+    radius: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=1.0,
+        description="share that midpoint and generalised_alpha keep of the fastest oscillations each step; default: "
+        "1 and 0.8, with tools 0.5 and 0 [1]",
+    )
+    tolerance: Positive = Field(
+        default=3e-5, description="Newton stops when no node moves more, relative to a cell edge [1]"
+    )
+    iterations: int = Field(default=30, ge=1, description="Newton iterations before the step is cut")
+    step_error: Positive | None = Field(
+        default=None,
+        description="largest error in position that a substep may make in time, relative to a cell edge; substeps are "
+        "as long as it allows; default: the step is one [1]",
+    )
+
+    @model_validator(mode="after")
+    def _substeps(self) -> FemSpec:
+        if self.step_error is not None and self.integrator in ("static", "symplectic_euler"):
+            why = {"static": "makes no error in time", "symplectic_euler": "divides steps by what is stable"}
+            raise wrong(f"{self.integrator} {why[self.integrator]}: leave out step_error", "step_error")
+        return self
+
+    @model_validator(mode="after")
+    def _radius(self) -> FemSpec:
+        if self.radius is not None and self.integrator not in ("midpoint", "generalised_alpha"):
+            raise wrong(f"{self.integrator} has no radius: only midpoint and generalised_alpha do", "radius")
+        return self
+
+
+def _substeps_tag(value: Any) -> str:
+    return "automatic" if isinstance(value, str) else "a count"
+
+
+class ClassicSpec(Spec):
+    """Stiffnesses of classic PBD, shares of a violation that one projection removes: they depend on sweeps and step."""
+
+    stretch: float = Field(default=1.0, gt=0.0, le=1.0, description="of distances [1]")
+    bending: float = Field(default=0.1, ge=0.0, le=1.0, description="of bending [1]")
+    per_substep: bool = Field(
+        default=False, description="n sweeps together remove that share: each takes 1 - (1 - k)^(1/n)"
+    )
+
+
+class PbdSpec(Spec):
+    """Settings of the PBD participant."""
+
+    method: Literal["xpbd", "pbd"] = Field(
+        default="xpbd", description="xpbd: stiffnesses in physical units; pbd: the classic one, for sheets and ropes"
+    )
+    classic: ClassicSpec = Field(default=ClassicSpec(), description="stiffnesses of method: pbd")
+    substeps: Annotated[
+        Annotated[int, Field(ge=1), Tag("a count")] | Annotated[Literal["auto"], Tag("automatic")],
+        Discriminator(_substeps_tag),
+    ] = Field(default="auto", description="substeps a step; auto: as many as its stiffest block needs")
+    sweeps: int = Field(default=1, ge=1, description="Gauss-Seidel sweeps a substep")
+    hourglass: Literal["physical", "fitted"] = "physical"
+
+
+class ModelsSpec(Spec):
+    """Settings of each model."""
+
+    fem: FemSpec = FemSpec()
+    pbd: PbdSpec = PbdSpec()

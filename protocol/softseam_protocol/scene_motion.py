@@ -1,0 +1,132 @@
+"""How a scene moves its tools: phases, one after another."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from softseam_protocol.spec import NonNegative, Positive, Spec, Vector, wrong
+
+LARGEST_TURN = 0.5
+"""of a tool in one step [rad]"""
+
+
+class Until(Spec):
+    """When a closing phase ends; the first condition met ends it."""
+
+    compression: float | None = Field(default=None, gt=0.0, lt=1.0, description="of the body between the tools [1]")
+    force: Positive | None = Field(default=None, description="mean normal force per tool [N]")
+    time: Positive | None = Field(default=None, description="length of the phase [s]")
+
+    @model_validator(mode="after")
+    def _some(self) -> Until:
+        if self.compression is None and self.force is None and self.time is None:
+            raise wrong("say when to stop: compression, force or time")
+        return self
+
+
+class ClosePhase(Spec):
+    """Two tools approach each other at `close` [m/s] each; with `force`, they hold that force from then on."""
+
+    tools: tuple[str, str] = Field(description="the two tools, by name")
+    close: Positive = Field(description="speed of each tool [m/s]; with `force`, the highest")
+    until: Until
+    force: Positive | None = Field(
+        default=None, description="what each presses with, also in later phases, until the two close again [N]"
+    )
+
+    @model_validator(mode="after")
+    def _two(self) -> ClosePhase:
+        if self.tools[0] == self.tools[1]:
+            raise wrong(f"{self.tools[0]!r} cannot close on itself: name two tools", "tools", 1)
+        if self.force is not None and self.until.force is not None and self.until.force > 0.99 * self.force:
+            raise wrong(
+                f"{self.until.force:g} N is not reached where {self.force:g} N is held: at most 99 % of it",
+                "until",
+                "force",
+            )
+        return self
+
+
+class MovePhase(Spec):
+    """Tools move together by `move` [m] at `speed` [m/s]."""
+
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    move: Vector = Field(description="displacement [m]")
+    speed: Positive = Field(description="[m/s]")
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> MovePhase:
+        if math.hypot(*self.move) < 1e-12:
+            raise wrong("a move of zero length: use hold to wait", "move")
+        return self
+
+
+class TurnPhase(Spec):
+    """Tools turn together by `turn` at `speed`, as one rigid body, about a point."""
+
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    turn: Vector = Field(description="axis times angle [rad]")
+    speed: Positive = Field(description="angular speed [rad/s]")
+    about: Vector | None = Field(
+        default=None, description="centre of the turn [m]; default: the middle of the tools' positions"
+    )
+
+    @model_validator(mode="after")
+    def _some(self) -> TurnPhase:
+        if math.hypot(*self.turn) < 1e-12:
+            raise wrong("a turn by no angle: use hold to wait", "turn")
+        return self
+
+
+class GripPhase(Spec):
+    """Tools take hold of the particles of a sheet or rope within one spacing, and stand still for `grip` [s]."""
+
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    grip: NonNegative = Field(description="[s]")
+
+
+class ReleasePhase(Spec):
+    """Tools let go of what they hold, and stand still for `release` [s]."""
+
+    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
+    release: NonNegative = Field(description="[s]")
+
+
+class HoldPhase(Spec):
+    """All tools stand still for `hold` [s]."""
+
+    hold: NonNegative = Field(description="[s]")
+
+
+PHASE_KEYS = ("close", "move", "turn", "grip", "release", "hold")
+"""the keys that name a phase"""
+
+
+def _phase_tag(value: Any) -> str | None:
+    keys = value if isinstance(value, dict) else getattr(type(value), "model_fields", ())
+    for key in PHASE_KEYS:
+        if key in keys:
+            return f"{key} phase"
+    return None
+
+
+# the tag follows from the key that names the phase, so that an error speaks of one phase, not of all
+Phase = Annotated[
+    Annotated[ClosePhase, Tag("close phase")]
+    | Annotated[MovePhase, Tag("move phase")]
+    | Annotated[TurnPhase, Tag("turn phase")]
+    | Annotated[GripPhase, Tag("grip phase")]
+    | Annotated[ReleasePhase, Tag("release phase")]
+    | Annotated[HoldPhase, Tag("hold phase")],
+    Discriminator(
+        _phase_tag,
+        custom_error_type="phase",
+        custom_error_message=(
+            "a phase says what happens: close (with tools, until), move or turn (with tools, speed), grip or release "
+            "(with tools), or hold"
+        ),
+    ),
+]
