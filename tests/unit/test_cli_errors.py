@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from softseam import cli
+from softseam import cli, connected
 
 GOOD = """\
 softseam: 1
@@ -74,6 +74,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setattr(connected, "_CONNECT_TIMEOUT", 0.5)
     (tmp_path / "GOOD.yaml").write_text(GOOD)
     (tmp_path / "bad.yaml").write_text("softseam: 1\n")
     return tmp_path

@@ -70,7 +70,7 @@ class Canvas:
         """A finished picture (height, width, 3)."""
         k = self._factor
         mine = self._color[:, :, 3 * layer : 3 * layer + 3]
-        small = mine.reshape(self.height // k, k, self.width // k, k, 3).mean(axis=(1, 3))
+        small = sum(mine[i::k, j::k] for i in range(k) for j in range(k)) / k**2
         return np.asarray(np.rint(np.clip(small, 0.0, 1.0) * 255.0), dtype=np.uint8)
 
     def floor(
@@ -79,25 +79,33 @@ class Canvas:
         """An endless plane with a grid, fading into the background with the distance from `centre`. Draw it first."""
         right, up, forward = self._camera.axes()
         half = np.tan(np.radians(0.5 * self._camera.fov))
-        across = (np.arange(self.width) - 0.5 * self.width) / (0.5 * self.height) * half
-        down = (0.5 * self.height - np.arange(self.height)) / (0.5 * self.height) * half
-        ray = forward + across[None, :, None] * right + down[:, None, None] * up
-        slope = ray @ normal
-        reach = np.divide(
-            (point - self._camera.eye) @ normal, slope, out=np.full(slope.shape, -1.0), where=np.abs(slope) > 1e-9
-        )
-        at = self._camera.eye + reach[..., None] * ray
+        across = ((np.arange(self.width) - 0.5 * self.width) / (0.5 * self.height) * half)[None, :]
+        down = ((0.5 * self.height - np.arange(self.height)) / (0.5 * self.height) * half)[:, None]
+
+        def rays(vector: Floats) -> Floats:
+            """Rays forward + across right + down up times a vector (height, width)."""
+            return np.asarray(forward @ vector + across * (right @ vector) + down * (up @ vector))
+
+        slope = rays(normal)
+        height = float((point - self._camera.eye) @ normal)
+        reach = np.divide(height, slope, out=np.full(slope.shape, -1.0), where=np.abs(slope) > 1e-9)
+        # the ray meets the plane at eye + reach ray: (eye - centre)^2 + 2 reach ray (eye - centre) + reach^2 ray^2
+        seen = self._camera.eye - centre
+        squared = seen @ seen + reach * (2.0 * rays(seen) + reach * (1.0 + across**2 + down**2))
+        strength = np.clip(1.3 - np.sqrt(np.maximum(squared, 0.0)) / radius, 0.0, 1.0)
+        strength[reach <= 0.0] = 0.0
         u = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
         u /= np.linalg.norm(u)
-        strength = np.clip(1.3 - np.linalg.norm(at - centre, axis=2) / radius, 0.0, 1.0) * (reach > 0.0)
-        pixel = 2.0 * half * np.maximum(reach, 1e-9) / self.height
+        shown = strength > 0.0
+        strength, near = strength[shown], reach[shown]
+        pixel = 2.0 * half * near / self.height
         line = np.zeros_like(strength)
         for axis in (u, np.cross(normal, u)):
-            along = (at - point) @ axis
+            along = float((self._camera.eye - point) @ axis) + near * rays(axis)[shown]
             away = np.abs(along - spacing * np.rint(along / spacing))
             line = np.maximum(line, np.clip(1.4 - away / (self._factor * pixel), 0.0, 1.0))
-        shade = np.tile(color, self._layers) * (1.0 - 0.07 * line[..., None])
-        self._color += strength[..., None] * (shade - self._color)
+        shade = np.tile(color, self._layers) * (1.0 - 0.07 * line[:, None])
+        self._color[shown] += strength[:, None] * (shade - self._color[shown])
         self._depth = np.where(reach > 0.0, reach, np.inf)
 
     def mesh(
