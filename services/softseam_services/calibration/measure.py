@@ -23,7 +23,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, BodyState, Header
-from softseam_protocol.scene import PbdSpec, Scene
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_models import PbdSpec
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.region import build_region
 from softseam_services.pbd.solver import PbdSolver
