@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.chart.machine import machine
 from softseam.chart.reference import cache_folder
 from softseam.chart.store import Identity, Store
 from softseam.embedded import solver_digest, translated
@@ -20,6 +19,7 @@ from softseam.errors import BadInput, missing_extra
 from softseam.report import write_report
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
+from softseam_protocol.facts import machine
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash

@@ -22,8 +22,9 @@ def facts() -> dict[str, str]:
 
 
 def machine() -> str:
-    """Processor and cores in words."""
-    return f"{processor()}, {_cores()} cores"
+    """Processor and the cores that this process may use, e.g. 'AMD EPYC 9B45, 2 cores'."""
+    n_cores = _cores()
+    return f"{processor()}, {n_cores} core{'s' if n_cores > 1 else ''}"
 
 
 def processor() -> str:
@@ -36,4 +37,4 @@ def processor() -> str:
 
 
 def _cores() -> int:
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -14,10 +14,10 @@ from rich.console import Console
 
 from softseam.chart.command import Wishes, chart
 from softseam.chart.landmarks import ASKED
-from softseam.chart.machine import machine
 from softseam.chart.reference import in_words
 from softseam.chart.table import Row, busy
 from softseam.view.colors import label
+from softseam_protocol.facts import machine
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = "tofu_grasp"

@@ -11,7 +11,6 @@ from rich.console import Console
 
 from softseam.chart.configurations import METHODS, configurations, frame_of
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
-from softseam.chart.machine import machine
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Ladder, Reference, climb, described, in_words
 from softseam.chart.store import Identity, Store
@@ -23,6 +22,7 @@ from softseam.report import write_report
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
+from softseam_protocol.facts import machine
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 

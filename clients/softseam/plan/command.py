@@ -15,7 +15,6 @@ from rich.text import Text
 
 from softseam.chart.command import quantity_names
 from softseam.chart.configurations import Configuration, configurations, frame_of
-from softseam.chart.machine import machine
 from softseam.chart.measure import Outcome, measure
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Ladder, cache_folder, climb
@@ -26,6 +25,7 @@ from softseam.plan.planner import REFERENCE, Goal, Plan, choose
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
+from softseam_protocol.facts import machine
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 
