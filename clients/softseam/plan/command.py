@@ -26,7 +26,7 @@ from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 
 RUNS = 1
@@ -63,6 +63,11 @@ def find(wishes: Wishes, console: Console) -> Plan:
     require_extra("solve", "planning, which simulates in this process,")
     loaded, bundle = bundle_of(wishes.scene)
     asked = with_settings(loaded, wishes.settings)
+    if not isinstance(asked.body, BodySpec):
+        raise BadInput(
+            f"planning compares models of a body in cells, and {asked.name!r} has a {asked.body.kind}, which only pbd moves: "
+            "set models.pbd.substeps, and read the violations that a run reports"
+        )
     goal = _goal(wishes, asked)
     wishes = replace(wishes, settings=(*wishes.settings, *AS_GIVEN))
     scene = with_settings(loaded, wishes.settings)

@@ -1,0 +1,109 @@
+"""The neo-Hookean pair of a tetrahedron (Macklin and Mueller 2021, "A constraint-based formulation of stable
+neo-Hookean materials"): C_D = sqrt(F:F) and C_H = det F - gamma, one after the other.
+
+Their energies with alpha_D = 1/(mu V) and alpha_H = 1/(lambda' V) add up to V (mu/2 F:F + lambda'/2 (J - gamma)^2),
+which for gamma = 1 + mu/lambda' is at rest where F = 1 and meets Hooke's law there for lambda' = lambda + mu.
+Gradients by x_k, k = 1..3: P d_k with P = F/C_D and P = cof F, d_k the rows of D_m^-1; that of x_0 is minus their sum.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.pbd.kernels.lanes import batch_kernel, move_four, transpose_four
+
+WIDTH = 8
+NODE = 32
+"""numbers of a particle in the workspace: x, y, z, w of eight lanes"""
+SHAPE, SOFT, GAMMA, LAMBDA = 4 * NODE, 4 * NODE + 72, 4 * NODE + 88, 4 * NODE + 96
+N_WORK = 4 * NODE + 112
+TINY = 1e-100
+
+
+@batch_kernel
+def project_pairs(ws, xw, nodes, inverse, soft, gamma, lam):
+    """Project both constraints of every tetrahedron once, batch after batch.
+
+    ws (N_WORK,) workspace; xw (n + 8, 4) updated in place; nodes (b, 4, 8); inverse (b, 9, 8) D_m^-1; soft (b, 2, 8)
+    alpha/h^2 of C_D and C_H; gamma (b, 8); lam (b, 2, 8) in place
+    """
+    for batch in range(len(nodes)):
+        for four in range(0, WIDTH, 4):
+            for i in range(4):
+                at = NODE * i + four
+                n0, n1 = 4 * nodes[batch, i, four], 4 * nodes[batch, i, four + 1]
+                n2, n3 = 4 * nodes[batch, i, four + 2], 4 * nodes[batch, i, four + 3]
+                transpose_four(ws, at, at + 8, at + 16, at + 24, xw, n0, n1, n2, n3)
+            for entry in range(9):
+                move_four(ws, SHAPE + 8 * entry + four, inverse, WIDTH * (9 * batch + entry) + four)
+            for each in range(2):
+                move_four(ws, SOFT + 8 * each + four, soft, WIDTH * (2 * batch + each) + four)
+                move_four(ws, LAMBDA + 8 * each + four, lam, WIDTH * (2 * batch + each) + four)
+            move_four(ws, GAMMA + four, gamma, WIDTH * batch + four)
+        for lane in range(WIDTH):
+            d0, d1, d2 = ws[SHAPE + lane], ws[SHAPE + 8 + lane], ws[SHAPE + 16 + lane]
+            d3, d4, d5 = ws[SHAPE + 24 + lane], ws[SHAPE + 32 + lane], ws[SHAPE + 40 + lane]
+            d6, d7, d8 = ws[SHAPE + 48 + lane], ws[SHAPE + 56 + lane], ws[SHAPE + 64 + lane]
+            e0, e1, e2 = -d0 - d3 - d6, -d1 - d4 - d7, -d2 - d5 - d8
+            w0, w1 = ws[24 + lane], ws[NODE + 24 + lane]
+            w2, w3 = ws[2 * NODE + 24 + lane], ws[3 * NODE + 24 + lane]
+            x0, y0, z0 = ws[lane], ws[8 + lane], ws[16 + lane]
+            x1, y1, z1 = ws[NODE + lane], ws[NODE + 8 + lane], ws[NODE + 16 + lane]
+            x2, y2, z2 = ws[2 * NODE + lane], ws[2 * NODE + 8 + lane], ws[2 * NODE + 16 + lane]
+            x3, y3, z3 = ws[3 * NODE + lane], ws[3 * NODE + 8 + lane], ws[3 * NODE + 16 + lane]
+            # F is the sum of x_k (x) d_k over all four, with d_0 = e
+            a, b, c = x0 * e0 + x1 * d0 + x2 * d3 + x3 * d6, x0 * e1 + x1 * d1 + x2 * d4 + x3 * d7, 0.0
+            c = x0 * e2 + x1 * d2 + x2 * d5 + x3 * d8
+            d, e = y0 * e0 + y1 * d0 + y2 * d3 + y3 * d6, y0 * e1 + y1 * d1 + y2 * d4 + y3 * d7
+            f, g = y0 * e2 + y1 * d2 + y2 * d5 + y3 * d8, z0 * e0 + z1 * d0 + z2 * d3 + z3 * d6
+            h, i9 = z0 * e1 + z1 * d1 + z2 * d4 + z3 * d7, z0 * e2 + z1 * d2 + z2 * d5 + z3 * d8
+            value = np.sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i9 * i9 + TINY)
+            # gradients times value: F d_k
+            px0, py0, pz0 = a * e0 + b * e1 + c * e2, d * e0 + e * e1 + f * e2, g * e0 + h * e1 + i9 * e2
+            px1, py1, pz1 = a * d0 + b * d1 + c * d2, d * d0 + e * d1 + f * d2, g * d0 + h * d1 + i9 * d2
+            px2, py2, pz2 = a * d3 + b * d4 + c * d5, d * d3 + e * d4 + f * d5, g * d3 + h * d4 + i9 * d5
+            px3, py3, pz3 = a * d6 + b * d7 + c * d8, d * d6 + e * d7 + f * d8, g * d6 + h * d7 + i9 * d8
+            weight = w0 * (px0 * px0 + py0 * py0 + pz0 * pz0) + w1 * (px1 * px1 + py1 * py1 + pz1 * pz1)
+            weight += w2 * (px2 * px2 + py2 * py2 + pz2 * pz2) + w3 * (px3 * px3 + py3 * py3 + pz3 * pz3)
+            alpha, before = ws[SOFT + lane], ws[LAMBDA + lane]
+            change = -(value + alpha * before) * value / (weight / value + alpha * value + TINY)  # eq. (1)
+            ws[LAMBDA + lane] = before + change
+            step = change / value
+            s0, s1, s2, s3 = step * w0, step * w1, step * w2, step * w3
+            x0, y0, z0 = x0 + s0 * px0, y0 + s0 * py0, z0 + s0 * pz0
+            x1, y1, z1 = x1 + s1 * px1, y1 + s1 * py1, z1 + s1 * pz1
+            x2, y2, z2 = x2 + s2 * px2, y2 + s2 * py2, z2 + s2 * pz2
+            x3, y3, z3 = x3 + s3 * px3, y3 + s3 * py3, z3 + s3 * pz3
+            a, b = x0 * e0 + x1 * d0 + x2 * d3 + x3 * d6, x0 * e1 + x1 * d1 + x2 * d4 + x3 * d7
+            c, d = x0 * e2 + x1 * d2 + x2 * d5 + x3 * d8, y0 * e0 + y1 * d0 + y2 * d3 + y3 * d6
+            e, f = y0 * e1 + y1 * d1 + y2 * d4 + y3 * d7, y0 * e2 + y1 * d2 + y2 * d5 + y3 * d8
+            g, h = z0 * e0 + z1 * d0 + z2 * d3 + z3 * d6, z0 * e1 + z1 * d1 + z2 * d4 + z3 * d7
+            i9 = z0 * e2 + z1 * d2 + z2 * d5 + z3 * d8
+            ca, cb, cc = e * i9 - f * h, f * g - d * i9, d * h - e * g  # cof F
+            cd, ce, cf = c * h - b * i9, a * i9 - c * g, b * g - a * h
+            cg, ch, ci = b * f - c * e, c * d - a * f, a * e - b * d
+            value = a * ca + b * cb + c * cc - ws[GAMMA + lane]
+            px0, py0, pz0 = ca * e0 + cb * e1 + cc * e2, cd * e0 + ce * e1 + cf * e2, cg * e0 + ch * e1 + ci * e2
+            px1, py1, pz1 = ca * d0 + cb * d1 + cc * d2, cd * d0 + ce * d1 + cf * d2, cg * d0 + ch * d1 + ci * d2
+            px2, py2, pz2 = ca * d3 + cb * d4 + cc * d5, cd * d3 + ce * d4 + cf * d5, cg * d3 + ch * d4 + ci * d5
+            px3, py3, pz3 = ca * d6 + cb * d7 + cc * d8, cd * d6 + ce * d7 + cf * d8, cg * d6 + ch * d7 + ci * d8
+            weight = w0 * (px0 * px0 + py0 * py0 + pz0 * pz0) + w1 * (px1 * px1 + py1 * py1 + pz1 * pz1)
+            weight += w2 * (px2 * px2 + py2 * py2 + pz2 * pz2) + w3 * (px3 * px3 + py3 * py3 + pz3 * pz3)
+            alpha, before = ws[SOFT + 8 + lane], ws[LAMBDA + 8 + lane]
+            change = -(value + alpha * before) / (weight + alpha + TINY)  # eq. (1)
+            ws[LAMBDA + 8 + lane] = before + change
+            s0, s1, s2, s3 = change * w0, change * w1, change * w2, change * w3
+            ws[lane], ws[8 + lane], ws[16 + lane] = x0 + s0 * px0, y0 + s0 * py0, z0 + s0 * pz0
+            ws[NODE + lane], ws[NODE + 8 + lane] = x1 + s1 * px1, y1 + s1 * py1
+            ws[NODE + 16 + lane], ws[2 * NODE + lane] = z1 + s1 * pz1, x2 + s2 * px2
+            ws[2 * NODE + 8 + lane], ws[2 * NODE + 16 + lane] = y2 + s2 * py2, z2 + s2 * pz2
+            ws[3 * NODE + lane], ws[3 * NODE + 8 + lane] = x3 + s3 * px3, y3 + s3 * py3
+            ws[3 * NODE + 16 + lane] = z3 + s3 * pz3
+        for four in range(0, WIDTH, 4):
+            for i in range(4):
+                at = NODE * i + four
+                n0, n1 = 4 * nodes[batch, i, four], 4 * nodes[batch, i, four + 1]
+                n2, n3 = 4 * nodes[batch, i, four + 2], 4 * nodes[batch, i, four + 3]
+                transpose_four(xw, n0, n1, n2, n3, ws, at, at + 8, at + 16, at + 24)
+            for each in range(2):
+                move_four(lam, WIDTH * (2 * batch + each) + four, ws, LAMBDA + 8 * each + four)

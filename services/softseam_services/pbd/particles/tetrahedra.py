@@ -1,0 +1,56 @@
+"""Constraints on the tetrahedra of a mesh: shapes at rest, and compliances from a material's constants.
+
+The textbook's mapping, with units (docs/particles.md): a spring has 1/k [m/N]; volume, as V - V_0, V_0/K [m^3/Pa]; a
+strain, which has no unit, 1/(modulus times volume) [1/J].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.elastic_constants import ElasticConstants
+
+from .batches import Batches, batches
+from .kernels.tetrahedron import rest_shapes
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """m tetrahedra in b batches, ready for the kernels `neo_hookean`, `strain` and `volume`."""
+
+    batches: Batches
+    volume: Floats
+    """at rest (m,) [m^3]"""
+    inverse: Floats
+    """D_m^-1, row by row (b, 9, 8) [1/m]"""
+
+    def pair(self, elastic: ElasticConstants, h: float) -> tuple[Floats, Floats]:
+        """alpha/h^2 of the neo-Hookean pair (b, 2, 8) [1/(kg m^2)], and gamma (b, 8)."""
+        bulk = elastic.lambda_ + elastic.mu
+        alpha = np.stack([1.0 / (elastic.mu * self.volume), 1.0 / (bulk * self.volume)], axis=1)
+        gamma = np.full(len(self.volume), 1.0 + elastic.mu / bulk)
+        return self.batches.lanes(alpha / h**2), self.batches.lanes(gamma)
+
+    def strains(self, elastic: ElasticConstants, h: float) -> Floats:
+        """alpha/h^2 of stretches, shears and the trace (b, 3, 8) [1/(kg m^2)]; lambda must be positive."""
+        moduli = np.array([2.0 * elastic.mu, elastic.mu, elastic.lambda_])
+        return self.batches.lanes(1.0 / (self.volume[:, None] * moduli * h**2))
+
+    def volumes(self, bulk: float, h: float) -> tuple[Floats, Floats]:
+        """V_0 (b, 8) and alpha/h^2 (b, 8) of the volume constraint for a bulk modulus [Pa]."""
+        return self.batches.lanes(self.volume), self.batches.lanes(self.volume / (bulk * h**2))
+
+
+def build_tetrahedra(x_rest: Floats, nodes: Ints) -> Tetrahedra:
+    """From rest positions (n, 3) and corners (m, 4). Raises ValueError where a tetrahedron is flat or inside out."""
+    nodes = np.ascontiguousarray(nodes, dtype=np.int32)
+    inverse, volume = np.empty((len(nodes), 3, 3)), np.empty(len(nodes))
+    rest_shapes(x_rest, nodes, inverse, volume)
+    bad = np.flatnonzero(~(volume > 0.0))
+    if len(bad):
+        raise ValueError(f"tetrahedron {bad[0]} has the volume {volume[bad[0]]:.3g} m^3: order its corners outwards")
+    made = batches(len(x_rest), nodes)
+    return Tetrahedra(made, volume, made.lanes(inverse.reshape(-1, 9)))

@@ -1,0 +1,252 @@
+"""Every constraint on particles: gradients, momentum, rigid motion; tetrahedra against FEM."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import Bundle
+from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
+from softseam_services.fem.elements.tetrahedra import linear
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.pbd.particles.batches import batches
+from softseam_services.pbd.particles.kernels import bending, dihedral, distance, neo_hookean, strain, volume
+from softseam_services.pbd.particles.tetrahedra import build_tetrahedra
+
+Floats = NDArray[np.float64]
+REST = np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, 0.1], [0.1, -0.3, 0.8]])
+X = REST + 0.15 * np.random.default_rng(1).normal(size=(4, 3))
+WEIGHT = np.array([0.5, 1.0, 2.0, 0.8])
+HINGE = np.array([1.3, -0.2, -0.7, -0.4])
+HUGE = 1e7
+"""compliance so large that a projection leaves the particles almost where they are: it shows gradient and value"""
+
+
+def volume_of(x: Floats) -> float:
+    return float(np.cross(x[1] - x[0], x[2] - x[0]) @ (x[3] - x[0]) / 6.0)
+
+
+def gradient_of(x: Floats) -> Floats:
+    """F."""
+    return np.asarray((x[1:] - x[0]).T @ np.linalg.inv((REST[1:] - REST[0]).T))
+
+
+def angle_of(x: Floats) -> float:
+    edge = x[1] - x[0]
+    first, second = np.cross(edge, x[2] - x[0]), np.cross(x[3] - x[0], edge)
+    return float(np.arctan2(np.cross(first, second) @ edge / np.linalg.norm(edge), first @ second))
+
+
+def green(x: Floats) -> Floats:
+    """E_00, E_11, E_22, 2 E_01, 2 E_02, 2 E_12, trace."""
+    f = gradient_of(x)
+    e = 0.5 * (f.T @ f - np.eye(3))
+    return np.array([e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[0, 2], 2 * e[1, 2], np.trace(e)])
+
+
+VALUES: dict[str, Callable[[Floats], Floats]] = {
+    "distance": lambda x: np.array([np.linalg.norm(x[1] - x[0]) - 0.7]),
+    "bending": lambda x: HINGE @ x,
+    "dihedral": lambda x: np.array([angle_of(x) - 0.3]),
+    "volume": lambda x: np.array([volume_of(x) - 0.1]),
+    "strain": green,
+    "neo_hookean": lambda x: np.array([np.linalg.norm(gradient_of(x)), np.linalg.det(gradient_of(x)) - 1.4]),
+}
+
+
+def project(name: str, x: Floats, alpha: float, weight: Floats = WEIGHT) -> tuple[Floats, Floats]:
+    """Positions and multipliers (c,) after one projection at compliance alpha/h^2."""
+    made = batches(4, np.arange(4 if name != "distance" else 2, dtype=np.int32)[None])
+    xw = np.zeros((12, 4))
+    xw[:4, :3], xw[:4, 3] = x, weight
+    n = len(VALUES[name](x))
+    soft, one = made.lanes(np.full((1, n), alpha)), made.lanes(np.array([1.0]))
+    lam = np.zeros((1, n, 8))
+    tets = build_tetrahedra(REST, np.arange(4)[None].astype(np.int32))
+    if name == "distance":
+        inverse, soft1 = np.zeros((1, 8)), np.zeros((1, 8))
+        distance.prepare_distances(xw, made.nodes, alpha * one, 1.0, 0.0, inverse, soft1)
+        rest = made.lanes(np.array([0.7]), 1.0)
+        distance.project_distances(np.zeros(distance.N_WORK), xw, made.nodes, rest, inverse, soft1, lam[:, 0])
+    elif name == "bending":
+        coefficient = made.lanes(HINGE[None])
+        inverse, soft1 = np.zeros((1, 8)), np.zeros((1, 8))
+        bending.prepare_bends(xw, made.nodes, coefficient, alpha * one, 1.0, 0.0, inverse, soft1)
+        bending.project_bends(np.zeros(bending.N_WORK), xw, made.nodes, coefficient, inverse, soft1, lam)
+    elif name == "dihedral":
+        rest = made.lanes(np.array([0.3]))
+        dihedral.project_dihedrals(xw, made.nodes, made.row, rest, soft[:, 0].copy(), 1.0, lam[:, 0])
+    elif name == "volume":
+        rest = made.lanes(np.array([0.1]))
+        volume.project_volumes(xw, made.nodes, made.row, rest, soft[:, 0].copy(), 1.0, lam[:, 0])
+    elif name == "strain":
+        three = made.lanes(np.full((1, 3), alpha))
+        strain.project_strains(xw, made.nodes, made.row, tets.inverse, three, 1.0, lam)
+    else:
+        gamma, ws = made.lanes(np.array([1.4])), np.zeros(neo_hookean.N_WORK)
+        neo_hookean.project_pairs(ws, xw, made.nodes, tets.inverse, soft, gamma, lam)
+    return xw[:4, :3].copy(), lam[0, :, 0].copy()
+
+
+@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize("seed", range(3))
+def test_gradients(name: str, seed: int) -> None:
+    """The work of the step's forces in a small motion d is that of the multipliers: sum_c lambda_c dC_c/dx . d,
+    differenced.
+
+    At a huge compliance all constraints of a kind see the same x: lambda_c = -C_c/alpha, x_i moves by w_i sum lambda
+    grad C.
+    """
+    after, lam = project(name, X, HUGE)
+    force = (after - X) * HUGE / WEIGHT[:, None]
+    value = VALUES[name]
+    assert lam * HUGE == pytest.approx(-value(X), rel=1e-5)
+    d = np.random.default_rng(10 + seed).normal(size=(4, 3))
+    eps = 1e-6
+    slope = (value(X + eps * d) - value(X - eps * d)) / (2.0 * eps)
+    if name == "bending":
+        assert (force * d).sum() == pytest.approx(-value(X) @ slope, rel=1e-5)
+    assert (force * d).sum() == pytest.approx(float(lam * HUGE @ slope), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_a_projection_keeps_momentum_and_turns_with_its_particles(name: str) -> None:
+    """Linear and angular momentum of the correction vanish to rounding; a turned start ends turned."""
+    after, _ = project(name, X, 0.3)
+    moved = (after - X) / WEIGHT[:, None]
+    assert np.abs(after - X).max() > 1e-3
+    assert moved.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12) or name == "bending"
+    if name not in ("bending", "strain", "neo_hookean"):  # several constraints in a row: each about where it finds x
+        assert np.cross(X, moved).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    c, s = np.cos(0.8), np.sin(0.8)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    shift = np.zeros(3) if name == "bending" else np.array([1.0, 2.0, 3.0])
+    turned, _ = project(name, X @ turn.T + shift, 0.3)
+    assert turned == pytest.approx(after @ turn.T + shift, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_held_particles_stay(name: str) -> None:
+    weight = WEIGHT * np.array([0.0, 1.0, 1.0, 1.0])
+    after, _ = project(name, X, 0.0, weight)
+    assert np.array_equal(after[0], X[0])
+    still, _ = project(name, X, 0.0, np.zeros(4))
+    assert np.array_equal(still, X)
+
+
+def test_bending_does_not_break_where_it_is_flat() -> None:
+    """The angle has a slope at zero: 1e-9 m out of a flat hinge is 1e-9 m back; arccos, the control, has none."""
+    flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0]])
+    made = batches(4, np.arange(4, dtype=np.int32)[None])
+    for lift in (0.0, 1e-9):
+        xw = np.zeros((12, 4))
+        xw[:4, :3], xw[:4, 3] = flat, 1.0
+        xw[2, 2] = lift
+        lam = np.zeros((1, 8))
+        zero = np.zeros((1, 8))
+        dihedral.project_dihedrals(xw, made.nodes, made.row, zero, zero, 1.0, lam)
+        assert np.isfinite(xw).all()
+        assert angle_of(xw[:4, :3]) == pytest.approx(0.0, abs=1e-15)
+    first = second = np.array([0.0, 0.0, 1.0])
+    with np.errstate(divide="ignore"):
+        assert not np.isfinite(-1.0 / np.sqrt(1.0 - (np.float64(first @ second)) ** 2))
+
+
+def test_hinge_coefficients_are_those_of_a_plate() -> None:
+    """A right-angled pair of equal halves of a square bends like the lattice; the sum vanishes on every flat hinge."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        x = np.zeros((4, 3))
+        x[1, 0] = 1.0
+        x[2, :2], x[3, :2] = rng.uniform(0.1, 0.9, 2), rng.uniform(0.1, 0.9, 2) * [1.0, -1.0]
+        c = np.empty(4)
+        bending.hinge_coefficients(x, c)
+        assert c.sum() == pytest.approx(0.0, abs=1e-12)
+        assert c @ x == pytest.approx(np.zeros(3), abs=1e-12)
+    # D/2 3/A |sum c z|^2 with z = k y^2/2 on the hinge across the x axis: D/2 k^2 times a third of the area of both
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]])
+    factor = bending.hinge_coefficients(x, c)
+    bent = c @ (0.5 * 0.1 * x[:, 1] ** 2)
+    assert factor == pytest.approx(3.0 / 1.0)
+    assert 0.5 * factor * bent**2 == pytest.approx(0.5 * 0.1**2 * 1.0 * 3.0, rel=1e-12)
+
+
+BLOCK: dict[str, Any] = {
+    "softseam": 1,
+    "name": "block",
+    "duration": 0.1,
+    "step": 0.1,
+    "gravity": (0.0, 0.0, -9.81),
+    "body": {
+        "shape": {"kind": "block", "size": (0.1, 0.1, 0.1)},
+        "cell": 0.05,
+        "material": {"kind": "neo_hookean", "young": 2e4, "poisson": 0.3, "density": 1000.0},
+        "fixed": [{"min": (-1.0, -1.0, 0.1), "max": (1.0, 1.0, 1.0)}],
+    },
+    "regions": {"default": "fem"},
+    "models": {"fem": {"element": "tet4", "integrator": "static", "tolerance": 1e-7}},
+}
+
+
+def hung(body: Body, name: str, h: float, sweeps: int) -> float:
+    """How far tetrahedra sag in a second, nearly at rest then [m]."""
+    tets = build_tetrahedra(body.x_rest, body.cell_nodes[:, linear().nodes].reshape(-1, 4))
+    mass = np.zeros(body.n_nodes)
+    np.add.at(mass, body.cell_nodes, body.cell_mass)
+    n, elastic, nodes = body.n_nodes, body.material.elastic, tets.batches.nodes
+    xw, v = np.zeros((n + 8, 4)), np.zeros((n, 3))
+    xw[:n, :3], xw[:n, 3] = body.x_rest, np.where(body.fixed, 0.0, 1.0 / mass)
+    free, ws = xw[:n, 3] > 0.0, np.zeros(neo_hookean.N_WORK)
+    soft, gamma = tets.pair(elastic, h)
+    strains = tets.strains(elastic, h)
+    lam = np.zeros((len(nodes), 7 if name == "strain" else 2, 8))
+    for _ in range(round(1.0 / h)):
+        before = xw[:n, :3].copy()
+        v[free, 2] -= h * 9.81
+        xw[:n, :3] += h * v
+        lam[:] = 0.0
+        for _ in range(sweeps):
+            if name == "strain":
+                strain.project_strains(xw, nodes, tets.batches.row, tets.inverse, strains, 1.0, lam)
+            else:
+                neo_hookean.project_pairs(ws, xw, nodes, tets.inverse, soft, gamma, lam)
+        v = (xw[:n, :3] - before) / h / (1.0 + 20.0 * h)
+    low = np.isclose(body.x_rest[:, 2], 0.0)
+    return float((body.x_rest - xw[:n, :3])[low, 2].mean())
+
+
+def hung_by_fem(kind: str) -> tuple[Body, float]:
+    """The block, and how far FEM's linear tetrahedra sag [m]."""
+    scene = Scene.model_validate(
+        {**BLOCK, "body": {**BLOCK["body"], "material": {**BLOCK["body"]["material"], "kind": kind}}}
+    )
+    simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
+    simulation.step(fields=False)
+    body, x = simulation.body, simulation.frame().x
+    simulation.close()
+    assert isinstance(body, Body)
+    return body, float((body.x_rest - x)[np.isclose(body.x_rest[:, 2], 0.0), 2].mean())
+
+
+def test_tetrahedra_of_strain_hang_as_those_of_fem() -> None:
+    """384 tetrahedra under their weight, the same mesh and St. Venant-Kirchhoff in both: 2.1 mm, alike to 0.6 %."""
+    body, wanted = hung_by_fem("st_venant_kirchhoff")
+    assert wanted == pytest.approx(2.1e-3, rel=0.05)
+    assert hung(body, "strain", 1e-3, 2) == pytest.approx(wanted, rel=0.006)
+
+
+def test_neo_hookean_pairs_converge_with_substeps_and_not_with_sweeps() -> None:
+    """FEM's law differs from the pair's by 1 % here. One sweep: 2 % off at 0.25 ms; eight at 1 ms: still 15 %.
+
+    XPBD takes each gradient where it finds the particles, and both multipliers of a tetrahedron are large and opposite
+    at rest, so the fixed point of many sweeps is not that of the energy. Smaller substeps are the remedy.
+    """
+    body, wanted = hung_by_fem("neo_hookean")
+    assert hung(body, "neo_hookean", 2.5e-4, 1) == pytest.approx(wanted, rel=0.02)
+    assert hung(body, "neo_hookean", 1e-3, 8) < 0.9 * wanted
