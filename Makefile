@@ -28,6 +28,7 @@ bus: $(VENV)/.dev ## measure what the bus costs on this machine
 
 pbd: $(VENV)/.dev ## measure how fast the PBD participant is on this machine
 	@NUMBA_NRT_STATS=1 PYTHONPATH=tests $(PY) tests/benchmarks/pbd.py
+	@NUMBA_NRT_STATS=1 PYTHONPATH=tests $(PY) tests/benchmarks/particles.py
 
 test: $(VENV)/.dev ## every gate: format, lint, types, layers, tests (fast ones first)
 	@sh .ci/gates $(PY)

@@ -17,6 +17,7 @@ from softseam.errors import SoftseamError
 from softseam_protocol.bus import Bus
 from softseam_protocol.codec import decode
 from softseam_protocol.messages import Bundle, Event, Frame, Observation, StepReport
+from softseam_protocol.scene_file import bundle_scene, parse_scene
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
@@ -24,6 +25,19 @@ from softseam_services.orchestrator.simulation import Simulation
 pytestmark = pytest.mark.slow
 
 STEPS = 60
+FOLD = """
+softseam: 1
+name: fold
+duration: 0.6
+body: {kind: sheet, size: [0.2, 0.1], divisions: [20, 10], density: 0.3, stretch: 500, position: [0, 0, 0.004]}
+tools:
+  ground: {kind: plane, friction: 0.5}
+  hand: {kind: box, size: [0.01, 0.08, 0.006], position: [0.11, 0, 0.005]}
+motion:
+  - {tools: [hand], grip: 0.05}
+  - {tools: [hand], turn: [0, -2.8, 0], speed: 7.0, about: [0, 0, 0.01]}
+  - {tools: [hand], release: 0.02}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +109,22 @@ def test_the_bus_changes_no_bit(
     assert first_difference(reference[0], reports) == ""
     assert observation.frame is not None and same_frame(reference[1], observation.frame)
     assert first_difference([observation.report], reports[-1:]) == ""
+
+
+def test_a_sheet_is_gripped_the_same_over_the_bus(services: Services, bus: Bus) -> None:
+    """Folded by a gripper while PBD's process is killed: reports, stretch and the last frame, bit for bit."""
+    bundle = bundle_scene(parse_scene(FOLD))
+    simulation = Simulation(bundle, EmbeddedTransport())
+    wanted = [simulation.step(fields=False) for _ in range(STEPS)]
+    frame = simulation.frame()
+    simulation.close()
+    assert wanted[10].quantities["held"] > 0.0 and wanted[-1].quantities["held"] == 0.0
+    reports, observation, _ = run(
+        services, bus, bundle, 20, lambda: os.kill(services.children.pid("pbd"), signal.SIGKILL)
+    )
+    assert first_difference(wanted, reports) == ""
+    assert observation.frame is not None and same_frame(frame, observation.frame)
+    assert "participant_restored" in [event.kind for event in observation.events]
 
 
 @pytest.mark.parametrize(

@@ -65,8 +65,8 @@ def find(wishes: Wishes, console: Console) -> Plan:
     asked = with_settings(loaded, wishes.settings)
     if not isinstance(asked.body, BodySpec):
         raise BadInput(
-            f"planning compares models of a body in cells, and {asked.name!r} has a {asked.body.kind}, which only pbd moves: "
-            "set models.pbd.substeps, and read the violations that a run reports"
+            f"planning compares models of a body in cells, and {asked.name!r} has a {asked.body.kind}, which only pbd "
+            "moves: set models.pbd.substeps, and read the violations that a run reports"
         )
     goal = _goal(wishes, asked)
     wishes = replace(wishes, settings=(*wishes.settings, *AS_GIVEN))

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ParticleReport
+from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ParticleReport, ToolMotion
 from softseam_protocol.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.kernels.lanes import aligned
@@ -92,9 +92,24 @@ class ParticleSolver:
         self._outcome, self._result = np.zeros(N_OUTCOMES), np.zeros(k.N_RESULTS)
         self._measure, self._strain = np.zeros((2, 5)), np.zeros(n + 8)
         self._layers = (APART * float(body.spacing) if body.self_contact else 0.0, float(body.self_friction))
+        self._load_kernels()
         self._fill(start.x)
         self._measure_all()
         start.strain[0] = self._measure[:, 0].sum()
+
+    def _load_kernels(self) -> None:
+        """Compile or load all kernels before anybody waits for a step: one of a single substep that leaves no trace.
+
+        So services that never meet a sheet or rope do not compile what only these need.
+        """
+        tools, substeps = self.model.tools, self.substeps
+        motion = ToolMotion(tools.position, tools.orientation, tools.position, tools.orientation)
+        np.copyto(self._work.buffer, self._committed.buffer)
+        self.substeps = 1
+        self._advance(motion, 1e-6)
+        self.substeps = substeps
+        for array in (self._mean, self._felt, self._wrench, self._result, self._springs[6], self._bends[6]):
+            array[:] = 0.0
 
     @property
     def strain(self) -> float:
@@ -109,7 +124,7 @@ class ParticleSolver:
             self._dt, self.substeps = request.dt, model.substeps(request.dt)
         fault, sweeps = Fault.INPUT, self.substeps * model.spec.sweeps
         if _finite(request):
-            fault = self._advance(request)
+            fault = self._advance(request.tools, request.dt)
         if fault in (Fault.INPUT, Fault.DIVERGED):
             np.copyto(work.buffer, self._committed.buffer)
             self._result[:] = 0.0
@@ -143,9 +158,9 @@ class ParticleSolver:
             particles=self._measures(),
         )
 
-    def _advance(self, request: Advance) -> Fault:
+    def _advance(self, motion: ToolMotion, dt: float) -> Fault:
         """Take the step from the committed state into the tentative one."""
-        model, body, tools, work, motion = self.model, self.model.body, self.model.tools, self._work, request.tools
+        model, body, tools, work = self.model, self.model.body, self.model.tools, self._work
         take_hold(
             *(work.x, work.v, body.mass, body.fixed, tools.kind, tools.shape, motion.position, motion.orientation),
             *(motion.gripping, body.radius + body.spacing, work.held, work.local, work.grips),
@@ -173,7 +188,7 @@ class ParticleSolver:
             body.radius,
             body.restitution,
             self._layers,
-            request.dt,
+            dt,
             self.substeps,
             model.spec.sweeps,
             stretch,
