@@ -34,7 +34,7 @@ def test_wanted_is_a_beams_frequency() -> None:
 
 @pytest.mark.parametrize("clamped", [True, False])
 def test_what_is_shown_is_implicit_eulers(clamped: bool) -> None:
-    """The blocks' own frequency to 1e-3; exp(-pi omega h) of the amplitude is left after a period, to 5 % of the loss."""
+    """The blocks' own frequency to 1e-3; after a period exp(-pi omega h) of the amplitude is left, to 5 %."""
     fixed = ({"min": (-1.0, -1.0, -1.0), "max": (-0.0249, 1.0, 1.0)},) if clamped else ()
     bench = Bench(*_of(block_scene((0.05, 0.05, 0.025), 0.025, step=0.01, fixed=fixed)))
     shown = bench.show(120, 1)
