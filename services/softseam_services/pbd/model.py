@@ -23,6 +23,9 @@ on Simpson masses, where the nodes of a block differ by up to 8"""
 STABLE = ((0.0, 0.2, 0.4, 0.45), (0.9, 2.0, 2.1, 2.6))
 """largest omega_max h with one sweep against Poisson's ratio; measured by undamped random kicks, see the decision note.
 An explicit step has 2."""
+TOUCHED = ((0.0, 0.2, 0.3, 0.4, 0.45, 0.49), (0.9, 1.0, 1.3, 1.8, 2.6, 2.1))
+"""the same where tools with friction may touch: beyond, sliding points chatter and friction holds less than it should;
+measured on a sliding slab, see the decision note 0070"""
 TWO_SWEEPS = 1.5
 """how much longer a substep may be with two sweeps and more"""
 
@@ -69,7 +72,9 @@ class PbdModel:
         if self.spec.substeps != "auto":
             return self.spec.substeps
         material = self.body.material
-        limit = float(np.interp(0.5 * material.young / material.mu - 1.0, *STABLE))
+        touched = bool(self.active.any() and (self.tools.friction > 0.0).any())
+        table = TOUCHED if touched else STABLE
+        limit = float(np.interp(0.5 * material.young / material.mu - 1.0, *table))
         if self.spec.sweeps > 1:
             limit *= TWO_SWEEPS
         return max(1, int(np.ceil(dt * self.frequency / limit - 1e-9)))
