@@ -7,6 +7,7 @@ two overlaps with the face: exact where sides are along the tool's axes, and con
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from softseam_services.tools.kernels import rotate, rotate_back
@@ -73,3 +74,17 @@ def side_gap(side, shape, position, orientation, point):
     nx, ny, nz = rotate(orientation, sign if axis == 0 else 0.0, sign if axis == 1 else 0.0, sign if axis == 2 else 0.0)
     away = nx * (point[0] - position[0]) + ny * (point[1] - position[1]) + nz * (point[2] - position[2])
     return away - shape[axis], nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy")
+def held_side(shape, position, orientation, point):
+    """Side of a box, as of `covered`, that a point (3,) is at: the nearest; -1 beyond an edge, where there is none."""
+    p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
+    side, least, beyond = -1, np.inf, 0
+    for axis in range(3):
+        depth = shape[axis] - abs(p[axis])
+        beyond += depth < 0.0
+        if depth < least:
+            least = depth
+            side = axis + 3 if p[axis] > 0.0 else axis
+    return side if beyond < 2 else -1
