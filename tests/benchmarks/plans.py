@@ -63,8 +63,8 @@ def plans_of(name: str, table: Table, console: Console) -> tuple[int, int, int]:
         n_made += 1
         n_met += true.error - best.uncertainty <= tolerance
         n_cheap += ratio <= 1.5
-        error = f"{100 * true.error:.2g} %"
-        table.add_row(name, goal, plan.choice.label, f"{true.rtf:.3g}", error, f"{ratio:.2f}", f"{len(asked)} tried")
+        off, tried = f"{100 * true.error:.2g} %", f"{len(asked)} tried"
+        table.add_row(name, goal, plan.choice.label, f"{true.rtf:.3g}", off, f"{ratio:.2f}", tried)
     return n_made, n_met, n_cheap
 
 

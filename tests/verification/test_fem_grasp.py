@@ -112,8 +112,8 @@ def test_a_ball_that_presses_is_felt_where_it_is() -> None:
 
 @pytest.mark.parametrize("step", [0.02, 0.05])
 def test_plates_that_reach_just_below_the_cube_keep_it_in_long_steps(step: float) -> None:
-    """Lifted by as much a step as their edge is below the cube's, or more: its lowest points pass the edge on the way to
-    the step's end, where the plate's lower side is the nearer one, and were pressed inward under the plate."""
+    """Lifted by as much a step as their edge is below the cube's, or more: its lowest points pass the edge on the way
+    to the step's end, where the plate's lower side is the nearer one, and were pressed inward under the plate."""
     plate = {"kind": "box", "size": (0.01, 0.06, 0.06), "friction": 0.6}
     tools = {
         "ground": {"kind": "plane", "friction": 0.6},
