@@ -24,7 +24,7 @@ UNITS = {
     "bending_violation_mean": "1",
     "stretch_energy": "J",
     "bending_energy": "J",
-    "held": "",
+    "held": "particles",
 }
 PROBED = {"von_mises": "Pa", "displacement": "m"}
 """what is reported at a probe, as NAME.von_mises"""

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from softseam.errors import BadInput, SceneRefused
 from softseam_protocol import marked_yaml
-from softseam_protocol.scene import RegionsSpec, Scene
+from softseam_protocol.scene import BodySpec, RegionsSpec, Scene
 from softseam_protocol.scene_file import SceneError, parse_scene, scene_json
 
 AS_GIVEN = ("budget=null", "tolerance=null")
@@ -25,6 +25,10 @@ def with_model(scene: Scene, model: Model) -> Scene:
     """
     if model not in get_args(Model):
         raise BadInput(f"no model is called {model!r}; there are: {', '.join(get_args(Model))}")
+    if model != "pbd" and not isinstance(scene.body, BodySpec):
+        raise BadInput(
+            f"the scene {scene.name!r} has a {scene.body.kind}, which is made of particles: only pbd moves it"
+        )
     if model == "hybrid":
         near = scene.regions.near
         if near is None or near.model == scene.regions.default:

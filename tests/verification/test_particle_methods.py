@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from particle_run import Floats, ParticleRun, particle_scene
-from spring import forced_spring, project_once, transfer
+from spring import forced_spring, project_once, softness, transfer
 
 from softseam_services.pbd.particles.batches import batches
 from softseam_services.pbd.particles.kernels import distance
@@ -45,27 +45,20 @@ def test_the_chapters_answer_to_exercise_9_4_is_not_what_xpbd_does() -> None:
     assert wrong < 0.95 * 1000.0
 
 
-def softness(sweeps: int, substeps: int, method: str, per_substep: bool = False) -> float:
-    """Stretch of a hanging link in multiples of m g/k (XPBD), or of classic PBD's, at stiffness 0.5, over h^2 g."""
-    rope = {
-        "kind": "rope",
-        "length": 0.1,
-        "divisions": 1,
-        "density": 2.0,
-        "stretch": 10.0,
-        "rotation": (0.0, np.pi / 2, 0.0),
-        "damping": 100.0,
-        "fixed": [{"min": (-1.0, -1.0, 0.04), "max": (1.0, 1.0, 1.0)}],
-    }
-    pbd = {
-        "method": method,
-        "sweeps": sweeps,
-        "substeps": substeps,
-        "classic": {"stretch": 0.5, "per_substep": per_substep},
-    }
-    run = ParticleRun(particle_scene(rope, gravity=(0.0, 0.0, -10.0), pbd=pbd))
-    run.run(2.0)
-    return float(np.ptp(run.x[:, 2])) - 0.1
+def test_the_step_alone_bounds_what_exercise_9_4_asks_for() -> None:
+    """k |H| at w h = t is 1/|1 - r (cos t - i sin t)| with r = 4 m sin(t/2)^2/(h^2 k): at most 1/sin t = 1.70 at r =
+    cos t.
+
+    So an amplification of no more than 2 needs no damping and no choice of compliance at 10 Hz and 0.01 s.
+    """
+    h, frequency, stiffness = 0.01, 10.0, 1000.0
+    t = 2.0 * np.pi * frequency * h
+    masses = np.geomspace(1e-3, 1e2, 2001)
+    gain = np.array([stiffness * abs(transfer(stiffness, mass, h, frequency)) for mass in masses])
+    assert gain.max() == pytest.approx(1.0 / np.sin(t), rel=1e-4)
+    assert gain.max() == pytest.approx(1.7013, abs=1e-3)
+    r = 4.0 * masses[gain.argmax()] * np.sin(0.5 * t) ** 2 / (h * h * stiffness)
+    assert r == pytest.approx(np.cos(t), rel=0.01)
 
 
 def test_xpbd_is_as_stiff_whatever_the_sweeps_and_classic_pbd_is_not() -> None:
