@@ -1,6 +1,7 @@
-"""Make the surfaces of the food scenes: `python scenes/make_meshes.py` writes sausage.obj and dumpling.obj beside it.
+"""Make the meshes of the food scenes: `python scenes/make_meshes.py` writes them beside it, in millimetres.
 
-Both are tubes of rings between two poles, in millimetres, closed and counter-clockwise from outside.
+sausage.obj and dumpling.obj are tubes of rings between two poles, closed and counter-clockwise from outside;
+calamari.vtk is a ring of quadratic hexahedra.
 """
 
 from __future__ import annotations
@@ -70,6 +71,27 @@ def dumpling() -> tuple[Floats, NDArray[np.int64]]:
     return tube(46, 24, section)
 
 
+def calamari() -> tuple[Floats, NDArray[np.int64]]:
+    """A ring of squid about y, 40 mm across, 12 mm wide, 7 mm thick: points, and 16 x 2 x 1 cells of 27 nodes."""
+    around, through, along = 16, 2, 1
+    k, j, i = np.meshgrid(np.arange(2 * around), np.arange(2 * through + 1), np.arange(2 * along + 1), indexing="ij")
+    angle, radius = np.pi * k.ravel() / around, 13.0 + 7.0 * j.ravel() / (2 * through)
+    # a little egg-shaped, and thinner on one side, as squid is
+    radius *= 1.0 + 0.03 * np.cos(angle) * j.ravel() / (2 * through)
+    points = np.stack([radius * np.sin(angle), 6.0 - 6.0 * i.ravel() / along, 20.0 - radius * np.cos(angle)], axis=1)
+    corners = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [0, 0, 2], [2, 0, 2], [2, 2, 2], [0, 2, 2]])
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    faces = [(0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 1, 2, 3), (4, 5, 6, 7)]
+    middles = [corners[list(group)].sum(axis=0) // len(group) for group in (*edges, *faces)]
+    local = np.concatenate([corners, middles, [[1, 1, 1]]])  # i along y, j outwards, k around
+    cells = []
+    for turn in range(around):
+        for layer in range(through):
+            i, j, k = (local + np.array([0, 2 * layer, 2 * turn])).T
+            cells.append(i + (2 * along + 1) * (j + (2 * through + 1) * (k % (2 * around))))
+    return points, np.array(cells)
+
+
 MESHES = {"sausage.obj": sausage, "dumpling.obj": dumpling}
 
 
@@ -83,6 +105,19 @@ def obj_text(name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def vtk_text() -> str:
+    """calamari.vtk in VTK's legacy format, coordinates to 0.1 um."""
+    points, cells = calamari()
+    lines = ["# vtk DataFile Version 3.0", "made by make_meshes.py, millimetres", "ASCII", "DATASET UNSTRUCTURED_GRID"]
+    lines += [f"POINTS {len(points)} double"]
+    lines += [f"{x:.4f} {y:.4f} {z:.4f}" for x, y, z in np.round(points, 4) + 0.0]
+    lines += [f"CELLS {len(cells)} {28 * len(cells)}"]
+    lines += ["27 " + " ".join(map(str, cell)) for cell in cells.tolist()]
+    lines += [f"CELL_TYPES {len(cells)}", *["29"] * len(cells)]
+    return "\n".join(lines) + "\n"
+
+
 if __name__ == "__main__":
     for mesh_name in MESHES:
         (Path(__file__).parent / mesh_name).write_text(obj_text(mesh_name), encoding="ascii")
+    (Path(__file__).parent / "calamari.vtk").write_text(vtk_text(), encoding="ascii")

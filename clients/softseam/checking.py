@@ -46,7 +46,9 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     body = check_body(built)
     table.add_row("size", " x ".join(f"{1e3 * side:.4g}" for side in body.size) + " mm")
     table.add_row("volume, mass", f"{1e6 * body.volume:.4g} cm^3, {1e3 * body.mass:.4g} g")
-    table.add_row("cells", f"{body.n_cells} of " + " x ".join(f"{1e3 * edge:.4g}" for edge in body.edges) + " mm")
+    edges = " x ".join(f"{1e3 * edge:.4g}" for edge in body.edges)
+    own = f"{body.n_cells} hexahedra of the file, shortest edge {1e3 * body.edges[0]:.3g} mm"
+    table.add_row("cells", f"{body.n_cells} of {edges} mm" if body.boxes else own)
     table.add_row("filled", f"{body.full_cells} cells wholly; the emptiest to {100.0 * body.smallest_fill:.3g} %")
     table.add_row(
         "unknowns", f"{3 * (body.n_nodes - body.n_fixed)} ({body.n_nodes} nodes, {body.n_fixed} of them clamped)"

@@ -64,12 +64,22 @@ ToolIds = Annotated[NDArray[np.int32], Array("i4", None, least=-1)]
 Labels = Annotated[NDArray[np.int8], Array("i1", None)]
 Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
 Octants = Annotated[NDArray[np.float64], Array("f8", None, 8)]
+OctantIds = Annotated[NDArray[np.int32], Array("i4", None, 8, least=-1)]
+Lines = Annotated[NDArray[np.int32], Array("i4", None, 2, least=0)]
 Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3, least=0)]
 
 # defaults of fields that are left out where they say nothing
 _NO_VECTORS = partial(np.zeros, (0, 3))
 _NO_MATRIX = partial(np.zeros, (0, 0))
 _NO_SCALARS = partial(np.zeros, 0)
+
+
+def _no_octants() -> NDArray[np.int32]:
+    return np.zeros((0, 8), dtype=np.int32)
+
+
+def _no_lines() -> NDArray[np.int32]:
+    return np.zeros((0, 2), dtype=np.int32)
 
 
 def _no_labels() -> NDArray[np.int8]:
@@ -558,6 +568,12 @@ class SurfaceMesh:
     """filled fraction of each octant (C, 8)"""
     tools: dict[str, ToolSurface] = field(default_factory=dict)
     """the tools that are meshes, by name"""
+    point_octants: OctantIds = field(default_factory=_no_octants)
+    """octants 8 cell + octant that meet at each surface point, -1 for none (P, 8); empty where cells are boxes"""
+    cell_lines: Lines = field(default_factory=_no_lines)
+    """ends of the lines along cells' edges on the surface, as surface points (L, 2); empty where cells are boxes"""
+    cell_volume: Scalars = field(default_factory=_NO_SCALARS)
+    """(C,) [m^3]; empty where cells are boxes"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,12 +77,15 @@ class BlockShape(Spec):
 
 
 class MeshShape(Spec):
-    """A closed surface or tetrahedral mesh, embedded in cells."""
+    """A closed surface or solid mesh, embedded in cells of one size, or hexahedra that are the cells."""
 
     kind: Literal["mesh"] = "mesh"
     path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
     up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
+    cells: Literal["boxes", "own"] = Field(
+        default="boxes", description="boxes: cells of one size that the solid fills partly; own: the file's hexahedra"
+    )
 
 
 Shape = Annotated[BlockShape | MeshShape, Field(discriminator="kind")]
@@ -131,6 +134,12 @@ class BodySpec(Spec):
     spin: Vector = Field(
         default=(0.0, 0.0, 0.0), description="initial angular velocity about the centre of mass [rad/s]"
     )
+
+    @model_validator(mode="after")
+    def _sized_once(self) -> BodySpec:
+        if isinstance(self.shape, MeshShape) and self.shape.cells == "own" and self.cell is not None:
+            raise wrong("the file's hexahedra are the cells: leave out `cell`, or `cells: own`", "cell")
+        return self
 
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:
@@ -280,6 +289,14 @@ class Scene(Spec):
         models = {self.regions.default, near.model if near else self.regions.default}
         if problem and "fem" in models:
             raise wrong(problem, "models", "fem", "integrator")
+        if isinstance(body.shape, MeshShape) and body.shape.cells == "own" and (near or models != {"fem"}):
+            raise wrong(
+                "hexahedra of any shape are cells of fem alone, pbd's are boxes: say regions: {default: fem}, or leave "
+                "out `cells: own`",
+                "body",
+                "shape",
+                "cells",
+            )
         for i, name in enumerate(self.quantities):
             if name in OF_PARTICLES:
                 raise wrong(f"only sheets and ropes have {name}", "quantities", i)

@@ -207,9 +207,15 @@ def test_files_that_are_no_meshes(path: str, data: bytes, words: str, capfd: pyt
 
 
 def test_other_solid_cells_are_refused_by_kind() -> None:
+    wedge = np.array([[0, 1, 2, 4, 5, 6]])
+    with pytest.raises(MeshError, match="1 wedge"):
+        read_solid("m.vtk", tets(CUBE, [("wedge", wedge)], ".vtk"), 1.0, "z")
+
+
+def test_hexahedra_are_embedded_by_their_boundary() -> None:
     hexahedron = np.array([[0, 1, 3, 2, 4, 5, 7, 6]])
-    with pytest.raises(MeshError, match="1 hexahedron"):
-        read_solid("m.vtk", tets(CUBE, [("hexahedron", hexahedron)], ".vtk"), 1.0, "z")
+    vertices, triangles, _ = read_solid("m.vtk", tets(CUBE, [("hexahedron", hexahedron)], ".vtk"), 1.0, "z")
+    assert enclosed_volume(vertices, triangles) == pytest.approx(0.04 * 0.03 * 0.02)
 
 
 def scene(**shape: object) -> Scene:

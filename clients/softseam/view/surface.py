@@ -31,7 +31,8 @@ class DisplaySurface:
         """ends of the lines where cells' faces meet a flat surface, as surface points (L, 2)"""
         self.extent = float(np.ptp(mesh.point_rest, axis=0).max()) if len(mesh.point_rest) else 1.0
         """longest side of the bounding box at rest [m]"""
-        self._cell_volume = mesh.fill.mean(axis=1) * float(np.prod(mesh.edges))
+        boxes = mesh.fill.mean(axis=1) * float(np.prod(mesh.edges))
+        self._cell_volume = mesh.cell_volume if len(mesh.cell_volume) else boxes
         self._in_cells = len(mesh.cell_center) > 0
         self.load_label, self.load_factor = ("von Mises stress [kPa]", 1e-3) if self._in_cells else ("stretch [%]", 1e2)
         """what `load` gives, and the factor to the unit that it is shown in"""
@@ -126,6 +127,9 @@ def _octant_stencil(mesh: SurfaceMesh) -> tuple[Ints, Floats]:
     """Trilinear weights of the filled octants around each surface point: ids (P, 8), weights (P, 8) that sum to 1."""
     if not len(mesh.cell_center):
         return np.zeros((len(mesh.point_rest), 8), dtype=np.int64), np.zeros((len(mesh.point_rest), 8))
+    if len(mesh.point_octants):
+        there = mesh.point_octants >= 0
+        return np.maximum(mesh.point_octants, 0).astype(np.int64), there / there.sum(axis=1, keepdims=True)
     step = 0.5 * mesh.edges
     origin = mesh.cell_center.min(axis=0) - mesh.edges
     cell = np.rint((mesh.cell_center - origin) / mesh.edges - 1.0).astype(np.int64)
@@ -151,6 +155,8 @@ def _cell_lines(mesh: SurfaceMesh, triangles: Ints) -> Ints:
     """Edges of triangles that lie on two planes of the cell grid: one is the surface, the other cuts it."""
     if not len(mesh.cell_center):
         return np.zeros((0, 2), dtype=np.int64)
+    if len(mesh.point_octants):
+        return mesh.cell_lines.astype(np.int64)
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     at = (mesh.point_rest - (mesh.cell_center.min(axis=0) - 0.5 * mesh.edges)) / mesh.edges
@@ -163,6 +169,8 @@ def _cells_of(mesh: SurfaceMesh, at: Floats) -> Ints:
     """The cell that holds, or else is nearest to, each position at rest (n,)."""
     if not len(mesh.cell_center):
         return np.zeros(len(at), dtype=np.int64)
+    if len(mesh.point_octants):
+        return np.asarray([int(np.argmin(((mesh.cell_center - x) ** 2).sum(axis=1))) for x in at], dtype=np.int64)
     origin = mesh.cell_center.min(axis=0)
     grid = np.rint((mesh.cell_center - origin) / mesh.edges).astype(np.int64)
     counts = grid.max(axis=0) + 1

@@ -94,6 +94,8 @@ class Body:
     """(3,) [m/s^2]"""
     v_initial: Floats
     """(N, 3) [m/s]"""
+    boxes: bool = True
+    """cells are boxes with `edges`; else hexahedra of any shape, wholly filled, whose shortest edge is in `edges`"""
     notes: tuple[str, ...] = ()
     """what the importer repaired or wants to tell"""
 

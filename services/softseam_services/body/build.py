@@ -13,8 +13,10 @@ from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
+from softseam_services.body.hexahedra import own_cells
 from softseam_services.body.lattice import SIMPSON, divide, number_nodes
 from softseam_services.body.materials import build_material
+from softseam_services.body.mesh_io import read_hexahedra
 from softseam_services.body.particles import ParticleBody, build_particles
 
 _CLAMP_TOLERANCE = 1e-9
@@ -41,7 +43,10 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
         raise ValueError(f"a {spec.kind} has no cells")
     if isinstance(spec.shape, BlockShape):
         return _block(scene, spec, spec.shape)
-    return _embedded(scene, spec, spec.shape, files)
+    if spec.shape.path not in files:
+        raise MeshError(f"{spec.shape.path}: the file is missing; give its path relative to the scene file")
+    build = _own if spec.shape.cells == "own" else _embedded
+    return build(scene, spec, spec.shape, files[spec.shape.path])
 
 
 def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
@@ -64,10 +69,26 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     )
 
 
-def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
-    if shape.path not in files:
-        raise MeshError(f"{shape.path}: the file is missing; give its path relative to the scene file")
-    vertices, triangles, read_notes = read_solid(shape.path, files[shape.path], shape.scale, shape.up)
+def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
+    raw = read_hexahedra(shape.path, data)
+    cells = own_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
+    return assemble(
+        scene,
+        spec,
+        x_rest=cells.x_rest,
+        cell_nodes=cells.cell_nodes,
+        cell_grid=cells.cell_grid,
+        edges=np.full(3, cells.edge),
+        fill=np.ones((len(cells.cell_nodes), 8)),
+        cell_mass=cells.cell_mass,
+        surface=cells.surface,
+        notes=cells.notes,
+        boxes=False,
+    )
+
+
+def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
+    vertices, triangles, read_notes = read_solid(shape.path, data, shape.scale, shape.up)
     solid = embed(
         shape.path, vertices + np.array(spec.position), triangles, cell_edges(spec), density=spec.material.density
     )
@@ -104,6 +125,7 @@ def assemble(
     cell_mass: Floats,
     surface: Surface,
     notes: tuple[str, ...] = (),
+    boxes: bool = True,
 ) -> Body:
     """Add what every shape has alike: material, clamped nodes, initial velocities, gravity."""
     fixed = _clamped(x_rest, spec.fixed)
@@ -124,6 +146,7 @@ def assemble(
         surface=surface,
         gravity=np.array(scene.gravity),
         v_initial=v_initial,
+        boxes=boxes,
         notes=notes,
     )
 

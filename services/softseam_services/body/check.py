@@ -8,6 +8,7 @@ import numpy as np
 
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
+from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 
 _SLIVER = 0.02
@@ -28,7 +29,8 @@ class BodyCheck:
     size: tuple[float, float, float]
     """extents of the surface [m]"""
     edges: tuple[float, float, float]
-    """edges of a cell [m]"""
+    """edges of a cell, or the shortest of all where cells are no boxes [m]"""
+    boxes: bool
     volume: float
     """inside the surface [m^3]"""
     area: float
@@ -54,7 +56,7 @@ def check_body(body: Body) -> BodyCheck:
     mass = np.zeros(body.n_nodes)
     np.add.at(mass, body.cell_nodes, body.cell_mass)
     fill = body.fill.mean(axis=1)
-    volume = enclosed_volume(points, triangles)
+    volume = enclosed_volume(points, triangles) if body.boxes else float(cell_volumes(body).sum())
     slivers = int((fill < _SLIVER).sum())
     material = body.material
     size = np.ptp(points, axis=0)
@@ -65,7 +67,7 @@ def check_body(body: Body) -> BodyCheck:
             "choose more even `cell` edges"
         )
     # What rounding a wanted cell edge to a divisor of the body leaves open is worth knowing when it is one cell.
-    if (size < 1.5 * body.edges).any():
+    if body.boxes and (size < 1.5 * body.edges).any():
         warnings.append("one cell through the thickness: bending is coarse; make `cell` half as large")
     poisson = material.elastic.poisson
     if poisson > _INCOMPRESSIBLE:
@@ -83,6 +85,7 @@ def check_body(body: Body) -> BodyCheck:
         n_fixed=int(body.fixed.sum()),
         size=_triple(size),
         edges=_triple(body.edges),
+        boxes=body.boxes,
         volume=volume,
         area=float(np.linalg.norm(triangle_areas(points, triangles), axis=1).sum()),
         mass=float(mass.sum()),

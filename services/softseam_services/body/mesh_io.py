@@ -1,4 +1,4 @@
-"""Files of closed surfaces and tetrahedral meshes, through meshio -> triangles in metres."""
+"""Files of closed surfaces and solid meshes, through meshio -> triangles, or hexahedra that are cells themselves."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ Cells = NDArray[np.int64]
 
 _VOLUME_CELLS = {"tetra": 4, "tetra10": 4}
 _FACE_CELLS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+_HEXAHEDRA = {"hexahedron": 8, "hexahedron20": 20, "hexahedron27": 27}
+_HEX_FACES = np.array([[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]])
 _IGNORED_CELLS = {"vertex", "line", "line3"}
 _TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 _WELD = 1e-9
@@ -38,14 +40,53 @@ class RawSurface:
     notes: tuple[str, ...]
 
 
-def read_surface(path: str, data: bytes) -> RawSurface:
-    """Read a surface, or the boundary of a tetrahedral mesh; raises MeshError."""
+@dataclass(frozen=True)
+class RawHexahedra:
+    """Hexahedra as a file gives them."""
+
+    points: Floats
+    """(n, 3) in the file's units"""
+    cells: tuple[Cells, ...]
+    """of 8, 20 or 27 nodes in VTK's order, block by block"""
+
+
+def read_hexahedra(path: str, data: bytes) -> RawHexahedra:
+    """Read hexahedra that are to be cells; raises MeshError where the file has other solids, or none."""
     mesh = _read(path, data)
-    vertices = np.asarray(mesh.points, dtype=np.float64)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
+    points = _points(path, mesh)
+    blocks: list[Cells] = []
+    others: dict[str, int] = {}
+    for block in mesh.cells:
+        cells = np.asarray(block.data, dtype=np.int64)
+        if block.type in _HEXAHEDRA:
+            blocks.append(cells)
+        elif block.type not in _FACE_CELLS and block.type not in _IGNORED_CELLS:
+            others[block.type] = others.get(block.type, 0) + len(cells)
+    if others or not blocks:
+        found = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items())) or "no solids"
+        raise MeshError(
+            f"{path}: has {found}, but cells are hexahedra of 8, 20 or 27 nodes: every element here lives on the 27 "
+            "nodes of one; mesh with hexahedra alone, or leave out `cells: own`, which embeds the surface in cells"
+        )
+    points, flat = _weld(points, np.concatenate([cells.ravel() for cells in blocks]))
+    parts = np.split(flat, np.cumsum([cells.size for cells in blocks])[:-1])
+    return RawHexahedra(points, tuple(part.reshape(cells.shape) for part, cells in zip(parts, blocks, strict=True)))
+
+
+def _points(path: str, mesh: meshio.Mesh) -> Floats:
+    points = np.asarray(mesh.points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise MeshError(f"{path}: points are not three-dimensional; export a solid, not a drawing")
-    if not np.isfinite(vertices).all():
-        raise MeshError(f"{path}: {int((~np.isfinite(vertices)).sum())} coordinates are not finite; export it again")
+    if not np.isfinite(points).all():
+        raise MeshError(f"{path}: {int((~np.isfinite(points)).sum())} coordinates are not finite; export it again")
+    return points
+
+
+def read_surface(path: str, data: bytes) -> RawSurface:
+    """Read a surface, or the boundary of a tetrahedral or hexahedral mesh; raises MeshError."""
+    mesh = _read(path, data)
+    vertices = _points(path, mesh)
+    hexahedra: list[Cells] = []
     tets: list[Cells] = []
     faces: list[Cells] = []
     unknown: dict[str, int] = {}
@@ -53,6 +94,8 @@ def read_surface(path: str, data: bytes) -> RawSurface:
         cells = np.asarray(block.data, dtype=np.int64)
         if block.type in _VOLUME_CELLS:
             tets.append(cells[:, :4])
+        elif block.type in _HEXAHEDRA:
+            hexahedra.append(cells[:, :8])
         elif block.type in _FACE_CELLS:
             corners = _FACE_CELLS[block.type]
             faces.append(cells[:, :3])
@@ -60,9 +103,13 @@ def read_surface(path: str, data: bytes) -> RawSurface:
                 faces.append(cells[:, [0, 2, 3]])
         elif block.type not in _IGNORED_CELLS:
             unknown[block.type] = unknown.get(block.type, 0) + len(cells)
+    if tets and hexahedra:
+        unknown["hexahedron"] = sum(map(len, hexahedra))
     if unknown:
         found = ", ".join(f"{count} {kind}" for kind, count in sorted(unknown.items()))
-        raise MeshError(f"{path}: cells of a kind that is not read ({found}); export triangles, quads or tetrahedra")
+        raise MeshError(
+            f"{path}: cells of a kind that is not read ({found}); export triangles, quads, tetrahedra or hexahedra"
+        )
     notes: list[str] = []
     volume = None
     if tets:
@@ -70,10 +117,15 @@ def read_surface(path: str, data: bytes) -> RawSurface:
         triangles, volume = _tet_boundary(path, vertices, solid)
         if faces:
             notes.append("the file has tetrahedra and faces; the boundary of the tetrahedra is the surface")
+    elif hexahedra:
+        vertices, solid = _weld(vertices, np.concatenate(hexahedra))
+        triangles = _hexahedral_boundary(solid)
     elif faces:
         vertices, triangles = _weld(vertices, np.concatenate(faces))
     else:
-        raise MeshError(f"{path}: holds no triangles, quads or tetrahedra; export a closed surface or a solid mesh")
+        raise MeshError(
+            f"{path}: holds no triangles, quads, tetrahedra or hexahedra; export a closed surface or a solid mesh"
+        )
     used, triangles = np.unique(triangles, return_inverse=True)
     return RawSurface(
         vertices=vertices[used],
@@ -112,6 +164,14 @@ def _weld(vertices: Floats, cells: Cells) -> tuple[Floats, Cells]:
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     return vertices[first[order]], rank[number.ravel()[cells]]
+
+
+def _hexahedral_boundary(hexahedra: Cells) -> Cells:
+    """Halves of the faces that belong to one hexahedron, outward where its corners are in VTK's order."""
+    faces = hexahedra[:, _HEX_FACES].reshape(-1, 4)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    outer = faces[np.sort(first[count == 1])]
+    return np.concatenate([outer[:, [0, 1, 2]], outer[:, [0, 2, 3]]])
 
 
 def _tet_boundary(path: str, vertices: Floats, tets: Cells) -> tuple[Cells, float]:

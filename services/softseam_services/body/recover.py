@@ -17,6 +17,7 @@ from scipy.sparse import csr_array
 
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
+from softseam_services.body.own_shapes import cell_volumes, sample_places
 
 FEM_SAMPLE, PBD_SAMPLE = 1.0 / np.sqrt(3.0), 0.5
 """local coordinates of the samples are +- this"""
@@ -31,7 +32,11 @@ def nodal_recovery(body: Body, sample: Floats) -> csr_array:
     """
     place = LOCAL - 1.0
     octant = place[OCTANT_NODES].sum(axis=1) / 4.0  # -1 or 1 along each axis
-    r = 0.5 * (sample[:, None, None, None] * octant[None, None] - place[None, :, None, :])  # (C, 27, 8, 3)
+    if body.boxes:
+        r = 0.5 * (sample[:, None, None, None] * octant[None, None] - place[None, :, None, :])  # (C, 27, 8, 3)
+    else:
+        r = sample_places(body, sample)[:, None] - body.x_rest[body.cell_nodes][:, :, None]
+        r /= np.cbrt(cell_volumes(body).mean())
     p = np.concatenate([np.ones((*r.shape[:3], 1)), r], axis=3)
     weighted = p * body.fill[:, None, :, None]
     moments = np.zeros((body.n_nodes, 4, 4))

@@ -186,6 +186,8 @@ class _Dissection:
         axis = int(np.argmax(np.ptp(grid, axis=0)))
         along = grid[:, axis]
         values, counts = np.unique(along, return_counts=True)
+        if len(values) == 1:
+            return cells[: len(cells) // 2], cells[len(cells) // 2 :]
         below = np.cumsum(counts)[:-1]
         cut = values[np.argmin(np.abs(2 * below - len(cells)))]
         lower = along <= cut

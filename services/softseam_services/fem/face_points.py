@@ -108,9 +108,9 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
 
 
 def _is_block(body: Body) -> bool:
-    """Whether the surface points are the lattice nodes of filled cells."""
+    """Whether the surface points are the lattice nodes of filled boxes."""
     local = body.surface.local
-    return bool(np.abs(local - np.rint(local)).max(initial=0.0) < 1e-9 and (body.fill == 1.0).all())
+    return body.boxes and bool(np.abs(local - np.rint(local)).max(initial=0.0) < 1e-9 and (body.fill == 1.0).all())
 
 
 def _has_edge(tools: ToolSet, tool: int, body: Body) -> bool:

@@ -13,6 +13,7 @@ from softseam_protocol.spec import Vector
 from softseam_services.body.body import Body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27
+from softseam_services.body.own_shapes import local_place
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
 from softseam_services.orchestrator.quantities import von_mises
 
@@ -33,16 +34,20 @@ class Probes:
         slopes = np.empty((27, 3))
         middle = body.x_rest[body.cell_nodes[:, 13]]
         for i, (name, at) in enumerate(zip(self._names, self._rest, strict=True)):
+            if not body.boxes:
+                found = local_place(body, at)
+                if found is None:
+                    raise _not_inside(body, name, at)
+                cells[i] = found[0]
+                hex27(found[1], self._weight[i], slopes)
+                continue
             local = 2.0 * (at - middle) / body.edges
             outside = np.abs(local).max(axis=1)
             octant = (local >= 0.0) @ np.array([1, 2, 4])
             empty = body.fill[np.arange(body.n_cells), octant] == 0.0
             cells[i] = np.argmin(np.where(empty, np.inf, outside))
             if empty.all() or outside[cells[i]] > 1.0 + _REACH:
-                raise MeshError(
-                    f"probes.{name}: {at.tolist()} is not in the body, which spans {body.x_rest.min(axis=0).tolist()} "
-                    f"to {body.x_rest.max(axis=0).tolist()} at rest: name a point inside"
-                )
+                raise _not_inside(body, name, at)
             hex27(np.clip(local[cells[i]], -1.0, 1.0), self._weight[i], slopes)
         self._nodes = body.cell_nodes[cells]
         self._recovery: csr_array | None = None
@@ -65,3 +70,10 @@ class Probes:
         for name, stress, distance in zip(self._names, von_mises(cauchy), np.linalg.norm(moved, axis=1), strict=True):
             found[f"{name}.von_mises"], found[f"{name}.displacement"] = float(stress), float(distance)
         return found
+
+
+def _not_inside(body: Body, name: str, at: Floats) -> MeshError:
+    return MeshError(
+        f"probes.{name}: {at.tolist()} is not in the body, which spans {body.x_rest.min(axis=0).tolist()} "
+        f"to {body.x_rest.max(axis=0).tolist()} at rest: name a point inside"
+    )

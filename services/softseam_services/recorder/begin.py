@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from softseam_protocol.facts import facts
 from softseam_protocol.messages import SCHEMA_VERSION, Begin, Bundle, Header, SurfaceMesh, ToolSurface
 from softseam_services.body.build import AnyBody
+from softseam_services.body.interpolate import rest_points
+from softseam_services.body.own_shapes import cell_lines, cell_volumes, point_octants
 from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.tool_set import ToolSet
 
@@ -21,22 +24,20 @@ def begin(bundle: Bundle, body: AnyBody, tools: ToolSet, session: str = "local",
 
 
 def surface_mesh(header: Header, body: AnyBody, tools: Mapping[str, ToolSurface]) -> SurfaceMesh:
-    """The body's surface at rest and the cells behind it, for viewers.
-
-    A point's rest position follows from its cell: center + local * edges / 2.
-    """
+    """The body's surface at rest and the cells behind it, for viewers."""
     if isinstance(body, ParticleBody):
         rest, edges = body.skin.points(body.x_rest), np.full(3, body.spacing)
         none = np.zeros((0, 3))
         return SurfaceMesh(header, rest, body.skin.triangles, none, edges, np.zeros((0, 8)), dict(tools))
-    center = body.x_rest[body.cell_nodes[:, 13]]  # node (1, 1, 1) of 3 x 3 x 3
-    surface = body.surface
-    return SurfaceMesh(
+    mesh = SurfaceMesh(
         header=header,
-        point_rest=center[surface.cell] + surface.local * (0.5 * body.edges),
-        triangles=surface.triangles,
-        cell_center=center,
+        point_rest=rest_points(body),
+        triangles=body.surface.triangles,
+        cell_center=body.x_rest[body.cell_nodes[:, 13]],  # node (1, 1, 1) of 3 x 3 x 3
         edges=body.edges,
         fill=body.fill,
         tools=dict(tools),
     )
+    if body.boxes:
+        return mesh
+    return replace(mesh, point_octants=point_octants(body), cell_lines=cell_lines(body), cell_volume=cell_volumes(body))

@@ -1,0 +1,83 @@
+"""Where things are in cells that are no boxes: points in them, samples of stress, and what viewers draw."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.interpolate import hex27
+from softseam_services.body.lattice import LOCAL, OCTANT_NODES
+
+_ROUNDS = 30
+_CANDIDATES = 12
+_REACH = 1e-6
+_FACE_MIDDLES = (12, 14, 10, 16, 4, 22)
+
+
+def local_place(body: Body, at: Floats) -> tuple[int, Floats] | None:
+    """Cell that holds the point `at` (3,) [m] at rest, and its local coordinates there, by Newton's method; or None."""
+    centres = body.x_rest[body.cell_nodes[:, 13]]
+    nearest = np.argsort(np.linalg.norm(centres - at, axis=1), kind="stable")[:_CANDIDATES]
+    value, slope = np.empty(27), np.empty((27, 3))
+    for cell in nearest:
+        x, local = body.x_rest[body.cell_nodes[cell]], np.zeros(3)
+        for _ in range(_ROUNDS):
+            hex27(local, value, slope)
+            step = np.linalg.solve(x.T @ slope, at - value @ x)
+            local = np.clip(local + step, -1.5, 1.5)
+            if np.abs(step).max() < 1e-12:
+                break
+        if np.abs(local).max() <= 1.0 + _REACH and np.abs(step).max() < 1e-9:
+            return int(cell), np.clip(local, -1.0, 1.0)
+    return None
+
+
+def sample_places(body: Body, sample: Floats) -> Floats:
+    """Positions at rest of the samples +- sample (C,) in the octants of each cell (C, 8, 3) [m]."""
+    signs = LOCAL[OCTANT_NODES].sum(axis=1) / 4.0 - 2.0  # -1 or 1 along each axis
+    signs = np.sign(signs)
+    t = sample[:, None, None] * signs[None]
+    line = np.stack([0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)], axis=3)
+    value = np.einsum("cpi,cpj,cpk->cpkji", line[:, :, 0], line[:, :, 1], line[:, :, 2]).reshape(len(t), 8, 27)
+    return np.asarray(np.einsum("cpa,cai->cpi", value, body.x_rest[body.cell_nodes]))
+
+
+def point_octants(body: Body) -> Ints:
+    """Filled octants 8 cell + octant that meet at each surface point, the first eight of them, -1 for none (P, 8)."""
+    surface = body.surface
+    place = np.rint(surface.local + 1.0).astype(np.int64) @ np.array([1, 3, 9])
+    node = body.cell_nodes[surface.cell, place]
+    octants = body.cell_nodes[:, OCTANT_NODES].reshape(-1, 8)  # (8 C, 8)
+    order = np.argsort(octants, axis=None, kind="stable")
+    sorted_nodes = octants.ravel()[order]
+    first, last = np.searchsorted(sorted_nodes, node), np.searchsorted(sorted_nodes, node, side="right")
+    column = np.arange(8)[None, :]
+    found = order[np.minimum(first[:, None] + column, len(order) - 1)] // 8
+    return np.where(column < (last - first)[:, None], found, -1).astype(np.int32)
+
+
+def cell_lines(body: Body) -> Ints:
+    """Ends of the lines along the edges of outer faces, as surface points (L, 2)."""
+    surface = body.surface
+    place = np.rint(surface.local + 1.0).astype(np.int64) @ np.array([1, 3, 9])
+    point = np.full(body.n_nodes, -1, dtype=np.int64)
+    point[body.cell_nodes[surface.cell, place]] = np.arange(len(place))
+    lines = []
+    for middle, (axis, side) in zip(_FACE_MIDDLES, product(range(3), (0, 2)), strict=True):
+        outer = point[body.cell_nodes[:, middle]] >= 0
+        stride = np.array([1, 3, 9])
+        u, v = stride[(axis + 1) % 3], stride[(axis + 2) % 3]
+        corner = side * stride[axis]
+        for a, b in ((u, v), (v, u)):
+            for edge in (0, 2 * b):
+                for half in (0, a):
+                    ends = corner + edge + half + np.array([0, a])
+                    lines.append(point[body.cell_nodes[outer][:, ends]])
+    return np.unique(np.sort(np.concatenate(lines), axis=1), axis=0).astype(np.int32)
+
+
+def cell_volumes(body: Body) -> Floats:
+    """Of each cell (C,) [m^3]."""
+    return np.asarray(body.cell_mass.sum(axis=1) / body.material.density)
