@@ -9,8 +9,8 @@ Tangent -df/dx, symmetric and positive definite, dp/dx in the friction bound dro
   stick  r I,    slip  r (B/|t|)(I - n n^T - q e e^T) + r n n^T,   B = mu p,  e = t/|t|                         (2)
 with q = 1/2 where the same contact slipped the same way in the iterate before, else 0.
 
-A point that touches a box stays over the step with the side that it is at when the step begins: the nearest side would
-be another one on the way past an edge, and a plate that is raised would push down what it holds.
+A point meets the side of a box that it faces when the step begins: at the step's end another side may be nearer, and a
+plate that is raised would push down what it holds, one that comes fast would pinch what it should press.
 
 Where the edge of a tool crosses a cell's face, no displacement of the face's nodes follows the edge, and a gap of zero
 at every covered point would flatten the whole face. There r is multiplied with the covered share of the point's patch,
@@ -27,7 +27,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, held_side, side_gap
+from softseam_services.fem.kernels.cover import CARRY_POWER, covered, faced_side, side_gap
 from softseam_services.fem.kernels.fronts import add_block
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 from softseam_services.tools.tool_set import BOX
@@ -94,9 +94,9 @@ def find_candidates(x, model, tools, multiplier, reach, firm, pace, work):
                     continue
             else:
                 gap = tool_gap(kind, shape, position, turn, xp)[0]
-                if touched and kind == BOX:
-                    side = held_side(shape, tools.position[tool], tools.orientation[tool], xp)
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
+                if face < 0 and kind == BOX:
+                    side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)
                 work.pair[count, 0] = point
                 work.pair[count, 1] = tool
                 work.start[count] = xp

@@ -77,8 +77,8 @@ def side_gap(side, shape, position, orientation, point):
 
 
 @njit(cache=True, error_model="numpy")
-def held_side(shape, position, orientation, point):
-    """Side of a box, as of `covered`, that a point (3,) is at: the nearest; -1 beyond an edge, where there is none."""
+def faced_side(shape, position, orientation, point):
+    """Side of a box, as of `covered`, that a point (3,) outside faces, of one inside the nearest; -1 past an edge."""
     p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
     side, least, beyond = -1, np.inf, 0
     for axis in range(3):
