@@ -83,6 +83,8 @@ BODIES: list[tuple[Vector, float | Vector, float, bool]] = [
     (CUBE, (0.05, 0.025, 0.0125), 0.4, False),
     (CUBE, 0.05, 0.0, False),
     (CUBE, 0.025, 0.0, False),
+    (CUBE, 0.025, 0.3, False),
+    ((0.1, 0.025, 0.025), 0.025, 0.3, True),
 ]
 
 

@@ -20,7 +20,7 @@ from .kernels.frequency import highest_frequency
 KAPPA = 0.5
 """share of the largest local compliance that the local solve counts with; 0.5 to 0.6 gave the longest stable substeps
 on Simpson masses, where the nodes of a block differ by up to 8"""
-STABLE = ((0.0, 0.2, 0.4, 0.45), (0.9, 2.0, 2.1, 2.6))
+STABLE = ((0.0, 0.2, 0.3, 0.4, 0.45), (0.9, 2.0, 1.75, 2.1, 2.6))
 """largest omega_max h with one sweep against Poisson's ratio; measured by undamped random kicks, see the decision note.
 An explicit step has 2."""
 TOUCHED = ((0.0, 0.2, 0.3, 0.4, 0.45, 0.49), (0.9, 1.0, 1.3, 1.8, 2.6, 2.1))

@@ -9,7 +9,7 @@ from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
 
 from .block import MU, STRESS, VOLUME, WANTED, gather, hoist, load_stress, shape
 from .general import stress_lanes_general
-from .lanes import LANES, move_four
+from .lanes import LANES, lane_kernel, move_four
 from .linear import stress_lanes_linear
 from .neo_hookean import stress_lanes
 
@@ -18,6 +18,13 @@ N_FIGURES = 5
 """of a batch: energy [J], least J, sum of |P - Lambda|^2 and of |P|^2 [N^2 m^2], largest stretch squared"""
 LEAST_STRAIN = 0.01
 """stress less than that of so much shear is no measure: a body at rest is never far off"""
+
+
+@lane_kernel
+def _largest_strain(f):
+    """(1 + e)^2 with a bound of the largest strain of the linear law, which does not see rotations, nor does this."""
+    xy, xz, yz = 0.5 * abs(f[1] + f[3]), 0.5 * abs(f[2] + f[6]), 0.5 * abs(f[5] + f[7])
+    return max(f[0] + xy + xz, f[4] + xy + yz, f[8] + xz + yz) ** 2
 
 
 @njit(cache=True, error_model="numpy")
@@ -48,6 +55,9 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
                 size += wanted * wanted
             size += (least * volume[batch, lane]) ** 2
             f = shape(ws, lane, k)[0]
+            if law == LINEAR:
+                stretch = max(stretch, _largest_strain(f))
+                continue
             xx = f[0] * f[0] + f[3] * f[3] + f[6] * f[6]
             yy = f[1] * f[1] + f[4] * f[4] + f[7] * f[7]
             zz = f[2] * f[2] + f[5] * f[5] + f[8] * f[8]
