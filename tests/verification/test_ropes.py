@@ -37,7 +37,7 @@ def test_the_rope_scene_hangs_in_a_catenary() -> None:
 
 @pytest.mark.parametrize(("divisions", "accuracy"), [(20, 0.005), (40, 0.06)])
 def test_a_rod_bends_as_a_cantilever(divisions: int, accuracy: float) -> None:
-    """Clamped at its first two particles and pulled by its weight: w = q L'^4/(8 E I), L' from the middle between the two.
+    """Clamped at its first two particles and pulled by its weight: w = q L'^4/(8 E I), L' from the middle of the two.
 
     A deflection of 2 % of the length is as good as linear. With half the spacing a bend is eight times as stiff and its
     particles half as heavy: the same 2400 sweeps a step leave the rod 4 % too soft.
