@@ -112,7 +112,7 @@ class Ladder:
         scene, bundle = bundle_of(self._name)
         coarsest = with_settings(with_settings(scene, self._settings), self._level(ACROSS[0], self._frame.scene.step))
         key = scene_hash(bundle_scene(coarsest, bundle.files))
-        folder = cache_folder() / f"{scene.name}-{key[:16]}"
+        folder = cache_folder() / f"{scene.name}-{key[:12]}-{code[:8]}"  # another version begins anew
         self._store = Store(folder, Identity(key, code), "compute the reference anew with --fresh")
         if fresh:
             self._store.clear()
