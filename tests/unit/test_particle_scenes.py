@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from particle_run import ParticleRun, particle_scene
 
+import softseam
+from softseam.embedded import resimulate
+from softseam.pictures import draw_pictures
+from softseam.recording import Recording
+from softseam.replay.verify import verify
+from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Configure, Failure, Header
 from softseam_protocol.particle_bodies import SheetBody
 from softseam_protocol.scene import BodySpec, Scene
@@ -154,3 +161,50 @@ def test_automatic_substeps_keep_a_hanging_sheet_short() -> None:
 def test_the_scene_of_a_run_is_itself_again() -> None:
     scene = parse_scene(SHEET)
     assert Scene.model_validate_json(scene.model_dump_json()) == scene
+
+
+FOLD = """
+softseam: 1
+name: fold
+body: {kind: sheet, size: [0.2, 0.1], divisions: [20, 10], density: 0.3, stretch: 500, position: [0, 0, 0.004]}
+tools:
+  ground: {kind: plane, friction: 0.5}
+  hand: {kind: box, size: [0.01, 0.08, 0.006], position: [0.11, 0, 0.005]}
+motion:
+  - {tools: [hand], grip: 0.02}
+  - {tools: [hand], turn: [0, -1.0, 0], speed: 7.0, about: [0, 0, 0.01]}
+  - {tools: [hand], release: 0.02}
+quantities: [held, worst_stretch]
+"""
+
+
+@pytest.mark.slow
+def test_a_fold_is_recorded_drawn_and_simulated_again(tmp_path: Path) -> None:
+    """Grips are in the recording: the same steps come out, bit for bit; pictures show the stretch."""
+    path = tmp_path / "fold.mcap"
+    with softseam.open(parse_scene(FOLD), record=path) as session:
+        session.reset()
+        held = [session.step().quantities["held"] for _ in range(15)]
+    assert held[0] > 0.0 and held[-1] > 0.0
+    recording = Recording(path)
+    found = verify(recording, resimulate)
+    assert found.same and found.steps == 15, found.text
+    assert recording.surface is not None
+    surface = DisplaySurface(recording.surface)
+    loads = [surface.load(frame) for frame in recording.frames()]
+    assert surface.load_label == "stretch [%]"
+    assert loads[0].shape == (2 * 21 * 11,) and loads[-1].max() > 1e-4
+    assert len(draw_pictures(recording, tmp_path)) == 3
+
+
+def test_a_client_grips_by_a_seventh_number() -> None:
+    """And a saved state remembers: what goes on from it holds on."""
+    with softseam.open(parse_scene(FOLD)) as session:
+        session.reset()
+        assert session.step({"hand": [0, 0, 0.1]}).quantities["held"] == 0.0
+        assert session.step({"hand": [0, 0, 0.1, 0, 0, 0, 1]}).quantities["held"] > 0.0
+        taken = session.snapshot()
+        assert session.step({"hand": [0, 0, 0.1]}).quantities["held"] > 0.0
+        assert session.step({"hand": [0, 0, 0.1, 0, 0, 0, 0]}).quantities["held"] == 0.0
+        session.restore(taken)
+        assert session.step({"hand": [0, 0, 0.1]}).quantities["held"] > 0.0

@@ -158,23 +158,32 @@ def test_bending_does_not_break_where_it_is_flat() -> None:
         assert not np.isfinite(-1.0 / np.sqrt(1.0 - (np.float64(first @ second)) ** 2))
 
 
-def test_hinge_coefficients_are_those_of_a_plate() -> None:
-    """A right-angled pair of equal halves of a square bends like the lattice; the sum vanishes on every flat hinge."""
+def test_hinges_of_equilateral_triangles_bend_as_a_plate() -> None:
+    """Rolled about any axis, w = k s^2/2: the three hinges of two triangles bear D/2 k^2 times the triangles' area.
+
+    The sum vanishes on every flat hinge, and for small angles the angle's energy D/2 (|e|^2/A) theta^2 is the same.
+    """
     rng = np.random.default_rng(4)
+    c = np.empty(4)
     for _ in range(20):
         x = np.zeros((4, 3))
         x[1, 0] = 1.0
         x[2, :2], x[3, :2] = rng.uniform(0.1, 0.9, 2), rng.uniform(0.1, 0.9, 2) * [1.0, -1.0]
-        c = np.empty(4)
         bending.hinge_coefficients(x, c)
         assert c.sum() == pytest.approx(0.0, abs=1e-12)
         assert c @ x == pytest.approx(np.zeros(3), abs=1e-12)
-    # D/2 3/A |sum c z|^2 with z = k y^2/2 on the hinge across the x axis: D/2 k^2 times a third of the area of both
-    x = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]])
-    factor = bending.hinge_coefficients(x, c)
-    bent = c @ (0.5 * 0.1 * x[:, 1] ** 2)
-    assert factor == pytest.approx(3.0 / 1.0)
-    assert 0.5 * factor * bent**2 == pytest.approx(0.5 * 0.1**2 * 1.0 * 3.0, rel=1e-12)
+    tall = 0.5 * np.sqrt(3.0)
+    hinge = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, tall, 0.0], [0.5, -tall, 0.0]])
+    for direction in (0.0, 0.3, np.pi / 6, 1.0, np.pi / 2):
+        energy = by_angle = 0.0
+        for turn in (0.0, np.pi / 3, 2.0 * np.pi / 3):
+            turned = hinge @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+            factor = bending.hinge_coefficients(turned, c)
+            turned[:, 2] = 0.5 * 1e-3 * (turned @ [np.cos(direction), np.sin(direction), 0.0]) ** 2
+            energy += 0.5 * factor * float(c @ turned[:, 2]) ** 2
+            by_angle += 0.5 * factor * angle_of(turned) ** 2
+        assert energy == pytest.approx(0.5 * 1e-6 * tall, rel=1e-12, abs=0.0)
+        assert by_angle == pytest.approx(0.5 * 1e-6 * tall, rel=1e-5, abs=0.0)
 
 
 BLOCK: dict[str, Any] = {

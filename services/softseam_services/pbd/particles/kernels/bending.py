@@ -21,11 +21,13 @@ N_WORK = 4 * NODE + 72
 
 @njit(cache=True, error_model="numpy")
 def hinge_coefficients(x, coefficient):
-    """c of the hinge of triangles (0, 1, 2) and (0, 3, 1) at rest x (4, 3); returns 3/(A_1 + A_2) [1/m^2].
+    """c of the hinge of triangles (0, 1, 2) and (0, 3, 1) at rest x (4, 3); returns 1/(A_1 + A_2) [1/m^2].
 
-    The energy D/2 3/(A_1 + A_2) |sum c_i x_i|^2 is the hinge's share of D/2 int |mean curvature vector|^2 (Bergou et
-    al. 2006, eq. 5): c = (cot_03 + cot_04, cot_01 + cot_02, -cot_01 - cot_03, -cot_02 - cot_04), with cot at particles
-    0 and 1.
+    c = (cot_03 + cot_04, cot_01 + cot_02, -cot_01 - cot_03, -cot_02 - cot_04), with cot at particles 0 and 1 (Bergou et
+    al. 2006): sum c_i x_i is the curvature vector integrated over the hinge. The energy D/2 |sum c_i
+    x_i|^2/(A_1 + A_2) makes a mesh of equilateral triangles bend as a plate of stiffness D in every direction, like
+    the hinges of Seung and Nelson (1988). Bergou's factor 3/(A_1 + A_2) is three times as stiff there: it would be
+    right if the three edges of a triangle bore equal parts of the curvature.
     """
     cot = np.empty((2, 2))
     area = 0.0
@@ -47,7 +49,7 @@ def hinge_coefficients(x, coefficient):
     coefficient[1] = cot[0, 0] + cot[0, 1]
     coefficient[2] = -cot[0, 0] - cot[1, 0]
     coefficient[3] = -cot[0, 1] - cot[1, 1]
-    return 3.0 / area
+    return 1.0 / area
 
 
 @batch_kernel

@@ -97,7 +97,7 @@ def bounce(v, x_prev, count, particle, tool, motion, h, restitution, rest_speed,
     """Give touching particles that came faster than rest_speed [m/s] that share of their speed back; v in place.
 
     v_n = -e v_n(before), relative to the tool (Mueller et al. 2020, "Detailed rigid body simulation with extended
-    position based dynamics", sec. 3.6); slower ones are at rest, or gravity would make them tremble.
+    position based dynamics"); slower ones are at rest, or gravity would make them tremble.
     """
     for c in range(count):
         approach = push[c, 7]

@@ -3,11 +3,10 @@
 Triangles (0, 1, 2) and (0, 3, 1) share the edge e = x_1 - x_0. With n_1 = (x_1 - x_0) x (x_2 - x_0) and
 n_2 = (x_3 - x_0) x (x_1 - x_0): theta = atan2((n_1 x n_2) . e/|e|, n_1 . n_2), which has a slope everywhere, also
 where the triangles are flat; arccos(n_1 . n_2), as textbooks write it, has none there: its derivative is infinite.
-Gradients (Tamstorf and Grinspun 2013, "Discrete bending forces and their Jacobians", eq. 3 to 6): grad_2 = -|e|
+Gradients (Tamstorf and Grinspun 2013, "Discrete bending forces and their Jacobians"): grad_2 = -|e|
 n_1/n_1^2, grad_3 = -|e| n_2/n_2^2, and those of 0 and 1 are the shares of these that keep the sum and its moment zero.
-A hinge whose triangles are empty has no angle and is left alone. With energy 1/2 k C^2 the compliance is 1/k [1/J]; a
-plate of stiffness D has k = 3 D |e|^2/A, A the area of both triangles (Grinspun et al. 2003, "Discrete shells", eq. 3,
-in the scaling of Bergou et al. 2006).
+A hinge whose triangles are empty has no angle and is left alone. With energy 1/2 k C^2 the compliance is 1/k [1/J];
+equilateral triangles bend as a plate of stiffness D for k = D |e|^2/A, A the area of both (Seung and Nelson 1988).
 """
 
 from __future__ import annotations
