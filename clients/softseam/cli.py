@@ -229,6 +229,40 @@ def calibrate(
 
 
 @app.command(
+    epilog="[bold]What it does[/bold]\n\n"
+    "Each map is a grid of short runs through the product, two of its settings along the axes. Every run is judged: "
+    "accurate; recovered, where a safeguard acted and it ended well; inaccurate; unstable; or refused by name. A run "
+    "that is wrong and did not say so is framed in black. The maps: [bold]step[/bold] (step and Young's modulus; FEM, "
+    "XPBD, both), [bold]poisson[/bold] (Poisson's ratio and element), [bold]iterations[/bold] (XPBD and classic PBD), "
+    "[bold]seam[/bold] (ratios across the seam and coupling scheme), [bold]squeeze[/bold] (squeeze and speed), "
+    "[bold]messages[/bold] (lost, repeated, late), [bold]pitfalls[/bold] (the textbook's, each with a control that "
+    "fails and its remedy). Left behind: a picture a map, overview.png, atlas.csv, atlas.json. Ctrl-C is safe: the "
+    "same command goes on where it was.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam atlas\n\n"
+    "softseam atlas step squeeze --out out/my-atlas\n\n"
+    "softseam atlas --long"
+)
+def atlas(
+    maps: Annotated[
+        list[str] | None, typer.Argument(metavar="[MAP ...]", help="Which maps; default: all. See below.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Where the results go; default: out/atlas.")
+    ] = None,
+    long: Annotated[
+        bool, typer.Option("--long", help="Instead: hold a small body for 100,000 steps with each model.")
+    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept runs.")] = False,
+) -> None:
+    """Map stability where methods fail: which settings are accurate, recovered, wrong, unstable, or refused."""
+    from softseam.atlas.command import Wishes
+    from softseam.atlas.command import atlas as draw_atlas
+
+    draw_atlas(Wishes(tuple(maps or ()), out, long, fresh), _out())
+
+
+@app.command(
     epilog="[bold]Examples[/bold]\n\nsoftseam up\n\nsoftseam up -- softseam run tofu_grasp --connect tcp/127.0.0.1:7447"
 )
 def up(

@@ -108,7 +108,8 @@ class Session:
         self.bundle = bundle
         """the scene and the files that it names"""
         self._backend: Backend | None = backend
-        self._tools = tuple(scene.tools)
+        # the bundle's order, in which the tools' arrays come: it is not that of a scene made in a program
+        self._tools = tuple(Scene.model_validate_json(bundle.scene).tools)
         self._last: Observation | None = None
         self._length = expected_duration(scene)
         self.recorded: messages.Recorded | None = None

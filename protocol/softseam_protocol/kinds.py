@@ -42,3 +42,14 @@ def integrator_problem(name: IntegratorKind, seam: bool, tools: bool, clamped: b
         why = "it solves no equations" if explicit else "points that hit one gain energy"
         return f"{name} cannot meet tools, {why}: use one of {', '.join(CONTACT_INTEGRATORS)}"
     return ""
+
+
+STIFF_FROM: dict[ElementKind, float] = {"hex8_full": 0.4, "hex27_full": 0.45, "tet10": 0.45, "tet4": 0.3}
+"""Poisson's ratio from which elements without a cure against locking are off by 5 % and more on coarse cells"""
+
+
+def element_warning(name: ElementKind, poisson: float) -> str:
+    """What a user of this element should know at this Poisson's ratio, and what to do; '' where nothing."""
+    if poisson < STIFF_FROM.get(name, 0.5):
+        return ""
+    return f"{name} is too stiff on coarse cells at a Poisson's ratio of {poisson:g}: use hex27, hex8 or hex8_bbar"

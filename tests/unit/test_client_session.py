@@ -10,6 +10,7 @@ import pytest
 
 import softseam
 from softseam.stress import principal_stress, von_mises
+from softseam_protocol.scene import Scene
 from softseam_protocol.scene_motion import HoldPhase
 
 SCENE = """\
@@ -44,6 +45,30 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def sim(path: Path) -> Iterator[softseam.Session]:
     with softseam.open(path) as session:
         yield session
+
+
+def test_tools_keep_their_names_whatever_order_a_program_gives_them_in() -> None:
+    """Scenes travel with sorted keys: forces and poses must not change hands with them."""
+    plate = {"kind": "box", "size": [0.01, 0.03, 0.03]}
+    scene = Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "order",
+            "duration": 0.1,
+            "body": {
+                "shape": {"kind": "block", "size": [0.02, 0.02, 0.02]},
+                "cell": 0.02,
+                "material": {"young": 2e4, "poisson": 0.45, "density": 1000},
+            },
+            "tools": {"wall": plate | {"position": [0.05, 0.0, 0.01]}, "ground": {"kind": "plane"}},
+            "regions": {"default": "fem"},
+        }
+    )
+    with softseam.open(scene) as session:
+        obs = session.run()
+    assert obs.tools["wall"].position[0] == 0.05
+    assert obs.wrench["wall"][2] == 0.0
+    assert obs.wrench["ground"][2] == pytest.approx(-1000 * 0.02**3 * 9.81, rel=0.05)
 
 
 def test_observation_of_a_squeeze(sim: softseam.Session) -> None:

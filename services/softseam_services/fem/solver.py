@@ -146,6 +146,7 @@ class FemSolver:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
         self._couple(request)
+        self._substeps = None
         whole = self._moved(request.tools)
         if self._spec.step_error is not None:
             status = self._adapt(now, end, request, whole)
@@ -249,6 +250,7 @@ class FemSolver:
             if status == CONVERGED:
                 self._out[kernel.TOOL_WORK], self._out[kernel.SEAM_WORK] = tool_work, seam_work
                 self._out[kernel.N_ITERATIONS] = iterations
+                self._substeps = substeps.Substeps(n_accepted=pieces)
                 break
         self._memo[FACTORED] = 0.0
         return status

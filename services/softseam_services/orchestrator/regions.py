@@ -100,7 +100,15 @@ class Regions:
         if solution.note:
             gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
             self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}")
+        self._tell_cuts(solution.replies)
         return solution
+
+    def _tell_cuts(self, replies: Mapping[str, Advanced]) -> None:
+        """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
+        for name, reply in replies.items():
+            asked_for = self._scene.models.fem.step_error is not None
+            if reply.n_substeps > 1 and self.sides.models[name] == "fem" and not asked_for:
+                self._tell("step", f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts")
 
     def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool) -> SeamSolution:
         def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:

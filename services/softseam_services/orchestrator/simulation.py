@@ -9,7 +9,9 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.kinds import element_warning
 from softseam_protocol.messages import Advanced, Bundle, Event, Frame, StepReport
+from softseam_protocol.scene import BodySpec, Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError
@@ -59,6 +61,7 @@ class Simulation:
         self._probes = Probes(self.body, self.scene.probes) if isinstance(self.body, Body) else None
         self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
+        self._locks = _element_warning(self.scene)
         self._clock = Clock(session, self.scene.step)
         self._accounts = Accounts()
         recovering = RecoveringTransport(transport, on_event=self._event)
@@ -287,8 +290,10 @@ class Simulation:
             self._lift_base = height
 
     def _warn(self, replies: Mapping[str, Advanced]) -> None:
-        """Tell of alarms of the energy, of the first cells that are crushed, and of what a monitor did."""
+        """Tell of an element that locks, of alarms of the energy, of crushed cells, and of what a monitor did."""
         at = f"step {self._clock.step - 1}"
+        if self._clock.step == 1 and self._locks:
+            self._event("element", self._locks)
         for alarm in self._accounts.raised:
             self._event("energy", f"{at}: {alarm.value}")
         crushed = sum(reply.n_crushed for reply in replies.values())
@@ -305,3 +310,11 @@ class Simulation:
         self.events.append(event)
         if self._emit is not None:
             self._emit(event)
+
+
+def _element_warning(scene: Scene) -> str:
+    """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
+    near, body = scene.regions.near, scene.body
+    if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):
+        return ""
+    return element_warning(scene.models.fem.element, body.material.poisson)

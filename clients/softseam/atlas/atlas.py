@@ -1,0 +1,119 @@
+"""The maps by name, and their runs: kept as soon as they are done, so that a broken-off atlas goes on."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from softseam.atlas.maps import iterations, messages, poisson, seam, squeeze, step
+from softseam.atlas.maps.grid import Cell, Map
+from softseam.atlas.verdicts import KINDS, Kind, Verdict
+from softseam.chart.configurations import Configuration
+from softseam.chart.measure import RUNS, Told
+from softseam.chart.store import Identity, Store
+from softseam.embedded import solver_digest
+
+MAPS: dict[str, Callable[[], Map]] = {
+    "step": step.build,
+    "poisson": poisson.build,
+    "iterations": iterations.build,
+    "seam": seam.build,
+    "squeeze": squeeze.build,
+    "messages": messages.build,
+}
+
+
+@dataclass(frozen=True)
+class Filled:
+    """A map with a verdict for every cell."""
+
+    map: Map
+    verdicts: Mapping[str, Verdict]
+    """by the cell's key"""
+
+    def count(self) -> dict[Kind, int]:
+        """How many cells are of each kind."""
+        return {kind: sum(verdict.kind == kind for verdict in self.verdicts.values()) for kind in KINDS}
+
+    @property
+    def silent(self) -> list[tuple[Cell, Verdict]]:
+        """Cells that are wrong without saying so, and were not meant to be."""
+        pairs = [(cell, self.verdicts[self.map.key(cell)]) for cell in self.map.cells]
+        return [(cell, verdict) for cell, verdict in pairs if verdict.silent and not cell.control]
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "name": self.map.name,
+            "title": self.map.title,
+            "text": self.map.text,
+            "panels": [vars(panel) for panel in self.map.panels],
+            "count": self.count(),
+            "cells": [
+                {
+                    "panel": cell.panel,
+                    "column": cell.column,
+                    "row": cell.row,
+                    "label": cell.label,
+                    "control": cell.control,
+                }
+                | self.verdicts[self.map.key(cell)].as_json()
+                for cell in self.map.cells
+            ],
+        }
+
+
+Watch = Callable[[Configuration, float], Told]
+
+
+def expected(maps: Sequence[Map]) -> list[Configuration]:
+    """The cells as the chart's progress knows them."""
+    return [
+        Configuration(of.key(cell), "as it is", f"{of.title}: {cell.label}", (), cell.seconds)
+        for of in maps
+        for cell in of.cells
+    ]
+
+
+def fill(of: Map, store: Store, watch: Watch) -> Filled:
+    """Run the cells that are not kept; raises BadInput for a kept one that is spoilt."""
+    verdicts = {}
+    for cell in of.cells:
+        key = of.key(cell)
+        data = store.read(key)
+        if data is not None:
+            try:
+                verdicts[key] = Verdict.from_json(data)
+            except (KeyError, TypeError, ValueError) as error:
+                raise store.refused(key, f"is corrupt ({error})") from None
+            continue
+        watch(Configuration(key, "as it is", f"{of.title}: {cell.label}", (), cell.seconds), (1 + RUNS) * cell.seconds)
+        verdicts[key] = cell.run()
+        store.write(key, verdicts[key].as_json())
+    return Filled(of, verdicts)
+
+
+def store_of(folder: Path) -> Store:
+    """Where finished cells are kept: they belong to the solvers' sources and to the atlas's own."""
+    return Store(folder / "runs", Identity(_own_digest(), solver_digest()), "start anew with --fresh")
+
+
+def _own_digest() -> str:
+    digest = hashlib.sha256()
+    here = Path(__file__).parent
+    for name in (
+        "atlas.py",
+        "controls.py",
+        "faults.py",
+        "pitfalls.py",
+        "scenes.py",
+        "trace.py",
+        "verdicts.py",
+        "long_run.py",
+    ):
+        digest.update((here / name).read_bytes())
+    for path in sorted((here / "maps").glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

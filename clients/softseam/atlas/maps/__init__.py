@@ -1,0 +1,1 @@
+"""The maps of the atlas, one a file."""

@@ -1,0 +1,104 @@
+"""The atlas's scenes: a small block between smooth plates, whose force has a closed form, and its relatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+Model = Literal["fem", "pbd", "hybrid"]
+MODELS: dict[Model, str] = {"fem": "FEM", "pbd": "XPBD", "hybrid": "FEM and XPBD"}
+
+EDGE = 0.02
+"""of the block [m]"""
+POISSON, DENSITY = 0.3, 1000.0
+
+
+def press(
+    young: float,
+    step: float,
+    model: Model,
+    *,
+    squeeze: float = 0.1,
+    speed: float = 0.01,
+    hold: float = 0.1,
+    friction: float = 0.0,
+    poisson: float = POISSON,
+    material: str = "neo_hookean",
+    cells: int = 2,
+    walls: bool = False,
+    fem: Mapping[str, Any] | None = None,
+    pbd: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """A cube between two plates that close by `squeeze` of its edge and hold; no gravity.
+
+    walls  smooth ones keep the other four sides where they are
+    speed  of each plate [m/s]
+    hold   [s]
+    cells  along an edge; with both models there are three along the squeeze, the middle one XPBD's
+    """
+    at, thick = 0.5 * EDGE + 0.005, 0.01
+    plate = {"kind": "box", "size": [thick, 3 * EDGE, 3 * EDGE], "friction": friction}
+    edge = EDGE / cells
+    regions: dict[str, Any] = {"default": "fem" if model == "fem" else "pbd"}
+    if model == "hybrid":
+        regions["near"] = {"model": "fem", "within": 0.2 * EDGE, "split": "always"}
+    tools: dict[str, Any] = {"left": plate | {"position": [-at, 0, 0]}, "right": plate | {"position": [at, 0, 0]}}
+    if walls:
+        for axis, side in ((1, -1), (1, 1), (2, -1), (2, 1)):
+            normal = [0.0, 0.0, 0.0]
+            normal[axis] = -float(side)
+            point = [-0.5 * EDGE * n for n in normal]
+            tools[f"wall{axis}{'ab'[side > 0]}"] = {"kind": "plane", "normal": normal, "point": point}
+    time = max(step, round(0.5 * squeeze * EDGE / speed / step) * step)
+    return {
+        "softseam": 1,
+        "name": "press",
+        "gravity": [0, 0, 0],
+        "step": step,
+        "body": {
+            "shape": {"kind": "block", "size": [EDGE, EDGE, EDGE]},
+            "position": [0, 0, -0.5 * EDGE],
+            "cell": [EDGE / 3, edge, edge] if model == "hybrid" else [edge, edge, edge],
+            "material": {"kind": material, "young": young, "poisson": poisson, "density": DENSITY},
+        },
+        "tools": tools,
+        "motion": [
+            {"tools": ["left", "right"], "close": 0.5 * squeeze * EDGE / time, "until": {"time": time}},
+            {"hold": max(hold, 4 * step)},
+        ],
+        "regions": regions,
+        "models": {"fem": dict(fem or {}), "pbd": dict(pbd or {})},
+        "quantities": ["grip_force"],
+    }
+
+
+def pressed(squeeze: float, poisson: float = POISSON) -> float:
+    """F/(E A) of the neo-Hookean cube between smooth plates, A at rest: the same for every E [1].
+
+    Stretch a along the force, b across: P = mu (a - b^2/a) and mu b + (lambda ln J - mu)/b = 0 with J = a b^2, the
+    sides being free. mu/E = 1/(2 (1 + nu)), lambda/E = nu/((1 + nu)(1 - 2 nu)).
+    """
+    a = 1.0 - squeeze
+    mu = 0.5 / (1.0 + poisson)
+    lam = poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    b = a**-poisson
+    for _ in range(60):
+        r = mu * (b * b - 1.0) + lam * (np.log(a) + 2.0 * np.log(b))
+        b -= r / (2.0 * mu * b + 2.0 * lam / b)
+    return float(mu * (b * b / a - a))
+
+
+def confined(squeeze: float, poisson: float = POISSON) -> float:
+    """F/(E A) of the cube in a smooth box: P = mu (1/a - a) - lambda ln a / a, b = 1 [1]."""
+    a = 1.0 - squeeze
+    mu = 0.5 / (1.0 + poisson)
+    lam = poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    return float(mu * (1.0 / a - a) - lam * np.log(a) / a)
+
+
+def force_share(young: float) -> Any:
+    """Measures F/(E A) of the grip."""
+    area = EDGE * EDGE
+    return lambda observation: observation.grip_force / (young * area)

@@ -1,0 +1,173 @@
+"""One short run through the product, and everything that it says about itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from softseam.errors import SceneRefused, SimulationFailed
+from softseam.observation import Observation
+from softseam.session import open as open_session
+from softseam_protocol.messages import Event
+from softseam_protocol.scene import BodySpec, Scene
+from softseam_protocol.scene_file import SceneError, parse_scene
+
+Measure = Callable[[Observation], float]
+
+CONFIRMED = 1e-3
+"""share of the largest energy above which an alarm of the ledger is more than the noise of the first steps [1]"""
+TOIL = 8_000
+"""Newton iterations; sound runs of the atlas need some 2000 at most"""
+PARTS = "seam step in parts"
+CRUSHED = "full quadrature of crushed cells"
+CUT = "FEM cut the step"
+RETRIED = "monitor of PBD: step repeated with more substeps"
+MORE_SWEEPS = "monitor of PBD: more sweeps"
+RESTORED = "participant restored from its checkpoint"
+
+
+@dataclass
+class Trace:
+    """What a run did."""
+
+    value: float = float("nan")
+    """mean of what was measured over the last quarter of the run"""
+    finite: bool = True
+    broke: float = 0.0
+    """time from which on something was not a number [s]"""
+    created: float = 0.0
+    """highest rise of the energy beyond the work done on the body, relative to the largest energy in the run [1]"""
+    seam_work: float = 0.0
+    """largest sum of the seam's work, in the same measure [1]"""
+    gap: float = 0.0
+    """largest gap at the seam that a step was committed with, in cell edges [1]"""
+    refused: str = ""
+    failed: str = ""
+    safeguards: dict[str, int] = field(default_factory=dict)
+    """which acted, and in how many steps"""
+    events: tuple[tuple[str, str], ...] = ()
+    """kind and text of every event"""
+    told: tuple[str, ...] = ()
+    """indicators that warned"""
+    values: tuple[float, ...] = ()
+    """what was measured after each step"""
+    times: tuple[float, ...] = ()
+    """[s]"""
+
+
+def follow(scene: Mapping[str, object] | Scene, measure: Measure, *, fields: bool = False, toil: int = TOIL) -> Trace:
+    """Run a scene to its end; never raises for what becomes of the run.
+
+    measure  what the run is judged by, of the observation after a step
+    fields   also observe the fields after every step, which `measure` may need
+    toil     Newton iterations after which the run is given up
+    """
+    trace = Trace()
+    try:
+        parsed = scene if isinstance(scene, Scene) else parse_scene(json.dumps(scene), "atlas")
+    except SceneError as error:
+        return Trace(refused=f"{error.key}: {error.problem}")
+    watch = _Watch(parsed, measure, toil)
+    try:
+        with open_session(parsed) as session:
+            session.reset()
+            session.run(watch.see, fields=fields)
+    except SceneRefused as error:
+        return Trace(refused=str(error))
+    except (SimulationFailed, _Toil) as error:
+        trace.failed = str(error)
+    watch.write(trace)
+    return trace
+
+
+class _Toil(Exception):
+    """A run needs more iterations than it is worth."""
+
+
+class _Watch:
+    """Collects what a run shows, step by step."""
+
+    def __init__(self, scene: Scene, measure: Measure, toil: int) -> None:
+        self._measure, self._scene, self._left = measure, scene, toil
+        self._values: list[float] = []
+        self._times: list[float] = []
+        self._events: list[Event] = []
+        self._guards: dict[str, int] = {}
+        self._scale = self._created = self._gap = self._tool_work = self._seam_work = 0.0
+        self._rise = self._lowest = self._most_seam_work = 0.0
+        self._broke: float | None = None
+
+    def see(self, observation: Observation) -> None:
+        self._events += observation.events
+        self._values.append(self._measure(observation))
+        self._times.append(observation.time)
+        energy = observation.energies
+        self._tool_work += energy["tool_work"]
+        self._scale = max(self._scale, energy["kinetic"] + energy["strain"], abs(self._tool_work))
+        self._rise -= energy["dissipation"]
+        self._lowest = min(self._lowest, self._rise)
+        self._created = max(self._created, self._rise - self._lowest)
+        self._seam_work += energy["seam_work"]
+        self._most_seam_work = max(self._most_seam_work, abs(self._seam_work))
+        self._gap = max(self._gap, observation.seam.gap)
+        numbers = [self._values[-1], energy["kinetic"], energy["strain"], energy["dissipation"]]
+        self._left -= sum(region.iterations for region in observation.regions.values() if region.model == "fem")
+        if self._left < 0:
+            at = f"{observation.time:.3g} s, step {observation.step}"
+            raise _Toil(f"Newton's method toils: given up at {at}, where it cuts steps again and again")
+        if self._broke is None and not np.isfinite(numbers).all():
+            self._broke = observation.time
+
+    def write(self, trace: Trace) -> None:
+        trace.values, trace.times = tuple(self._values), tuple(self._times)
+        if self._values:
+            trace.value = float(np.mean(self._values[-max(1, len(self._values) // 4) :]))
+        trace.finite, trace.broke = self._broke is None, self._broke or 0.0
+        if self._scale > 0.0:
+            trace.created, trace.seam_work = self._created / self._scale, self._most_seam_work / self._scale
+        body = self._scene.body
+        if isinstance(body, BodySpec) and body.cell is not None:
+            trace.gap = self._gap / (min(body.cell) if isinstance(body.cell, tuple) else body.cell)
+        for event in self._events:
+            if (guard := guard_of(event.kind, event.message)) is not None:
+                self._guards[guard] = self._guards.get(guard, 0) + 1
+        trace.safeguards = self._guards
+        trace.events = tuple((event.kind, event.message) for event in self._events)
+        trace.told = tuple(dict.fromkeys(told_by(trace)))
+
+
+def guard_of(kind: str, message: str) -> str | None:
+    """The safeguard that an event tells of; None for any other event."""
+    if kind == "seam" and "taken in" in message:
+        return PARTS
+    if kind == "cells":
+        return CRUSHED
+    if kind == "step":
+        return CUT
+    if kind == "monitor":
+        return RETRIED if "repeated" in message else MORE_SWEEPS if "sweeps" in message else None
+    if kind == "participant_restored":
+        return RESTORED
+    return None
+
+
+def told_by(trace: Trace) -> list[str]:
+    """The run's own indicators that warned of something wrong."""
+    found = []
+    for kind, message in trace.events:
+        if kind == "energy" and trace.created > CONFIRMED and "nowhere" in message:
+            found.append("alarm: energy from nowhere")
+        elif kind == "energy" and trace.seam_work > CONFIRMED and "seam" in message:
+            found.append("alarm: the seam does work")
+        elif kind == "element":
+            found.append("event: the element is too stiff")
+        elif kind == "monitor" and "not converged" in message:
+            found.append("monitor of PBD: not converged")
+        elif kind == "solver":
+            found.append("a step was kept that had not converged")
+        elif kind == "seam" and ("kept" in message or message.count(":") > 1):
+            found.append("a gap at the seam was kept")
+    return found

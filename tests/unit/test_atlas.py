@@ -1,0 +1,164 @@
+"""The atlas's verdicts on made-up outcomes, its pictures, its controls that need no run, and bad requests."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from softseam.atlas import controls
+from softseam.atlas.atlas import Filled
+from softseam.atlas.command import Wishes, atlas
+from softseam.atlas.draw import draw_map, draw_overview, inside
+from softseam.atlas.maps import seam
+from softseam.atlas.maps.grid import Cell, Map, Panel
+from softseam.atlas.scenes import force_share, press, pressed
+from softseam.atlas.table import write_csv
+from softseam.atlas.trace import CRUSHED, CUT, MORE_SWEEPS, PARTS, RESTORED, RETRIED, Trace, follow, guard_of, told_by
+from softseam.atlas.verdicts import KINDS, Kind, Verdict, judge, percent
+from softseam.errors import BadInput
+
+ALARM = ("energy", "step 3: energy appears from nowhere: shorten the step")
+
+
+@pytest.mark.parametrize(
+    ("trace", "kind", "silent"),
+    [
+        (Trace(value=1.01), "accurate", False),
+        (Trace(value=1.01, safeguards={CUT: 2}), "recovered", False),
+        (Trace(value=1.2), "inaccurate", True),
+        (Trace(value=1.2, safeguards={CUT: 2}), "inaccurate", True),
+        (Trace(value=1.2, told=("a gap at the seam was kept",)), "inaccurate", False),
+        (Trace(value=math.nan, finite=False, broke=0.1), "unstable", True),
+        (Trace(value=1.0, finite=False, broke=0.1), "unstable", True),
+        (Trace(value=1.01, created=0.2), "unstable", True),
+        (Trace(value=1.01, created=0.2, told=("alarm: energy from nowhere",)), "unstable", False),
+        (Trace(value=1.01, gap=2.0), "unstable", True),
+        (Trace(failed="step 3, near (fem): Newton's method did not converge"), "unstable", False),
+        (Trace(refused="newmark cannot meet tools"), "refused", False),
+    ],
+)
+def test_each_outcome_has_its_verdict(trace: Trace, kind: Kind, silent: bool) -> None:
+    verdict = judge(trace, 1.0, 0.05, "force")
+    assert (verdict.kind, verdict.silent) == (kind, silent)
+    assert verdict.why
+    assert Verdict.from_json(verdict.as_json()).as_json() == verdict.as_json()
+
+
+def test_no_verdict_goes_without_an_explanation() -> None:
+    with pytest.raises(ValueError, match="explanation"):
+        Verdict("accurate", "")
+
+
+def test_events_name_the_safeguards() -> None:
+    """The texts are those that the orchestrator emits."""
+    assert guard_of("seam", "step 3: taken in 4 parts, 12 exchanges, gap 0.6 um") == PARTS
+    assert guard_of("cells", "step 9: 4 cells are squeezed beyond half: full quadrature") == CRUSHED
+    assert guard_of("step", "step 2, far (fem): taken in 8 parts") == CUT
+    assert guard_of("monitor", "step 2, far: diverged: repeated with 68 substeps, sweeps 2") == RETRIED
+    assert guard_of("monitor", "step 2, far: crushed, torn or behind its shape: sweeps 2") == MORE_SWEEPS
+    assert guard_of("monitor", "step 2, far: not converged, stress is 80% off its shape") is None
+    assert guard_of("participant_restored", "participant 'far' is back") == RESTORED
+    assert guard_of("regions", "4 cells raised") is None
+
+
+def test_an_alarm_counts_where_the_whole_run_confirms_it() -> None:
+    """At a first touch the ledger compares with next to nothing."""
+    assert told_by(Trace(events=(ALARM,), created=1e-5)) == []
+    assert told_by(Trace(events=(ALARM,), created=1e-2)) == ["alarm: energy from nowhere"]
+    kept = ("seam", "step 0: gap 239 um after 16 exchanges is kept: the sides' exchanges did not converge")
+    assert told_by(Trace(events=(kept, ("solver", "step 1, far (pbd): diverged")))) == [
+        "a gap at the seam was kept",
+        "a step was kept that had not converged",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("share", "text"), [(8.9e-5, "0.0089 %"), (0.0223, "2.2 %"), (54.0, "5400 %"), (1e9, "1e+11 %")]
+)
+def test_shares_are_read_without_powers_of_ten(share: float, text: str) -> None:
+    assert percent(share) == text
+
+
+def test_the_press_s_closed_form() -> None:
+    """Without lateral effect P = E/2 (1/a^2 - a); a tenth at nu 0.3 from an independent root of the same equations."""
+    assert pressed(0.1, 0.0) == pytest.approx(0.5 * (1 / 0.9 - 0.9), rel=1e-12)
+    assert pressed(0.1) == pytest.approx(0.108722, abs=1e-6)
+    assert pressed(1e-6) == pytest.approx(1e-6, rel=1e-5)
+
+
+def test_a_refused_scene_says_why_in_a_sentence() -> None:
+    trace = follow(press(2e4, 0.01, "fem", fem={"integrator": "newmark"}), force_share(2e4))
+    verdict = judge(trace, 1.0, 0.05, "force")
+    assert verdict.kind == "refused" and "newmark cannot meet tools" in verdict.why and "\n" not in verdict.why
+
+
+def test_the_seam_s_failing_controls_fail_and_the_product_s_scheme_holds() -> None:
+    """Implicit Euler by position is stable at all ratios; by velocity it grows; what would grow is refused."""
+    for what, ratio in (("mass", 0.01), ("mass", 99.0), ("stiffness", 0.01), ("stiffness", 99.0)):
+        assert seam.run(what, ratio, seam.PRODUCT, "implicit_euler").kind in ("accurate", "inaccurate")
+        assert seam.run(what, ratio, seam.PRODUCT, "newmark").kind == "refused"
+    worst = seam.run("mass", 10.0, "velocity, constant", "midpoint")
+    assert worst.kind == "unstable" and "simulated" in worst.why
+    grown = float(worst.why.partition("grows ")[2].partition(" times")[0])
+    assert grown > 1e3, "what the scan calls unstable grows when it is simulated"
+
+
+@pytest.mark.parametrize(
+    "measure", [controls.hourglass, controls.constraint_order, controls.closed_cycle], ids=lambda f: f.__name__
+)
+def test_controls_fail_and_remedies_hold(measure: object) -> None:
+    assert callable(measure)
+    control, remedy, holds, test = measure()
+    assert holds, (control, remedy)
+    assert test.endswith((".py", "modes", "derivatives")) or "::" in test
+
+
+def made_up() -> Filled:
+    """A map with one cell of each kind, the inaccurate one silent."""
+    verdicts = {
+        "accurate": Verdict("accurate", "off by little", 0.001),
+        "recovered": Verdict("recovered", CUT, 0.01, (CUT,)),
+        "inaccurate": Verdict("inaccurate", "off by much", 0.3),
+        "unstable": Verdict("unstable", "torn", None, (), ("alarm",)),
+        "refused": Verdict("refused", "cannot"),
+    }
+
+    def never() -> Verdict:
+        raise AssertionError
+
+    cells = tuple(Cell(0, i, 0, kind, never) for i, kind in enumerate(KINDS))
+    panel = Panel("panel", "x", "y", KINDS, ("row",))
+    of = Map("made-up", "Made up", "One of each. " * 30, (panel,), cells)
+    return Filled(of, {of.key(cell): verdicts[kind] for cell, kind in zip(cells, KINDS, strict=True)})
+
+
+def test_pictures_and_table_hold_every_cell(tmp_path: Path) -> None:
+    filled = made_up()
+    assert filled.count() == dict.fromkeys(KINDS, 1)
+    assert [cell.label for cell, _ in filled.silent] == ["inaccurate"]
+    assert [inside(filled.verdicts[filled.map.key(cell)]) for cell in filled.map.cells] == [
+        "0.1",
+        "1.0 R",
+        "30",
+        "U",
+        "-",
+    ]
+    for path in (
+        draw_map(tmp_path / "map.png", filled, "a machine"),
+        draw_overview(tmp_path / "all.png", [filled], "m"),
+    ):
+        assert path.read_bytes()[:4] == b"\x89PNG"
+    write_csv([filled], tmp_path / "atlas.csv")
+    rows = list(csv.DictReader((tmp_path / "atlas.csv").open()))
+    assert [row["kind"] for row in rows] == list(KINDS)
+    assert [row["silent"] for row in rows] == ["false", "false", "true", "false", "false"]
+    assert all(row["why"] for row in rows)
+
+
+def test_an_unknown_map_is_refused_with_a_hint(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="did you mean 'poisson'"):
+        atlas(Wishes(("poison",), tmp_path), Console(quiet=True))
