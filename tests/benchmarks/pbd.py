@@ -1,7 +1,7 @@
 """How fast the PBD participant is, and how far from what the machine could do: `make pbd`.
 
-By hand: NUMBA_NRT_STATS=1 PYTHONPATH=tests python tests/benchmarks/pbd.py (numba counts allocations only when told to).
-One process and one core; times are the least of several repeats, without compiling, in CPU time. Limits are measured in
+By hand: NUMBA_NRT_STATS=1 PYTHONPATH=tests python tests/benchmarks/pbd.py (numba counts allocations when told to).
+Times are the least of several repeats, without compiling: CPU time of one core, wall time of two. Limits come from
 the same run: products and sums on numbers in registers, and copies in memory. Compare ratios, not figures.
 """
 
@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 from numba.core.runtime.nrt import rtsys
 from numpy.typing import NDArray
-from pbd_run import PbdRun, block_scene, cantilever
+from pbd_run import PbdRun, block_scene
+from pbd_scenes import scene_a, scene_b, two_threads
 from rich.console import Console
 from rich.table import Table
 
@@ -196,34 +197,15 @@ def small_body(console: Console) -> None:
     console.print(table)
 
 
-def scene_a(console: Console) -> None:
-    """The released cantilever: error of its lowest tip against -150.4 mm (two independent codes), and speed."""
-    table = Table("scene A, cells", "substeps", "lowest tip, error", "RTF")
-    for counts in ((4, 1, 1), (6, 1, 1), (8, 2, 2), (12, 3, 3)):
-        run = PbdRun(cantilever((0.2, 0.05, 0.05), tuple(np.array((0.2, 0.05, 0.05)) / counts), 1e5, 0.4))
-        tip = np.argmin(np.linalg.norm(run.body.x_rest - np.array([0.2, 0.0, 0.0]), axis=1))
-        lowest, spent = 0.0, 0.0
-        for _ in range(60):
-            began = process_time()
-            run.step()
-            spent += process_time() - began
-            lowest = min(lowest, run.solver._committed.x[tip, 2] - run.body.x_rest[tip, 2])
-        table.add_row(
-            "{} x {} x {}".format(*counts),
-            str(run.solver.substeps),
-            f"{lowest / -0.1504 - 1.0:+.1%}",
-            f"{0.6 / spent:.0f}",
-        )
-    console.print(table)
-
-
 def main() -> None:
     console = Console()
     flops, copied = limits()
     console.print(f"limits of this core: {1e-9 * flops:.0f} GFLOP/s, {1e-9 * copied:.1f} GB/s copied")
     sweep_table(console, flops, copied)
     small_body(console)
+    two_threads(console)
     scene_a(console)
+    scene_b(console)
 
 
 if __name__ == "__main__":
