@@ -20,9 +20,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from fem import least
+from benchmarks.fem import least
 from fem_run import FemRun, tofu
 
 from softseam_services.fem import model as fem_model
