@@ -207,6 +207,8 @@ def steps(run: FemRun) -> dict[str, float]:
 def _size(arrays: object) -> float:
     if isinstance(arrays, np.ndarray):
         return float(arrays.nbytes)
+    if hasattr(arrays, "_declared"):  # a record, see by_reference.py
+        return sum(_size(getattr(arrays, name)) for name in arrays._declared._fields)
     return sum(_size(part) for part in arrays) if isinstance(arrays, tuple) else 0.0
 
 
