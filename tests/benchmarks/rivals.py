@@ -1,0 +1,98 @@
+"""Other simulators on our scenes, as marks of our charts: `python tests/benchmarks/rivals.py [--scenes tofu_grasp ...]`.
+
+Charts the scenes with softseam, makes a scratch environment with the rival in it (from the package index, so no part
+of any test), runs the rival on the same scenes on this machine right afterwards, compares its curves with the charts'
+references by the same norm, writes out/rivals.json, and draws the charts again with the rival's marks.
+
+A rival's error is the worst of the quantities that it can report: force, lift and sag in tofu_grasp (not its slip).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import venv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from softseam.chart.command import Wishes, chart
+from softseam.chart.errors import errors
+from softseam.chart.reference import Reference
+from softseam.chart.series import Series
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).parent
+PINNED = "mujoco==4.0.0"
+SCENES = ("tofu_grasp", "cantilever")
+
+
+def environment(folder: Path) -> Path:
+    """Python of an environment with the rival in it, made where there is none."""
+    python = folder / "bin" / "python"
+    if not (folder / "ready").exists():
+        venv.create(folder, with_pip=True, clear=True)
+        command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PINNED]
+        subprocess.run(command, check=True, timeout=600)
+        (folder / "ready").touch()
+    return python
+
+
+def compared(row: Mapping[str, Any], reference: Reference) -> dict[str, Any]:
+    """A rival's run as a mark of the chart."""
+    curves = {name: np.array(values) for name, values in row["curves"].items()}
+    time = curves.pop("time")
+    names = [name for name in reference.counted if name in curves]
+    found = errors(
+        Series(time, np.zeros_like(time), curves), reference.time, {name: reference.truth[name] for name in names}
+    )
+    worst = max(found, key=lambda name: found[name].value)
+    walls = row["walls"]
+    return {
+        "scene": row["scene"],
+        "label": row["label"],
+        "rtf": float(f"{row['simulated'] / statistics.median(walls):.4g}"),
+        "error": float(f"{found[worst].value:.4g}"),
+        "source": f"{row['version']} on this machine, {len(walls)} timed runs; worst is {worst} of {', '.join(names)}",
+        "errors": {name: float(f"{error.value:.4g}") for name, error in found.items()},
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--minutes", type=float, default=10.0, help="of softseam's own charts")
+    given = parser.parse_args()
+    out, console = ROOT / "out", Console()
+    references = {}
+    for scene in given.scenes:
+        _, references[scene] = chart(Wishes(scene, out=out / f"chart-{scene}", minutes=given.minutes), console)
+    python = environment(out / "rivals-environment")
+    raw = out / "rivals-raw.json"
+    one_thread = os.environ | {"OMP_NUM_THREADS": "1"}
+    subprocess.run([python, HERE / "rival_mujoco.py", raw, *given.scenes], check=True, timeout=3600, env=one_thread)
+    rows = []
+    for row in json.loads(raw.read_text()):
+        if "failed" in row:
+            console.print(f"{row['version']}, {row['label']}: {row['failed']}", highlight=False)
+        else:
+            rows.append(compared(row, references[row["scene"]]))
+    rivals = out / "rivals.json"
+    rivals.write_text(json.dumps({"rivals": rows}, indent=1) + "\n")
+    for row in rows:
+        sys.stdout.write(f"{row['scene']:12s} {row['label']:34s} {row['rtf']:8.3g}x  {100 * row['error']:.3g} %\n")
+    for scene in given.scenes:
+        wishes = Wishes(scene, out=out / f"chart-{scene}", minutes=given.minutes, rivals=rivals)
+        chart(wishes, Console(quiet=True))
+    console.print(f"{rivals}, and the charts in {out}", highlight=False)
+
+
+if __name__ == "__main__":
+    main()
