@@ -1,8 +1,8 @@
 """MuJoCo's flex on the cantilever and on the grasp: curves and wall times as JSON, for rivals.py to compare.
 
-Runs in an environment of its own (`python rival_mujoco.py OUT.json SCENE ...`), with mujoco and numpy and nothing of softseam.
-Gravity, sizes, constants, friction and motion are those of scenes/cantilever.yaml and scenes/tofu_grasp.yaml; the law
-is MuJoCo's own (St. Venant-Kirchhoff), and the plates are driven at the scene's speeds.
+Runs in an environment of its own (`python rival_mujoco.py OUT.json SCENE ...`), with mujoco and numpy and nothing of
+softseam. Gravity, sizes, constants, friction and motion are those of scenes/cantilever.yaml and scenes/tofu_grasp.yaml;
+the law is MuJoCo's own (St. Venant-Kirchhoff), and the plates are driven at the scene's speeds.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ BEAMS = (((2, 1, 1), 0.01), ((4, 1, 1), 0.01), ((4, 1, 1), 0.005), ((8, 2, 2), 0
 CUBES = (("quadratic", 1, 0.005), ("quadratic", 1, 0.002), ("trilinear", 4, 0.002), ("quadratic", 2, 0.002))
 
 
-def flex(name: str, size: tuple[float, float, float], centre: str, mass: float, dof: str, cells: Any, inner: str) -> str:
+def flex(
+    name: str, size: tuple[float, float, float], centre: str, mass: float, dof: str, cells: Any, inner: str
+) -> str:
     """A block of flex cells; its vertices are the nodes of the cells."""
     counts = [(2 if dof == "quadratic" else 1) * c + 1 for c in cells]
     spacing = " ".join(f"{edge / (count - 1):.17g}" for edge, count in zip(size, counts, strict=True))
@@ -95,8 +97,8 @@ def cube(dof: str, n: int, step: float) -> dict[str, Any]:
         f'<mujoco><option timestep="{step}" gravity="0 0 -9.81" integrator="discrete" cone="elliptic"/>'
         f'<size memory="500M"/><worldbody><geom name="ground" type="plane" size="1 1 0.1" friction="0.6" condim="3" '
         f'solref="{2 * step} 1" {HARD}/>'
-        f'{plates}{body}</worldbody><contact><exclude body1="left" body2="world"/><exclude body1="right" body2="world"/>'
-        f"</contact></mujoco>"
+        f'{plates}{body}</worldbody><contact><exclude body1="left" body2="world"/>'
+        f'<exclude body1="right" body2="world"/></contact></mujoco>'
     )
     model = mujoco.MjModel.from_xml_string(xml)
     geoms = [model.geom(name).id for name in ("left", "right")]
@@ -162,7 +164,7 @@ def main(out: Path, scenes: list[str]) -> None:
     for scene, make, settings in (("cantilever", beam, BEAMS), ("tofu_grasp", cube, CUBES)):
         for given in settings if scene in scenes else ():
             try:
-                row = make(*given)  # type: ignore[operator]
+                row = make(*given)
             except (ValueError, ArithmeticError, mujoco.FatalError) as error:
                 row = {"scene": scene, "label": f"{make.__name__} {given}", "failed": str(error)}
             row["version"] = f"MuJoCo {mujoco.__version__}"

@@ -1,4 +1,4 @@
-"""Other simulators on our scenes, as marks of our charts: `python tests/benchmarks/rivals.py [--scenes tofu_grasp ...]`.
+"""Other simulators on our scenes, as marks of our charts: `python tests/benchmarks/rivals.py [--scenes ...]`.
 
 Charts the scenes with softseam, makes a scratch environment with the rival in it (from the package index, so no part
 of any test), runs the rival on the same scenes on this machine right afterwards, compares its curves with the charts'
@@ -39,7 +39,7 @@ def environment(folder: Path) -> Path:
     python = folder / "bin" / "python"
     if not (folder / "ready").exists():
         venv.create(folder, with_pip=True, clear=True)
-        command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PINNED]
+        command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PINNED]
         subprocess.run(command, check=True, timeout=600)
         (folder / "ready").touch()
     return python
@@ -77,7 +77,9 @@ def main() -> None:
     python = environment(out / "rivals-environment")
     raw = out / "rivals-raw.json"
     one_thread = os.environ | {"OMP_NUM_THREADS": "1"}
-    subprocess.run([python, HERE / "rival_mujoco.py", raw, *given.scenes], check=True, timeout=3600, env=one_thread)
+    subprocess.run(
+        [str(python), str(HERE / "rival_mujoco.py"), str(raw), *given.scenes], check=True, timeout=3600, env=one_thread
+    )
     rows = []
     for row in json.loads(raw.read_text()):
         if "failed" in row:
