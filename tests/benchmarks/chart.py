@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 
 from softseam.chart.command import Wishes, chart
-from softseam.chart.landmarks import ASKED
+from softseam.chart.landmarks import ASKED, Landmark, read_rivals
 from softseam.chart.reference import in_words
 from softseam.chart.table import Row, busy
 from softseam.view.colors import label
@@ -50,7 +50,7 @@ A row is met where one configuration is both faster and more accurate.
 | asked for | real-time factor | error [%] | met by | real-time factor | error [%] |
 |---|---|---|---|---|---|
 {asked}
-
+{rivals}
 ## How to read it, and what it leaves out
 
 - Real-time factors are of one machine that may have had other work; the thin line through a mark spans its runs.
@@ -58,6 +58,16 @@ A row is met where one configuration is both faster and more accurate.
   end 10 ms late.
 - Kept runs are used again; `--fresh` forgets them. A run made by other code, or on another machine, is refused.
 - docs/decisions/0064 and 0065 say why it is measured this way.
+"""
+RIVALS = """
+## Other simulators
+
+The same scene, measured on the same machine right after ours by `python tests/benchmarks/rivals.py`, against the same
+reference; their laws, drives and contacts differ from ours a little.
+
+| simulator | real-time factor | error [%] | |
+|---|---|---|---|
+{rows}
 """
 
 
@@ -69,7 +79,10 @@ def shown(row: Row, name: str) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rivals", type=Path, help="measured rows of other simulators (JSON)")
+    known = ROOT / "out" / "rivals.json"
+    known_or_none = known if known.exists() else None
+    text = "measured rows of other simulators (JSON), as rivals.py writes them; default: out/rivals.json, if any"
+    parser.add_argument("--rivals", type=Path, default=known_or_none, help=text)
     parser.add_argument("--fresh", action="store_true", help="measure everything anew")
     given = parser.parse_args()
     folder = ROOT / "out" / f"chart-{SCENE}"
@@ -89,6 +102,7 @@ def main() -> None:
         rules="|".join("---" for _ in reference.counted),
         front="\n".join(line(row, reference.counted) for row in front),
         asked="\n".join(asked(front)),
+        rivals="" if given.rivals is None else beside(read_rivals(given.rivals, SCENE)),
     )
     (ROOT / "docs" / "chart.md").write_text(text)
 
@@ -114,6 +128,12 @@ def asked(front: Sequence[Row]) -> list[str]:
         assert best.error is not None
         lines.append(f"{start}{best.configuration.label} | {best.outcome.rtf:.3g} | {100 * best.error.value:.2g} |")
     return lines
+
+
+def beside(rivals: Sequence[Landmark]) -> str:
+    """The section about other simulators."""
+    rows = "\n".join(f"| {m.label} | {m.rtf:.3g} | {100 * m.error:.2g} | {m.source} |" for m in rivals)
+    return RIVALS.format(rows=rows)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,18 +122,19 @@ def test_rows_tell_what_failed(tmp_path: Path) -> None:
     outcomes = {
         "good": DONE,
         "bad": Outcome("failed", "it diverged", walls=(0.5,), simulated=0.1),
+        "slow": replace(DONE, walls=(0.5,)),
         "dear": Outcome("left out", "a run would take some 99 s"),
     }
     wanted = [Configuration(key, "XPBD", f"the {key} one", ("step=0.1",), 1.0) for key in outcomes]
     rows = rows_of(wanted, outcomes, reference)
-    assert [row.front for row in rows] == [True, False, False]
+    assert [row.front for row in rows] == [True, False, False, False]
     assert rows[0].error is not None and rows[0].error.bound and rows[0].error.value == 0.01
     assert rows[1].reason == "failed: it diverged"
     write_csv(rows, ["sag"], tmp_path / "chart.csv")
     lines = (tmp_path / "chart.csv").read_text().splitlines()
-    assert len(lines) == 4 and "it diverged" in lines[2] and lines[1].endswith("0.01,true")
+    assert len(lines) == 5 and "it diverged" in lines[2] and lines[1].endswith("0.01,true")
     from softseam.chart.draw import draw_chart, placed
 
-    assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[2]) is None
+    assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[3]) is None
     picture = draw_chart(tmp_path / "chart.png", "a test", "a machine", rows, reference, ASKED, ASKED[:1])
     assert picture.read_bytes()[:4] == b"\x89PNG"
