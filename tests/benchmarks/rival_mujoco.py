@@ -11,7 +11,7 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import mujoco  # type: ignore[import-not-found]
@@ -42,13 +42,28 @@ def flex(
     )
 
 
-def timed(run: Callable[[], tuple[dict[str, list[float]], float]]) -> dict[str, Any]:
-    """The curves of a first run, and the wall times of those after it [s]; of a long one, its own."""
+class Clock:
+    """Wall and processor time inside it, summed [s]."""
+
+    def __init__(self) -> None:
+        self.wall = self.cpu = 0.0
+
+    def __enter__(self) -> None:
+        self._began = perf_counter(), process_time()
+
+    def __exit__(self, *_: object) -> None:
+        self.wall += perf_counter() - self._began[0]
+        self.cpu += process_time() - self._began[1]
+
+
+def timed(run: Callable[[], tuple[dict[str, list[float]], Clock]]) -> dict[str, Any]:
+    """The curves of a first run, and the times of those after it [s]; of a long one, its own."""
     curves, first = run()
-    walls: list[float] = []
-    while len(walls) < RUNS and first + sum(walls) < ENOUGH:
-        walls.append(run()[1])
-    return {"curves": curves, "walls": walls or [first]}
+    clocks: list[Clock] = []
+    while len(clocks) < RUNS and first.wall + sum(clock.wall for clock in clocks) < ENOUGH:
+        clocks.append(run()[1])
+    clocks = clocks or [first]
+    return {"curves": curves, "walls": [c.wall for c in clocks], "cpu": min(c.cpu for c in clocks)}
 
 
 def beam(cells: tuple[int, int, int], step: float) -> dict[str, Any]:
@@ -59,22 +74,21 @@ def beam(cells: tuple[int, int, int], step: float) -> dict[str, Any]:
     option = f'<option timestep="{step}" gravity="0 0 -9.81" integrator="discrete"/>'
     model = mujoco.MjModel.from_xml_string(f"<mujoco>{option}<worldbody>{body}</worldbody></mujoco>")
 
-    def run() -> tuple[dict[str, list[float]], float]:
+    def run() -> tuple[dict[str, list[float]], Clock]:
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         tip = int(np.argmin(np.linalg.norm(data.flexvert_xpos - [0.2, 0.0, 0.1], axis=1)))
-        rest, wall = float(data.flexvert_xpos[tip, 2]), 0.0
+        rest, clock = float(data.flexvert_xpos[tip, 2]), Clock()
         time, deflection = [0.0], [0.0]
         while data.time < 0.6 - 0.5 * step:
-            began = perf_counter()
-            mujoco.mj_step(model, data)
-            wall += perf_counter() - began
+            with clock:
+                mujoco.mj_step(model, data)
             # positions of the vertices are those of the step's start
             mujoco.mj_kinematics(model, data)
             mujoco.mj_flex(model, data)
             time.append(float(data.time))
             deflection.append(float(data.flexvert_xpos[tip, 2]) - rest)
-        return {"time": time, "tip_deflection": deflection}, wall
+        return {"time": time, "tip_deflection": deflection}, clock
 
     label = f"MuJoCo quadratic {cells[0]}x{cells[1]}x{cells[2]}, {1e3 * step:g} ms"
     return {"scene": "cantilever", "label": label, "simulated": 0.6} | timed(run)
@@ -125,20 +139,19 @@ def cube(dof: str, n: int, step: float) -> dict[str, Any]:
                 total += abs(float((contact.frame.reshape(3, 3).T @ force[:3])[0]))
         return 0.5 * total
 
-    def run() -> tuple[dict[str, list[float]], float]:
+    def run() -> tuple[dict[str, list[float]], Clock]:
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         rest = np.array(data.flexvert_xpos)
-        height, wall = float(np.ptp(rest[:, 2])), 0.0
+        height, clock = float(np.ptp(rest[:, 2])), Clock()
         curves: dict[str, list[float]] = {"time": [0.0], "grip_force": [0.0], "lift_height": [0.0], "sag": [0.0]}
         while data.time < ends[-1] - 0.5 * step:
             near, closing_speed, up, rising = wanted(data.time)
             for sign, place, joint in zip((1.0, -1.0), places, joints, strict=True):
                 data.qpos[place : place + 2] = sign * near, up
                 data.qvel[joint : joint + 2] = sign * closing_speed, rising
-            began = perf_counter()
-            mujoco.mj_step(model, data)
-            wall += perf_counter() - began
+            with clock:
+                mujoco.mj_step(model, data)
             force = grip(data)
             mujoco.mj_kinematics(model, data)
             mujoco.mj_flex(model, data)
@@ -153,7 +166,7 @@ def cube(dof: str, n: int, step: float) -> dict[str, Any]:
         lifted = int(np.searchsorted(curves["time"], ends[2]))
         start = curves["lift_height"][lifted]
         curves["lift_height"] = [h - start if i >= lifted else 0.0 for i, h in enumerate(curves["lift_height"])]
-        return curves, wall
+        return curves, clock
 
     label = f"MuJoCo {dof} {n}x{n}x{n}, {1e3 * step:g} ms"
     return {"scene": "tofu_grasp", "label": label, "simulated": float(ends[-1])} | timed(run)

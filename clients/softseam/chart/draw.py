@@ -40,7 +40,7 @@ def draw_chart(
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=150, facecolor=PAPER)
     heading(figure, f"Accuracy against speed: {title}", subtitle(reference, machine, rows))
     axes = figure.subplots()
-    figure.subplots_adjust(left=0.068, right=0.93, top=1.0 - 1.72 / HEIGHT, bottom=0.62 / HEIGHT)
+    figure.subplots_adjust(left=0.068, right=0.93, top=1.0 - 1.72 / HEIGHT, bottom=0.80 / HEIGHT)
     plain(axes, "")
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -53,6 +53,7 @@ def draw_chart(
     _landmarks(axes, asked, ASKED, "D", 34.0)
     _landmarks(axes, rivals, RIVAL, "s", 34.0)
     _legend(figure, rows, asked, rivals)
+    _left_out(figure, reference)
     figure.draw_without_rendering()
     _label(figure, axes, rows, [*asked, *rivals], reference)
     return write(figure, path)
@@ -64,11 +65,16 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     known = in_words(reference.uncertainty)
     worst = "the worst of " if len(reference.counted) > 1 else ""
     text = f"error: {worst}{names}, in L2 over time, against FEM refined until known to {known}\n"
-    left_out = [colors.label(name) for name, true in reference.truth.items() if true.left_out]
     text += f"{machine}, one process; compiling and setting up left out{busy(rows)}"
-    if not reference.complete:
-        return f"{text}; the budget ended before the reference was known to 1 %"
-    return f"{text}; not counted, for it has no limit: {', '.join(left_out)}" if left_out else text
+    return text + ("" if reference.complete else "\nthe budget ended before the reference was known to 1 %")
+
+
+def _left_out(figure: Figure, reference: Reference) -> None:
+    """Below the chart: what does not count, and why."""
+    left_out = [f"{colors.label(name)} {true.left_out}" for name, true in reference.truth.items() if true.left_out]
+    if left_out:
+        text = f"not counted: {'; '.join(left_out)}"
+        figure.text(0.93, 0.012, text, fontsize=8.5, color=SOFT, ha="right", va="bottom")
 
 
 def placed(row: Row) -> tuple[float, float, bool] | None:
@@ -145,7 +151,7 @@ def _marks(axes: Axes, rows: Sequence[Row], tone: str) -> None:
         marker = "x" if failed else "^" if edge else "*" if row.configuration.method == "as it is" else "o"
         size = (95.0 if marker == "*" else 44.0) * (1.5 if row.front else 1.0)
         low, high = row.outcome.spread
-        axes.plot([low, high], [y, y], color=tone, linewidth=1.0, alpha=0.6, zorder=3)
+        axes.plot([low, high], [y, y], color=tone, linewidth=0.9, alpha=0.3, zorder=1)
         if row.error is not None and row.error.bound:
             axes.annotate(
                 "", (x, y / 1.16), (x, y), arrowprops={"arrowstyle": "-|>", "color": tone, "linewidth": 1.0}, zorder=3

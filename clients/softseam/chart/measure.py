@@ -53,13 +53,22 @@ class Outcome:
 
     @property
     def rtf(self) -> float:
-        """Simulated over wall seconds, of the median run; 0 where nothing was timed."""
-        return self.simulated / statistics.median(self.walls) if self.walls else 0.0
+        """Simulated over wall seconds, of the median run; 0 where nothing was timed.
+
+        A run only computes: where its wall time exceeds its processor time, other work held it up by the difference,
+        and its processor time counts.
+        """
+        if not self.walls:
+            return 0.0
+        wall = statistics.median(self.walls)
+        return self.simulated / (min(wall, self.cpu) if self.cpu > 0.0 else wall)
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Least and greatest real-time factor of the timed runs."""
-        return (self.simulated / max(self.walls), self.simulated / min(self.walls)) if self.walls else (0.0, 0.0)
+        """Least real-time factor of the timed runs by their wall time, and the greatest."""
+        if not self.walls:
+            return 0.0, 0.0
+        return self.simulated / max(self.walls), max(self.rtf, self.simulated / min(self.walls))
 
     def as_json(self) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in _PLAIN}

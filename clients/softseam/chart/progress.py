@@ -96,7 +96,8 @@ class ChartProgress:
         left = self._total - before - part
         # until something was measured, the rough estimates stand
         pace = taken / done if done > 0.02 * self._total else 1.0
-        eta = max(0.0, min(pace * left, self._end - perf_counter()))
+        ends = self._end - perf_counter()
+        eta = min(pace * left, ends) if ends > 0.0 else pace * left
         self._say(text, (before + part) / self._total, f"ETA {eta:.0f} s")
 
     def _say(self, text: str, done: float, state: str, *, force: bool = False) -> None:

@@ -58,10 +58,11 @@ def rows_of(wanted: Sequence[Configuration], outcomes: Mapping[str, Outcome], re
 
 
 def busy(rows: Sequence[Row]) -> str:
-    """What to say of a machine that had other work, without which the runs would be faster; '' where it had none."""
+    """What to say of a machine that had other work, which is left out of the speeds; '' where it had none."""
     shares = [row.outcome.cpu / statistics.median(row.outcome.walls) for row in rows if row.outcome.cpu > 0.0]
     share = statistics.median(shares) if shares else 1.0
-    return "" if share > 0.85 else f"; other work left the runs {100 * share:.0f} % of a core"
+    told = f"; other work left the runs {100 * share:.0f} % of a core, so their processor time counts"
+    return "" if share > 0.85 else told
 
 
 def row_json(row: Row) -> dict[str, Any]:
