@@ -53,7 +53,7 @@ A row is met where one configuration is both faster and more accurate.
 {rivals}
 ## How to read it, and what it leaves out
 
-- A real-time factor is of the median wall time of three runs (one, where a run takes 12 s); where other work held the runs
+- A real-time factor is of the median wall time of three runs (one, where a run takes 12 s); where other work held them
   up, of their processor time. The thin line through a mark reaches from the slowest wall time to the fastest.
 - An error is one of the whole motion, the settling and every change of phase included: with a step of 10 ms a phase may
   end 10 ms late.
@@ -75,7 +75,7 @@ reference; their laws, drives and contacts differ from ours a little.
 def shown(row: Row, name: str) -> str:
     """One quantity's error [%]."""
     error = row.errors[name]
-    return f"{'<= ' if error.bound else ''}{100 * error.value:.2g}"
+    return f"{'<= ' if error.bound and error.value > 1e-4 else ''}{100 * error.value:.2g}"
 
 
 def main() -> None:

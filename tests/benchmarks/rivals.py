@@ -61,7 +61,7 @@ def compared(row: Mapping[str, Any], reference: Reference) -> dict[str, Any]:
         # as for our own runs: what other work took is left out
         "rtf": float(f"{row['simulated'] / min(statistics.median(walls), row['cpu']):.4g}"),
         "error": float(f"{found[worst].value:.4g}"),
-        "source": f"{row['version']} on this machine, {len(walls)} timed runs; worst is {worst} of {', '.join(names)}",
+        "source": f"{row['version']} on this machine, timed runs: {len(walls)}; worst is {worst} of {', '.join(names)}",
         "errors": {name: float(f"{error.value:.4g}") for name, error in found.items()},
     }
 
