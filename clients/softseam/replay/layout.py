@@ -30,7 +30,7 @@ def layout(
     models = camera.view("Models: coral near, blue far", body)
     stress = camera.view(load, [f"+ {paths.STRESS}", *edges, *planes])
     density = colors.engineering(scales.energy, "J/m³")
-    energy = camera.view(f"Strain energy density, 0 to {density}", [f"+ {paths.ENERGY}", *edges, *planes])
+    energy = camera.view(f"Energy, 0 to {density}", [f"+ {paths.ENERGY}", *edges, *planes])
     forces = camera.view(
         "Forces: contact yellow, seam green", [f"+ {paths.GHOST}", f"+ {paths.FORCES}/**", *edges, *planes]
     )
