@@ -142,7 +142,8 @@ class ParticipantServer:
         if isinstance(request, Configure):
             if seat is not None:
                 kept = seat.replies.get(Configure)
-                if kept is not None and kept[0].header == request.header and seat.committed == request.header.step:
+                untouched = seat.committed == request.header.step and seat.exchange < 0
+                if kept is not None and kept[0].header == request.header and untouched:
                     return kept[1]
                 if request.header.epoch < seat.epoch:
                     return _stale(request, seat)

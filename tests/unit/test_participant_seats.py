@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Configure, Configured, Failure, Fields, Header, Observe
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Advance,
+    Advanced,
+    Bundle,
+    Configure,
+    Configured,
+    Failure,
+    Fields,
+    Header,
+    Observe,
+    ToolMotion,
+)
 from softseam_protocol.scene import Scene
 from softseam_services.server import _SEATS_KEPT, ParticipantServer
 
@@ -38,3 +50,22 @@ def test_the_seat_used_longest_ago_makes_room() -> None:
     assert isinstance(server.handle(Observe(header(0))), Fields)
     refused = server.handle(Observe(header(1)))
     assert isinstance(refused, Failure) and refused.kind == "not_configured"
+
+
+def test_a_configure_that_comes_again_begins_anew_also_within_the_first_step() -> None:
+    """Who is brought back configures again and repeats what followed, though the participant was never gone."""
+    server = ParticipantServer()
+    bundle, cells, none = Bundle(SCENE.model_dump_json(), {}), np.zeros(1, np.int32), np.zeros(0, np.int32)
+    nothing = np.zeros((0, 3))
+    motion = ToolMotion(nothing, np.zeros((0, 4)), nothing, np.zeros((0, 4)))
+
+    def header(exchange: int) -> Header:
+        return Header(SCHEMA_VERSION, "s", "far", 0, 0, exchange, 0.0)
+
+    configure = Configure(header(0), bundle, "pbd", cells, none, None, True)
+    first = server.handle(configure)
+    assert server.handle(configure) is first
+    for _ in range(2):
+        asked = [server.handle(Advance(header(exchange), 0.01, nothing, motion)) for exchange in range(3)]
+        assert all(isinstance(reply, Advanced) for reply in asked), asked
+        assert isinstance(server.handle(configure), Configured)

@@ -103,14 +103,14 @@ def _write(folder: Path, found: Found) -> None:
 def _tell(console: Console, folder: Path, found: Found, seconds: float) -> None:
     """How many runs are of which kind, those that were wrong in silence, the pitfalls, and the files."""
     if found.maps:
-        table = Table(box=None, padding=(0, 2))
+        table = Table(box=None, padding=(0, 1))
         table.add_column("map")
         for kind in KINDS:
             table.add_column(kind, justify="right")
-        table.add_column("wrong in silence", justify="right")
+        table.add_column("in silence", justify="right")
         for filled in found.maps:
             count = filled.count()
-            table.add_row(filled.map.title, *(str(count[kind]) for kind in KINDS), str(len(filled.silent)))
+            table.add_row(filled.map.name, *(str(count[kind]) for kind in KINDS), str(len(filled.silent)))
         console.print(table)
         for line in silent_lines(found.maps):
             console.print(Text(line, style="yellow"), soft_wrap=True)

@@ -37,8 +37,8 @@ def draw_map(path: Path, filled: Filled, machine: str) -> Path:
     per_line = _per_line(widths)
     lines = [list(range(i, min(i + per_line, len(widths)))) for i in range(0, len(widths), per_line)]
     tall = [max(TOP + BOTTOM + CELL_HEIGHT * len(of.panels[i].rows) for i in line) for line in lines]
-    width = max(11.0, *(sum(widths[i] for i in line) for line in lines))
-    text = "\n".join([*textwrap.wrap(of.text, int(12.4 * width)), f"{_counted(filled)}; {machine}"])
+    width = max(12.6, *(sum(widths[i] for i in line) for line in lines))
+    text = "\n".join([*textwrap.wrap(of.text, int(12.6 * width)), f"{_counted(filled)}; {machine}"])
     head = HEAD + LINE * (text.count("\n") + 1)
     height = head + sum(tall) + LEGEND
     figure = Figure(figsize=(width, height), dpi=130, facecolor=PAPER)
@@ -79,10 +79,9 @@ def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
             box = ((left + i * each) / width, bottom / height, (each - 0.14) / width, 2.5 / height)
             axes = figure.add_axes(box)
             draw_panel(axes, filled, i, shown=False)
-            limit = max(8, int((each - 0.14) / 0.085))
-            title = panel.title if len(panel.title) <= limit else panel.title[: limit - 1].rstrip(" ,:(") + "\u2026"
-            axes.set_title(title, loc="left", fontsize=9, color=SOFT, pad=4)
-            axes.set_xlabel(panel.x, fontsize=8.5, color=SOFT)
+            title = panel.short if n < 4 else panel.short.removeprefix("Rope, ")
+            axes.set_title(title, loc="left", fontsize=8.5 if n < 4 else 7.5, color=SOFT, pad=4)
+            axes.set_xlabel(panel.x if n < 4 else panel.x.partition(" a ")[0], fontsize=8.5, color=SOFT)
     _legend(figure, height)
     return write(figure, path)
 

@@ -113,9 +113,9 @@ def long_run(store: Store, folder: Path, console: Console, n_steps: int = N_STEP
         if data is None:
             store.write(key, asdict(run))
         runs.append(run)
-    table = Table(box=None, padding=(0, 2), title=f"a grasp held for {n_steps:,} steps of 10 ms", title_justify="left")
-    for name in ("model", "force", "drift", "ripple", "sank", "kinetic/strain", "gap", "safeguards", "CPU", "sound"):
-        table.add_column(name)
+    table = Table(box=None, padding=(0, 1), title=f"a grasp held for {n_steps:,} steps of 10 ms", title_justify="left")
+    for name in ("model", "force", "drift", "ripple", "sank", "K/U", "gap", "acted", "CPU", "sound"):
+        table.add_column(name, no_wrap=True)
     for run in runs:
         table.add_row(*cells(run))
     console.print(table)

@@ -19,8 +19,8 @@ Measure = Callable[[Observation], float]
 
 CONFIRMED = 1e-3
 """share of the largest energy above which an alarm of the ledger is more than the noise of the first steps [1]"""
-TOIL = 8_000
-"""Newton iterations; sound runs of the atlas need some 2000 at most"""
+TOIL = 40
+"""parts that FEM may cut a run's steps into, one step into 32 at most"""
 PARTS = "seam step in parts"
 CRUSHED = "full quadrature of crushed cells"
 CUT = "FEM cut the step"
@@ -63,7 +63,7 @@ def follow(scene: Mapping[str, object] | Scene, measure: Measure, *, fields: boo
 
     measure  what the run is judged by, of the observation after a step
     fields   also observe the fields after every step, which `measure` may need
-    toil     Newton iterations after which the run is given up
+    toil     parts of cut steps after which the run is given up: each tries hundreds of iterations
     """
     trace = Trace()
     try:
@@ -84,7 +84,7 @@ def follow(scene: Mapping[str, object] | Scene, measure: Measure, *, fields: boo
 
 
 class _Toil(Exception):
-    """A run needs more iterations than it is worth."""
+    """A run needs more work than it is worth."""
 
 
 class _Watch:
@@ -114,10 +114,11 @@ class _Watch:
         self._most_seam_work = max(self._most_seam_work, abs(self._seam_work))
         self._gap = max(self._gap, observation.seam.gap)
         numbers = [self._values[-1], energy["kinetic"], energy["strain"], energy["dissipation"]]
-        self._left -= sum(region.iterations for region in observation.regions.values() if region.model == "fem")
+        for event in observation.events:
+            if event.kind == "step":
+                self._left -= int(event.message.rpartition(" in ")[2].partition(" ")[0])
         if self._left < 0:
-            at = f"{observation.time:.3g} s, step {observation.step}"
-            raise _Toil(f"Newton's method toils: given up at {at}, where it cuts steps again and again")
+            raise _Toil(f"given up at {observation.time:.3g} s, where FEM cuts steps again and again")
         if self._broke is None and not np.isfinite(numbers).all():
             self._broke = observation.time
 
@@ -162,6 +163,8 @@ def told_by(trace: Trace) -> list[str]:
             found.append("alarm: energy from nowhere")
         elif kind == "energy" and trace.seam_work > CONFIRMED and "seam" in message:
             found.append("alarm: the seam does work")
+        elif kind == "tools":
+            found.append("event: a tool moves too far in a step")
         elif kind == "element":
             found.append("event: the element is too stiff")
         elif kind == "monitor" and "not converged" in message:

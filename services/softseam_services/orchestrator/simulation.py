@@ -28,11 +28,15 @@ from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.server import build_setup
 from softseam_services.tools.motion import tool_motion
+from softseam_services.tools.travel import beyond_middle
 
 Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
 _CHECKPOINT_STEPS = 50
+_TOO_FAR = (
+    "moves half its thickness in a step: the body may come out behind it; shorten the step, or move it more slowly"
+)
 _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
 
@@ -118,6 +122,7 @@ class Simulation:
 
     def _forget(self) -> None:
         """The last step is another's."""
+        self._too_far: set[str] = set()
         self._crushed = 0
         self._alarmed: set[str] = set()
         self._report: StepReport | None = None
@@ -140,6 +145,7 @@ class Simulation:
         if self._gripping.any():
             motion = replace(motion, gripping=self._gripping.copy())
         self._accounts.begin(began)
+        too_far = beyond_middle(self.tools, motion)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         solution = self._regions.advance(motion, look)
         replies = solution.replies
@@ -186,6 +192,10 @@ class Simulation:
             self._frame = None
             self._accounts.switched(*switched)
         self._warn(replies)
+        for name in too_far:
+            if name not in self._too_far:
+                self._event("tools", f"step {self._clock.step - 1}: {name} {_TOO_FAR}")
+        self._too_far.update(too_far)
         self._report = report
         if self._emit is not None:
             self._emit(report)

@@ -34,6 +34,11 @@ class Panel:
     columns: tuple[str, ...]
     rows: tuple[str, ...]
 
+    @property
+    def short(self) -> str:
+        """The title's first words, where there is little room."""
+        return self.title.partition(":")[0].partition(" (")[0]
+
 
 @dataclass(frozen=True)
 class Map:

@@ -49,12 +49,12 @@ def build(sweeps: tuple[int, ...] = SWEEPS, substeps: tuple[int | str, ...] = SU
         f"stiffness: its stretch is compared with its own at {CALIBRATED} sweeps, as if it had been calibrated there.",
         (
             Panel(
-                "XPBD, a block", "substeps a step", "Young's modulus",
+                "Block, XPBD", "substeps a step", "Young's modulus",
                 tuple(str(n) for n in substeps), ("1 kPa", "10 kPa", "100 kPa", "1 MPa"),
             ),
-            Panel("XPBD, a rope", "sweeps a substep", "E A", counts, tuple(f"{ea:g} N" for ea in STRETCHES)),
-            Panel("Classic PBD, a rope (control)", "sweeps a substep", "stiffness k of a sweep", counts, shares),
-            Panel("Classic PBD, k of a substep", "sweeps a substep", "stiffness k of a substep", counts, shares),
+            Panel("Rope, XPBD", "sweeps a substep", "E A", counts, tuple(f"{ea:g} N" for ea in STRETCHES)),
+            Panel("Rope, classic PBD (control)", "sweeps a substep", "stiffness k of a sweep", counts, shares),
+            Panel("Rope, classic, per substep", "sweeps a substep", "stiffness k of a substep", counts, shares),
         ),
         tuple(cells),
     )  # fmt: skip

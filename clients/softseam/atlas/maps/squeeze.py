@@ -10,7 +10,7 @@ from softseam.atlas.trace import follow
 from softseam.atlas.verdicts import Verdict, judge
 
 SQUEEZES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
-SPEEDS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
+SPEEDS = (0.01, 0.1, 0.3, 1.0, 3.0)
 PAIR: tuple[Model, ...] = ("fem", "pbd")
 BOUND = 0.02
 YOUNG, STEP, HOLD = 2e4, 0.005, 0.4

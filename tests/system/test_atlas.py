@@ -1,0 +1,99 @@
+"""A tiny atlas from runs to pictures: its controls fail, its remedies hold, broken off it goes on."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from softseam.atlas import atlas as registry
+from softseam.atlas.command import Wishes, atlas
+from softseam.atlas.maps import iterations, messages, poisson, seam, squeeze, step
+from softseam.errors import BadInput
+
+TINY = {
+    "step": partial(step.build, (0.01,), (1e4,)),
+    "poisson": partial(poisson.build, (0.3, 0.4999), ("hex8_full", "hex8", "hex27")),
+    "iterations": partial(iterations.build, (1, 4, 32), (2, 64)),
+    "seam": partial(seam.build, (0.1, 10.0)),
+    "squeeze": partial(squeeze.build, (0.1, 0.5), (0.03,)),
+    "messages": partial(messages.build, (16,)),
+}
+MAPS = tuple(TINY)
+Cells = dict[tuple[str, str, str, str], dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An atlas of a hundred runs."""
+    folder = tmp_path_factory.mktemp("atlas")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "MAPS", TINY)
+        patch.setattr("softseam.atlas.command.MAPS", TINY)
+        atlas(Wishes(MAPS, folder), Console(quiet=True))
+        finished = {path: path.stat().st_mtime_ns for path in (folder / "runs").glob("*.json")}
+        atlas(Wishes(MAPS, folder), Console(quiet=True))
+        assert {path: path.stat().st_mtime_ns for path in finished} == finished, "finished runs were run again"
+        path = folder / "runs" / "step-0-0-0.json"
+        whole = path.read_text()
+        path.write_text(whole[:-40])
+        with pytest.raises(BadInput, match=r"step-0-0-0\.json is corrupt.*--fresh"):
+            atlas(Wishes(MAPS, folder), Console(quiet=True))
+        path.write_text(whole)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cells(tiny: Path) -> Cells:
+    """Every cell by map, panel, column and row."""
+    found = {}
+    for one in json.loads((tiny / "atlas.json").read_text())["maps"]:
+        for cell in one["cells"]:
+            panel = one["panels"][cell["panel"]]
+            at = (one["name"], panel["title"], panel["columns"][cell["column"]], panel["rows"][cell["row"]])
+            found[at] = cell
+    return found
+
+
+@pytest.mark.slow
+def test_every_cell_is_explained_and_drawn(tiny: Path, cells: Cells) -> None:
+    assert all(cell["why"] for cell in cells.values())
+    for name in (*MAPS, "overview"):
+        assert (tiny / f"{name}.png").stat().st_size > 10_000
+    assert len((tiny / "atlas.csv").read_text().splitlines()) == 1 + len(cells)
+
+
+@pytest.mark.slow
+def test_controls_fail_in_the_map_itself(cells: Cells) -> None:
+    """Locking, stiffness that follows iterations, energy across the seam; and what cures them holds."""
+    locked = cells["poisson", "Bonded squeeze: force", "0.4999", "hex8_full (control)"]
+    assert locked["kind"] == "inaccurate" and locked["error"] > 10.0 and "element" in locked["told"][0]
+    assert cells["poisson", "Bonded squeeze: force", "0.3", "hex8_full (control)"]["kind"] == "accurate"
+    for element in ("hex8", "hex27"):
+        assert cells["poisson", "Bonded squeeze: force", "0.4999", element]["kind"] == "accurate"
+    assert cells["iterations", "Rope, classic PBD (control)", "32", "k 0.6"]["error"] > 0.5
+    assert cells["iterations", "Rope, classic, per substep", "32", "k 0.3"]["kind"] == "accurate"
+    soft = cells["iterations", "Rope, XPBD", "1", "5000 N"]
+    assert soft["kind"] == "inaccurate" and not soft["silent"], "unmet constraints are told"
+    seams = {
+        row: cell["kind"] for (name, title, column, row), cell in cells.items() if name == "seam" and column == "10"
+    }
+    assert seams["position, constant; implicit euler"] == "accurate"
+    assert seams["position, constant; newmark"] == "refused"
+    assert seams["velocity, constant; midpoint"] == "unstable"
+
+
+@pytest.mark.slow
+def test_safeguards_are_named(cells: Cells) -> None:
+    crushed = cells["squeeze", "FEM", "50", "0.03"]
+    assert crushed["kind"] == "recovered" and crushed["safeguards"] == ["full quadrature of crushed cells"]
+    for model in ("FEM", "XPBD", "FEM and XPBD"):
+        for fault in ("request lost", "reply lost", "killed", "killed in recovery"):
+            cell = cells["messages", model, "1 of 16", fault]
+            assert cell["kind"] == "recovered" and cell["safeguards"], (model, fault, cell["why"])
+        for fault in ("repeated", "an old one comes late"):
+            assert cells["messages", model, "1 of 16", fault]["kind"] == "accurate", (model, fault)

@@ -1,0 +1,62 @@
+"""Tools that move half their thickness in a step are told of: the body may come out behind them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import softseam
+from softseam_protocol.messages import Event
+from softseam_protocol.scene import Scene
+from softseam_services.body.build import build_body
+from softseam_services.tools.build import build_tools
+from softseam_services.tools.motion import tool_motion
+from softseam_services.tools.travel import beyond_middle
+
+BODY = {
+    "shape": {"kind": "block", "size": [0.02, 0.02, 0.02]},
+    "cell": 0.02,
+    "material": {"young": 2e4, "poisson": 0.45, "density": 1000},
+}
+TOOLS = {
+    "ball": {"kind": "sphere", "radius": 0.005, "position": [0, 0.1, 0.05]},
+    "ground": {"kind": "plane"},
+    "plate": {"kind": "box", "size": [0.01, 0.06, 0.06], "position": [-0.016, 0, 0.01]},
+    "turned": {"kind": "box", "size": [0.01, 0.06, 0.06], "position": [0.1, 0, 0.1], "rotation": [0, 0, np.pi / 2]},
+}
+
+
+def scene(speed: float) -> Scene:
+    motion = [{"tools": ["plate"], "move": [speed * 0.02, 0, 0], "speed": speed}]
+    keys = {"softseam": 1, "name": "t", "step": 0.01, "body": BODY, "tools": TOOLS, "regions": {"default": "fem"}}
+    return Scene.model_validate(keys | {"motion": motion})
+
+
+@pytest.mark.parametrize(
+    ("way", "far"),
+    [
+        ([0.0049, 0, 0], []),
+        ([0.0051, 0, 0], ["ball", "plate"]),  # across the plate's thickness; the turned one is long there
+        ([0, 0.0051, 0], ["ball", "turned"]),
+        ([0, 0, 0.0049], []),
+        ([0, 0, 0.031], ["ball", "plate", "turned"]),
+    ],
+)
+def test_half_a_thickness_counts_along_each_edge(way: list[float], far: list[str]) -> None:
+    built = scene(0.1)
+    tools = build_tools(built, build_body(built, {}), {})
+    command = np.tile([*way, 0.0, 0.0, 0.0], (4, 1)) / built.step
+    motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
+    assert beyond_middle(tools, motion) == far
+
+
+def test_a_plate_that_jumps_is_an_event_told_once() -> None:
+    for speed, n_told in ((0.1, 0), (0.6, 1)):
+        events: list[Event] = []
+        with softseam.open(scene(speed)) as session:
+            session.reset()
+            while not session.done:
+                events += session.step().events
+        told = [event.message for event in events if event.kind == "tools"]
+        assert len(told) == n_told
+        assert all("plate moves half its thickness" in message for message in told)
