@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from softseam_protocol.messages import ToolMotion
+from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, SPHERE, ToolSet
 
 
@@ -13,18 +14,16 @@ def beyond_middle(tools: ToolSet, motion: ToolMotion) -> list[str]:
 
     Of a box along each of its edges, of a round one along the way. Planes have no far side; meshes are not looked at.
     """
-    way = motion.position_next - motion.position
-    if not way.any():
-        return []
     found = []
-    for tool, name in enumerate(tools.names):
-        kind, shape, d = tools.kind[tool], tools.shape[tool], way[tool]
+    for tool, (x, y, z) in enumerate((motion.position_next - motion.position).tolist()):
+        if x == y == z == 0.0:
+            continue
+        kind, half = tools.kind[tool], tools.shape[tool, :3].tolist()
         if kind == BOX:
-            w, q = motion.orientation[tool, 0], -motion.orientation[tool, 1:]
-            inside = d + 2.0 * np.cross(q, np.cross(q, d) + w * d)
-            far = bool((np.abs(inside) >= (1.0 - 1e-9) * shape[:3]).any())
+            inside = rotate_back(motion.orientation[tool], x, y, z)
+            far = any(abs(way) >= (1.0 - 1e-9) * edge for way, edge in zip(inside, half, strict=True))
         else:
-            far = kind in (SPHERE, CAPSULE, CYLINDER) and bool(np.linalg.norm(d) >= (1.0 - 1e-9) * shape[0])
+            far = kind in (SPHERE, CAPSULE, CYLINDER) and math.hypot(x, y, z) >= (1.0 - 1e-9) * half[0]
         if far:
-            found.append(name)
+            found.append(tools.names[tool])
     return found
