@@ -173,7 +173,12 @@ class ConnectedBackend:
             while (left := end - time.monotonic()) > 0.0:
                 change = watch.get(left)
                 if change is None or change.alive:
-                    watch.get(min(left, _INTRODUCTION))  # it did not answer just now: it goes, or is still to be heard
+                    # it did not answer just now: it goes, or is still to be heard
+                    pause = min(end, time.monotonic() + _INTRODUCTION)
+                    while (left := pause - time.monotonic()) > 0.0:
+                        change = watch.get(left)
+                        if change is not None and not change.alive:
+                            return
                     return
         finally:
             watch.close()
