@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from numba import njit
 
-from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
-
 from .block import ENERGY, VOLUME, gather
-from .general import energy_lanes_general
 from .lanes import LANES, move_four
-from .linear import energy_lanes_linear
-from .neo_hookean import energy_lanes
+from .laws import write_energy
 
 
 @njit(cache=True, error_model="numpy")
@@ -25,12 +21,7 @@ def cell_energies(ws, xw, nodes, volume, octant, constants, law, energy):
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        if law == NEO_HOOKEAN:
-            energy_lanes(ws, constants)
-        elif law == LINEAR:
-            energy_lanes_linear(ws, constants)
-        else:
-            energy_lanes_general(ws, constants, law)
+        write_energy(ws, constants, law)
         for lane in range(LANES):
             if octant[batch, lane] >= 0:
                 energy[octant[batch, lane] // 8] += ws[LANES * ENERGY + lane]

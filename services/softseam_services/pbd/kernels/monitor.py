@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
+from softseam_services.body.materials.point import LINEAR
 
 from .block import MU, STRESS, VOLUME, WANTED, gather, hoist, load_stress, shape
-from .general import stress_lanes_general
 from .lanes import LANES, lane_kernel, move_four
-from .linear import stress_lanes_linear
-from .neo_hookean import stress_lanes
+from .laws import write_stress
 
 ENERGY, LEAST_J, LAG, SIZE, STRETCH = 0, 1, 2, 3, 4
 N_FIGURES = 5
@@ -39,12 +37,7 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
         gather(ws, xw, nodes, batch)
         load_stress(ws, stress, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        if law == NEO_HOOKEAN:
-            stress_lanes(ws, constants)
-        elif law == LINEAR:
-            stress_lanes_linear(ws, constants)
-        else:
-            stress_lanes_general(ws, constants, law)
+        write_stress(ws, constants, law)
         lag, size, stretch = 0.0, 0.0, 0.0
         for lane in range(LANES):
             if volume[batch, lane] == 0.0:

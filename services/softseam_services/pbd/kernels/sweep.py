@@ -23,10 +23,11 @@ from .block import (
     spread,
     store_stress,
 )
-from .general import energy_lanes_general, project_lanes_general, stress_lanes_general
+from .general import project_lanes_general
 from .lanes import LANES, move_four
-from .linear import energy_lanes_linear, project_lanes_linear, stress_lanes_linear
-from .neo_hookean import energy_lanes, project_lanes, stress_lanes
+from .laws import write_energy, write_stress
+from .linear import project_lanes_linear
+from .neo_hookean import project_lanes
 
 __all__ = ["batch_energies", "block_forces", "exact_stress", "new_workspace", "strain_energy", "sweep"]
 
@@ -66,12 +67,7 @@ def exact_stress(ws, xw, nodes, volume, stress, constants, law):
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        if law == NEO_HOOKEAN:
-            stress_lanes(ws, constants)
-        elif law == LINEAR:
-            stress_lanes_linear(ws, constants)
-        else:
-            stress_lanes_general(ws, constants, law)
+        write_stress(ws, constants, law)
         store_stress(ws, WANTED, stress, batch)
 
 
@@ -102,12 +98,7 @@ def batch_energies(ws, xw, nodes, volume, constants, law, first, end, energies):
     for batch in range(first, end):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        if law == NEO_HOOKEAN:
-            energy_lanes(ws, constants)
-        elif law == LINEAR:
-            energy_lanes_linear(ws, constants)
-        else:
-            energy_lanes_general(ws, constants, law)
+        write_energy(ws, constants, law)
         total, least = 0.0, np.inf
         for lane in range(LANES):
             if volume[batch, lane] > 0.0:
