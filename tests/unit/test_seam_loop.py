@@ -68,7 +68,7 @@ def test_repeats_are_condensed_and_calm_steps_are_direct_again() -> None:
         jolted = step < 60
         sides[FAR].load = rng.normal(size=9) if jolted else np.ones(9)
         before = {name: side.asked for name, side in sides.items()}
-        solution = loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()})
+        solution = loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()}, DT)
         asks.append(tuple(sides[name].asked - before[name] for name in (NEAR, FAR)))
         gaps.append(np.abs(sides[NEAR].next_x[:3] - sides[FAR].next_x[:3]).max())
         assert solution.gap <= TOLERANCE
@@ -89,7 +89,7 @@ def test_what_repeats_before_the_first_touch_does_not_count() -> None:
     for step in range(12):
         sides[FAR].load = rng.normal(size=9)
         before = {name: side.asked for name, side in sides.items()}
-        loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()})
+        loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()}, DT)
         asks.append(tuple(sides[name].asked - before[name] for name in (NEAR, FAR)))
         for side in sides.values():
             side.touches = step >= 4

@@ -8,21 +8,28 @@ from dataclasses import replace
 import numpy as np
 
 from softseam_protocol.messages import Advanced, ToolMotion
+from softseam_services.orchestrator.pace import FINEST
+from softseam_services.orchestrator.seam_loop import SeamSolution
+
+_POSES = ("position", "orientation", "position_next", "orientation_next")
 
 
-def parts_of(motion: ToolMotion, n: int) -> list[ToolMotion]:
-    """Equal parts of a motion, one after the other; quaternions along the straight line, normalised."""
+def part_of(motion: ToolMotion, first: int, last: int, whole: int) -> ToolMotion:
+    """The motion from first/whole to last/whole of its time; quaternions along the straight line, normalised."""
+    if last - first == whole:
+        return motion
 
     def at(i: int) -> tuple[np.ndarray, np.ndarray]:
-        if i == n:
+        if i == 0:
+            return motion.position, motion.orientation
+        if i == whole:
             return motion.position_next, motion.orientation_next
-        f = i / n
+        f = i / whole
         turn = motion.orientation + f * (motion.orientation_next - motion.orientation)
         turn /= np.linalg.norm(turn, axis=1, keepdims=True)
         return motion.position + f * (motion.position_next - motion.position), turn
 
-    poses = [at(i) for i in range(n + 1)]
-    return [ToolMotion(*poses[i], *poses[i + 1]) for i in range(n)]
+    return replace(motion, **dict(zip(_POSES, (*at(first), *at(last)), strict=True)))
 
 
 def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
@@ -44,3 +51,40 @@ def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
         )
         for name, last in parts[-1].items()
     }
+
+
+class CutStep:
+    """One step as it is being taken: how much of it is done, and what its parts gave."""
+
+    def __init__(self, motion: ToolMotion, dt: float) -> None:
+        self._motion, self._whole = motion, dt
+        self._begin = 0  # in FINEST-ths of the step
+        self._solutions: list[SeamSolution] = []
+
+    @property
+    def done(self) -> bool:
+        return self._begin == FINEST
+
+    @property
+    def n_parts(self) -> int:
+        """Parts taken so far."""
+        return len(self._solutions)
+
+    def next(self, parts: int) -> tuple[ToolMotion, float, bool]:
+        """Motion and length [s] of the next part where the step has so many; whether it could be shorter still."""
+        length = FINEST // parts
+        return part_of(self._motion, self._begin, self._begin + length, FINEST), self._whole / parts, length > 1
+
+    def taken(self, parts: int, solution: SeamSolution) -> None:
+        """The part that `next` described is the participants' tentative state."""
+        self._begin += FINEST // parts
+        self._solutions.append(solution)
+
+    def solution(self) -> SeamSolution:
+        """The whole step, as its last part left the seam."""
+        last = self._solutions[-1]
+        if len(self._solutions) == 1:
+            return last
+        replies: Sequence[Mapping[str, Advanced]] = [solution.replies for solution in self._solutions]
+        exchanges = sum(solution.exchanges for solution in self._solutions)
+        return SeamSolution(sum_replies(replies), last.lambda_, last.gap, exchanges, last.note, self.n_parts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -34,7 +35,7 @@ from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.near_cells import NearCells
-from softseam_services.orchestrator.parts import parts_of, sum_replies
+from softseam_services.orchestrator.parts import CutStep
 from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SeamUnsettled, SideRequest
 from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
@@ -48,8 +49,6 @@ _FREE = np.zeros((0, 3))
 """no forces, and no anchor"""
 _KEPT = np.zeros((0, 0))
 """stands for the stiffness that the near side has"""
-_PARTS = 4
-"""of a step whose seam will not settle"""
 
 
 class StepFailed(RuntimeError):
@@ -91,26 +90,25 @@ class Regions:
         fields  ask for the sides' fields in the exchange that is likely to be the last
         """
         try:
-            try:
-                solution = self._advance(motion, self._clock.dt, fields, may_cut=True)
-            except SeamUnsettled:
-                return self._advance_parts(motion, fields)
+            solution = (
+                self._advance(motion, self._clock.dt, fields) if self._loop is None else self._cut(motion, fields)
+            )
         except SeamDiverged as error:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
         if solution.note:
             gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
             self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}")
-        self._tell_cuts(solution.replies)
+        self._tell_cuts(solution)
         return solution
 
-    def _tell_cuts(self, replies: Mapping[str, Advanced]) -> None:
+    def _tell_cuts(self, solution: SeamSolution) -> None:
         """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
-        for name, reply in replies.items():
+        for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
-            if reply.n_substeps > 1 and self.sides.models[name] == "fem" and not asked_for:
+            if reply.n_substeps > solution.parts and self.sides.models[name] == "fem" and not asked_for:
                 self._tell("step", f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts")
 
-    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool) -> SeamSolution:
+    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> SeamSolution:
         def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
             self._n_asked += 1
             requests: dict[str, Request] = {}
@@ -125,22 +123,31 @@ class Regions:
         if self._loop is None:
             solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
         else:
-            solution = self._loop.solve(ask, may_cut)
+            solution = self._loop.solve(ask, dt, may_cut)
         self._clock.tick += 1
         self._n_asked = -1
         return solution
 
-    def _advance_parts(self, motion: ToolMotion, fields: bool) -> SeamSolution:
-        """Take the step in parts; each is committed by the next."""
+    def _cut(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+        """Take the step whole, or in parts where it will not settle; each part is committed by the next."""
         assert self._loop is not None
-        self._loop.change_step()
-        dt = self._clock.dt / _PARTS
-        parts = [self._advance(part, dt, fields, may_cut=False) for part in parts_of(motion, _PARTS)]
-        self._loop.change_step()
-        gap, exchanges = parts[-1].gap, sum(part.exchanges for part in parts)
-        text = f"step {self._clock.step}: taken in {_PARTS} parts, {exchanges} exchanges, gap {1e6 * gap:.3g} um"
-        self._tell("seam", f"{text}{': ' if parts[-1].note else ''}{parts[-1].note}")
-        return SeamSolution(sum_replies([part.replies for part in parts]), parts[-1].lambda_, gap, exchanges, "")
+        pace, step = self._loop.pace, CutStep(motion, self._clock.dt)
+        before = pace.parts
+        pace.begin()
+        while not step.done:
+            parts = pace.parts
+            part, dt, may_cut = step.next(parts)
+            try:
+                step.taken(parts, self._advance(part, dt, fields, may_cut))
+            except SeamUnsettled:
+                pace.cut()
+        pace.end()
+        solution = step.solution()
+        if step.n_parts > 1 and (solution.note or pace.parts != before):
+            taken = f"taken in {step.n_parts} parts, {solution.exchanges} exchanges, gap {1e6 * solution.gap:.3g} um"
+            self._tell("seam", f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}")
+            solution = replace(solution, note="")
+        return solution
 
     def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
         found = {}

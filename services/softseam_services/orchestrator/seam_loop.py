@@ -28,6 +28,7 @@ from softseam_coupling.kernels.stiffness import learn_stiffness
 from softseam_coupling.mortar import SeamTie, stiffness_of
 from softseam_coupling.seam import Outcome, SeamSolver, SeamState
 from softseam_protocol.messages import Advanced
+from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
@@ -82,6 +83,8 @@ class SeamSolution:
     exchanges: int
     note: str
     """'' or what fell short"""
+    parts: int = 1
+    """that the step was taken in"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,17 +143,26 @@ class SeamLoop:
         self._n_contacts = 0
         self._resumed = False  # to advance both at once again: the near side's compliance is old
         self._far_compliance = np.zeros((0, 0))
+        self._dt = 0.0  # of the last step, 0 before the first [s]
+        self.pace = Pace()
+        """how finely the steps are cut"""
 
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
         return self.state.multiplier
 
-    def solve(self, ask: Ask, may_cut: bool = False) -> SeamSolution:
+    def solve(self, ask: Ask, dt: float, may_cut: bool = False) -> SeamSolution:
         """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged.
 
+        dt       length of the step [s]; where it is another than before, the far side's compliance is asked for again
         may_cut  where a step will not converge, raise SeamUnsettled and commit nothing; else keep its best round
         """
         self._may_cut = may_cut
+        if dt != self._dt:
+            if self._dt > 0.0:
+                self._stale = self._condensed = True
+                self._wait = _PATIENCE
+            self._dt = dt
         lambda_ = self._solver.predict(self.state)
         if self._condensed and not self._fresh:
             renew = self._stale or (self._touched and self._n_contacts == 0)
@@ -253,11 +265,6 @@ class SeamLoop:
         """The near side no longer knows the stiffness that it was sent: it took a snapshot or was restored."""
         self._told = None
 
-    def change_step(self) -> None:
-        """The steps to come have another length: the far side's compliance is asked for again."""
-        self._stale = self._condensed = True
-        self._wait = _PATIENCE
-
     def _settle(
         self, ask: Ask, best: _Round, gap: float, replies: dict[str, Advanced], found: Floats, exchanges: int
     ) -> SeamSolution:
@@ -315,6 +322,8 @@ class SeamLoop:
             self._touched,
             self._n_contacts,
             self._stale,
+            self._dt,
+            *self.pace.to_list(),
         ]
         arrays["flags"] = np.array(flags, dtype=np.float64)
         return arrays
@@ -330,7 +339,9 @@ class SeamLoop:
         base = arrays["base"]
         self._base = np.array(base) if base.size else None
         self._far_compliance = np.array(arrays["far_compliance"])
-        condensed, wait, repeated, fresh, resumed, touched, n_contacts, stale = arrays["flags"]
+        condensed, wait, repeated, fresh, resumed, touched, n_contacts, stale, dt, *pace = arrays["flags"]
         self._condensed, self._wait, self._repeated = bool(condensed), int(wait), int(repeated)
         self._fresh, self._resumed = bool(fresh), bool(resumed)
         self._touched, self._n_contacts, self._stale = bool(touched), int(n_contacts), bool(stale)
+        self._dt = float(dt)
+        self.pace.take([float(number) for number in pace])
