@@ -14,6 +14,7 @@ the last changes of force and way, where these tell something, falling by no mor
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,8 @@ from softseam_protocol.scene_motion import ClosePhase, MovePhase
 from softseam_protocol.scene_tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.program import Grip, Program, Progress
+from softseam_services.orchestrator.grip import Grip
+from softseam_services.orchestrator.program import Progress
 
 Floats = NDArray[np.float64]
 
@@ -69,10 +71,14 @@ class Drive:
 class Drives:
     """All drives of a scene's motion and their state, one row a drive."""
 
-    def __init__(self, scene: Scene, body: AnyBody, program: Program) -> None:
+    def __init__(self, scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> None:
         self._dt = scene.step
-        self._drives = _drives(scene, body, program)
+        self._drives = _drives(scene, body, grips)
         self._last = _last_phases(scene, self._drives)
+        self.phases = {
+            number for drive, last in zip(self._drives, self._last, strict=True) for number in range(drive.phase, last)
+        }
+        """in which a drive has its say"""
         self.state = np.zeros((len(self._drives), 5))
         self._chosen = np.zeros(len(self._drives))
         self.reset()
@@ -131,7 +137,7 @@ class Drives:
             state[:] = self._chosen[row], k, resistance, moved, largest
 
 
-def _drives(scene: Scene, body: AnyBody, program: Program) -> list[Drive]:
+def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Drive]:
     if not isinstance(body, Body):
         return []  # the scene has refused forces to hold or limit
     names = list(scene.tools)
@@ -144,7 +150,7 @@ def _drives(scene: Scene, body: AnyBody, program: Program) -> list[Drive]:
             force = math.inf if phase.force is None else phase.force
             if not math.isfinite(min(force, limit)):
                 continue
-            grip = program.grip_of(number)
+            grip = grips[number]
             found.append(
                 Drive(
                     phase=number,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advanced, Frame
 from softseam_protocol.scene import OF_PARTICLES
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.program import Program, along_axis
+from softseam_services.orchestrator.grip import along_axis
+from softseam_services.orchestrator.program import Program
 
 Floats = NDArray[np.float64]
 

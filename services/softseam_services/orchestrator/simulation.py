@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
@@ -18,6 +19,7 @@ from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.grip import grips_by_phase
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
@@ -59,8 +61,9 @@ class Simulation:
         self._emit = emit
         if isinstance(transport, EmbeddedTransport):
             transport.adopt(bundle, setup)
-        self._program = Program(self.scene, self.tools, self.body.x_rest)
-        self._drives = Drives(self.scene, self.body, self._program)
+        grips = grips_by_phase(self.scene, self.tools, self.body.x_rest)
+        self._drives = Drives(self.scene, self.body, grips)
+        self._program = Program(self.scene.motion, self.scene.step, self.tools, grips, self._drives.phases)
         self._quantities = Quantities(self.body, self._program, self.scene.quantities)
         self._probes = Probes(self.body, self.scene.probes) if isinstance(self.body, Body) else None
         self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
@@ -92,7 +95,7 @@ class Simulation:
     def expected_steps(self) -> int | None:
         """Steps of the whole run, where that can be foreseen."""
         length = self._duration if self._duration is not None else self._program.duration()
-        return None if length is None else round(length / self.scene.step)
+        return None if length is None else math.ceil(length / self.scene.step - 1e-6)
 
     @property
     def report(self) -> StepReport | None:
@@ -140,7 +143,12 @@ class Simulation:
         Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
         """
         began = perf_counter()
-        command = self._command(velocities)
+        if velocities is None:
+            command, progress = self._program.step(self._progress, self._position, self._orientation)
+            self._drives.apply(command, self._progress, self._orientation)
+            self._gripping = self._program.gripping(self._progress, self._gripping)
+        else:
+            command, progress = self._commanded(velocities), self._progress
         motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
         if self._gripping.any():
             motion = replace(motion, gripping=self._gripping.copy())
@@ -157,7 +165,9 @@ class Simulation:
         grip_force = self._quantities.grip_force(wrench, self._orientation)
         if velocities is None:
             self._drives.measured(wrench, self._orientation)
-            self._progress = self._program.after(self._progress, self._position, self._orientation, grip_force)
+        if progress is None:
+            progress = self._program.after(self._progress, self._position, self._orientation, grip_force)
+        self._progress = progress
         height = self._quantities.height(replies)
         self._follow_lift(command, height)
         frame = None
@@ -269,12 +279,7 @@ class Simulation:
 
     # ---- parts of a step
 
-    def _command(self, velocities: Mapping[str, Sequence[float]] | None) -> Floats:
-        if velocities is None:
-            command = self._program.velocities(self._progress, self._position, self._orientation)
-            self._drives.apply(command, self._progress, self._orientation)
-            self._gripping = self._program.gripping(self._progress, self._gripping)
-            return command
+    def _commanded(self, velocities: Mapping[str, Sequence[float]]) -> Floats:
         command = np.zeros((len(self.tools.names), 6))
         gripping = self._gripping.copy()
         for name, velocity in velocities.items():
