@@ -397,7 +397,7 @@ class StepReport:
 
     header: Header
     phase: int
-    """index of the motion phase, or -1"""
+    """index of the motion phase in which the step ends, or -1"""
     tool_position: Vectors
     tool_orientation: Quaternions
     wrench: Wrenches

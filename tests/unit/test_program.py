@@ -138,3 +138,11 @@ def test_a_phase_under_a_drive_takes_whole_steps() -> None:
     command, after = program.step(Progress(4, 0.0), tools.position, tools.orientation)
     assert after == Progress(4, 0.0)
     assert not command.any()
+
+
+def test_a_step_belongs_to_the_phase_in_which_it_ends() -> None:
+    program, _, _ = _program(0.1, [{"hold": 0.1}, {"hold": 0.15}, {"hold": 0.1}])
+    assert program.phase_of(Progress(0, 0.0), Progress(1, 0.0)) == 0  # ends at the border
+    assert program.phase_of(Progress(1, 0.1), Progress(2, 0.05)) == 2
+    assert program.phase_of(Progress(2, 0.05), Progress(3, 0.0)) == 2
+    assert program.phase_of(Progress(3, 0.0), Progress(3, 0.0)) == -1

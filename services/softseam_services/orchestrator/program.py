@@ -71,6 +71,12 @@ class Program:
     def done(self, progress: Progress) -> bool:
         return progress.phase >= len(self._phases)
 
+    def phase_of(self, before: Progress, after: Progress) -> int:
+        """The phase that a step's end belongs to (the earlier one at a border); -1 where the motion was over before."""
+        if self.done(before):
+            return -1
+        return after.phase if after.elapsed > 0.0 else max(before.phase, after.phase - 1)
+
     def compression(self, position: Floats, orientation: Floats) -> float:
         """1 - (gap between the gripping tools)/(width of the body at rest), or 0 without a grip."""
         return 0.0 if self.grip is None else 1.0 - self.grip.gap(position, orientation) / self.grip.width

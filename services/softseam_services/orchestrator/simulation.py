@@ -160,13 +160,13 @@ class Simulation:
         first, *others = (reply.wrench for reply in replies.values())
         wrench = sum(others, first)
         self._position, self._orientation = motion.position_next, motion.orientation_next
-        phase = -1 if self._program.done(self._progress) else self._progress.phase
         self._clock.step += 1
         grip_force = self._quantities.grip_force(wrench, self._orientation)
         if velocities is None:
             self._drives.measured(wrench, self._orientation)
         if progress is None:
             progress = self._program.after(self._progress, self._position, self._orientation, grip_force)
+        phase = self._program.phase_of(self._progress, progress)
         self._progress = progress
         height = self._quantities.height(replies)
         self._follow_lift(command, height)
