@@ -68,6 +68,11 @@ class BlockShape(Spec):
 
     kind: Literal["block"] = "block"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
+    grading: Annotated[float, Field(ge=1.0, le=20.0)] = Field(
+        default=1.0,
+        description="how many times thinner cells are at the faces than in the middle, where stress peaks at edges; "
+        "more than 1 for fem alone",
+    )
 
     @model_validator(mode="after")
     def _plausible(self) -> BlockShape:
@@ -289,14 +294,12 @@ class Scene(Spec):
         models = {self.regions.default, near.model if near else self.regions.default}
         if problem and "fem" in models:
             raise wrong(problem, "models", "fem", "integrator")
-        if isinstance(body.shape, MeshShape) and body.shape.cells == "own" and (near or models != {"fem"}):
-            raise wrong(
-                "hexahedra of any shape are cells of fem alone, pbd's are boxes: say regions: {default: fem}, or leave "
-                "out `cells: own`",
-                "body",
-                "shape",
-                "cells",
-            )
+        alone = "fem alone, pbd's are boxes of one size: say regions: {default: fem}, or leave out"
+        if near or models != {"fem"}:
+            if isinstance(body.shape, MeshShape) and body.shape.cells == "own":
+                raise wrong(f"hexahedra of any shape are cells of {alone} `cells: own`", "body", "shape", "cells")
+            if isinstance(body.shape, BlockShape) and body.shape.grading != 1.0:
+                raise wrong(f"graded cells are cells of {alone} `grading`", "body", "shape", "grading")
         for i, name in enumerate(self.quantities):
             if name in OF_PARTICLES:
                 raise wrong(f"only sheets and ropes have {name}", "quantities", i)

@@ -55,8 +55,8 @@ A row is met where one configuration is both faster and more accurate.
 
 - A real-time factor is of the median wall time of three runs (one, where a run takes 12 s); where other work held them
   up, of their processor time. The thin line through a mark reaches from the slowest wall time to the fastest.
-- An error is one of the whole motion, the settling and every change of phase included: with a step of 10 ms a phase may
-  end 10 ms late.
+- An error is one of the whole motion, the settling and every change of phase included; between steps a run is taken as
+  straight.
 - Kept runs are used again; `--fresh` forgets them. A run made by other code, or on another machine, is refused.
 - docs/decisions/0064 and 0065 say why it is measured this way.
 """

@@ -101,7 +101,7 @@ def test_cells_follow_the_body() -> None:
     frame = Frame(load_scene("tofu_grasp"), np.array([0.24, 0.16, 0.06]))
     assert frame.across(1) == (4, 3, 1) and frame.across(2) == (8, 5, 2)
     assert frame.own == (14, 6, 2)
-    assert frame.cell((4, 3, 1)) == f"body.cell={[0.06, 0.16 / 3, 0.06]}"
+    assert frame.cells((4, 3, 1)) == (f"body.cell={[0.06, 0.16 / 3, 0.06]}",)
 
 
 def test_a_setting_that_the_scene_refuses_is_an_outcome() -> None:

@@ -70,9 +70,13 @@ class Frame:
         along = np.maximum(1, np.floor(self.extent / edge + 0.5))
         return int(along[0]), int(along[1]), int(along[2])
 
-    def cell(self, counts: Counts) -> str:
-        """The setting that asks for these cells."""
-        return f"body.cell={json.dumps((self.extent / np.array(counts)).tolist())}"
+    def cells(self, counts: Counts, grading: float = 1.0) -> tuple[str, ...]:
+        """The settings that ask for these cells."""
+        cell = f"body.cell={json.dumps((self.extent / np.array(counts)).tolist())}"
+        own = self.scene.body.shape if isinstance(self.scene.body, BodySpec) else None
+        if isinstance(own, BlockShape) and grading != own.grading:
+            return cell, f"body.shape.grading={grading:g}"
+        return (cell,)
 
     def size(self, counts: Counts) -> float:
         """Edge of a cube of a cell's volume [m]."""
@@ -95,11 +99,16 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
 
 
 def fem_settings(
-    frame: Frame, counts: Counts, step: float, element: str = "hex27", integrator: str = "implicit_euler"
+    frame: Frame,
+    counts: Counts,
+    step: float,
+    element: str = "hex27",
+    integrator: str = "implicit_euler",
+    grading: float = 1.0,
 ) -> tuple[str, ...]:
     """FEM alone."""
     fem = f"models.fem={{element: {element}, integrator: {integrator}}}"
-    return "regions={default: fem}", frame.cell(counts), f"step={step:.9g}", fem
+    return "regions={default: fem}", *frame.cells(counts, grading), f"step={step:.9g}", fem
 
 
 def configurations(frame: Frame) -> list[Configuration]:
@@ -122,6 +131,11 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     for counts, factors in _cells_and_factors(frame, cubic, (4, 2, 1, 0.5)):
         for factor in factors:
             yield _fem_one(frame, counts, factor * step)
+    if isinstance(frame.scene.body, BodySpec) and isinstance(frame.scene.body.shape, BlockShape):
+        # cells that are thinner at the faces, where stress peaks
+        for grading, across, factors in ((4.0, 3, (4, 2, 1)), (8.0, 3, (2, 1)), (4.0, 4, (2,)), (4.0, 5, (1,))):
+            for factor in factors:
+                yield _fem_one(frame, frame.across(across), factor * step, grading=grading)
     for element in OTHERS:
         for across in (2, 4):
             yield _fem_one(frame, frame.across(across), step, element)
@@ -136,17 +150,22 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
 
 
 def _fem_one(
-    frame: Frame, counts: Counts, step: float, element: str = "hex27", integrator: str = "implicit_euler"
+    frame: Frame,
+    counts: Counts,
+    step: float,
+    element: str = "hex27",
+    integrator: str = "implicit_euler",
+    grading: float = 1.0,
 ) -> Configuration:
-    settings = fem_settings(frame, counts, step, element, integrator)
+    settings = fem_settings(frame, counts, step, element, integrator, grading)
     named = "" if element == "hex27" else f" {element}"
+    graded = "" if grading == 1.0 else f" graded {grading:g}"
     how = "" if integrator == "implicit_euler" else f" {integrator}"
-    seconds = fem_seconds(frame, counts, step) * (1.0 if element == "hex27" else 2.0)
+    seconds = fem_seconds(frame, counts, step) * (1.0 if element == "hex27" and not graded else 2.0)
     method: Method = "FEM, quadratic" if element == "hex27" else "FEM, other elements"
-    label = f"FEM{named} {_cells(counts)}, {_ms(step)}{how}"
-    return Configuration(
-        f"fem-{element}-{integrator}-{_cells(counts)}-{_ms(step, '')}", method, label, settings, seconds
-    )
+    label = f"FEM{named} {_cells(counts)}{graded}, {_ms(step)}{how}"
+    key = f"fem-{element}-{integrator}-{_cells(counts)}-{_ms(step, '')}{graded.replace(' ', '-')}"
+    return Configuration(key, method, label, settings, seconds)
 
 
 def _xpbd(frame: Frame) -> Iterator[Configuration]:
@@ -164,7 +183,7 @@ def _xpbd(frame: Frame) -> Iterator[Configuration]:
 
 
 def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Configuration:
-    settings = ("regions={default: pbd}", frame.cell(counts), f"step={step:.9g}", f"models.pbd={{{how}}}")
+    settings = ("regions={default: pbd}", *frame.cells(counts), f"step={step:.9g}", f"models.pbd={{{how}}}")
     seconds = frame.length / step * (2e-4 + 2.5e-6 * float(np.prod(counts)) ** (4 / 3) * step / 0.01)
     label = f"XPBD {_cells(counts)}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
     key = f"xpbd-{_cells(counts)}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}"
@@ -180,7 +199,7 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
     for counts, factors in _cells_and_factors(frame, ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))), (2, 1)):
         for reach, told in reaches:
             for factor in factors if reach == 1.0 else (1,):
-                settings = ["regions.near.split=always", frame.cell(counts), f"step={factor * step:.9g}"]
+                settings = ["regions.near.split=always", *frame.cells(counts), f"step={factor * step:.9g}"]
                 if near.within is not None:
                     settings.append(f"regions.near.within={reach * near.within:.9g}")
                 label = f"hybrid {_cells(counts)}, {_ms(factor * step)}{told}"

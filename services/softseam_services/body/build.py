@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,11 @@ from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
+from softseam_services.body.graded import graded_block
 from softseam_services.body.hexahedra import own_cells
 from softseam_services.body.lattice import SIMPSON, divide, number_nodes
 from softseam_services.body.materials import build_material
-from softseam_services.body.mesh_io import read_hexahedra
+from softseam_services.body.mesh_io import RawHexahedra, read_hexahedra
 from softseam_services.body.particles import ParticleBody, build_particles
 
 _CLAMP_TOLERANCE = 1e-9
@@ -42,6 +44,8 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     if not isinstance(spec, BodySpec):
         raise ValueError(f"a {spec.kind} has no cells")
     if isinstance(spec.shape, BlockShape):
+        if spec.shape.grading != 1.0:
+            return _graded(scene, spec, spec.shape)
         return _block(scene, spec, spec.shape)
     if spec.shape.path not in files:
         raise MeshError(f"{spec.shape.path}: the file is missing; give its path relative to the scene file")
@@ -69,9 +73,20 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     )
 
 
+def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
+    size = np.array(shape.size)
+    raw = graded_block(size, divide(size, cell_edges(spec))[0], shape.grading)
+    return _of_hexahedra(scene, spec, "block", raw, 1.0, "z")
+
+
 def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
-    raw = read_hexahedra(shape.path, data)
-    cells = own_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
+    return _of_hexahedra(scene, spec, shape.path, read_hexahedra(shape.path, data), shape.scale, shape.up)
+
+
+def _of_hexahedra(
+    scene: Scene, spec: BodySpec, path: str, raw: RawHexahedra, scale: float, up: Literal["x", "y", "z"]
+) -> Body:
+    cells = own_cells(path, raw, scale, up, np.array(spec.position), spec.material.density)
     return assemble(
         scene,
         spec,

@@ -21,7 +21,7 @@ from softseam_services.body.lattice import LOCAL, SIMPSON
 from softseam_services.body.mesh_io import Cells, RawHexahedra
 from softseam_services.body.surface_check import check_surface
 
-_CORNERS = np.array([0, 2, 8, 6, 18, 20, 26, 24])
+CORNERS = np.array([0, 2, 8, 6, 18, 20, 26, 24])
 """lattice nodes of VTK's corners"""
 _PLACES: Floats = LOCAL.astype(np.float64) - 1.0
 """local coordinates of a cell's nodes (27, 3)"""
@@ -107,17 +107,17 @@ def _lattice(path: str, points: Floats, blocks: tuple[Cells, ...]) -> tuple[Floa
     """Nodes of all cells in local order (C, 27, 3), the file's points at their corners, else -1 (C, 27), and whether
     all had to be mirrored."""
     signs = _PLACES
-    trilinear = 0.125 * (1.0 + signs[:, None, :] * signs[_CORNERS]).prod(axis=2)
+    trilinear = 0.125 * (1.0 + signs[:, None, :] * signs[CORNERS]).prod(axis=2)
     parts, corners = [], []
     for cells in blocks:
         corner = np.full((len(cells), 27), -1, dtype=np.int64)
-        corner[:, _CORNERS] = cells[:, :8]
+        corner[:, CORNERS] = cells[:, :8]
         x = np.einsum("ac,tci->tai", trilinear, points[cells[:, :8]])
         given = cells.shape[1] - 8
         if given:
             extra = points[cells[:, 8:]]
             # files disagree on the order of middle nodes: each goes where the corners expect it
-            free = _MIDDLES if given == 12 else np.setdiff1d(np.arange(27), _CORNERS)
+            free = _MIDDLES if given == 12 else np.setdiff1d(np.arange(27), CORNERS)
             distance = np.linalg.norm(extra[:, :, None] - x[:, None, free], axis=3)
             place = free[distance.argmin(axis=2)]
             wrong = np.flatnonzero((np.sort(place, axis=1) != free).any(axis=1))
@@ -143,7 +143,7 @@ def _serendipity(x: Floats) -> Floats:
     """Middles of faces and cells (C, 27, 3) as a hexahedron of 20 nodes has them; updated in place."""
     x[:, _CENTRES] = 0.5 * x[:, _FACES[:, [0, 1, 1, 2], [1, 0, 2, 1]]].sum(axis=2)
     x[:, _CENTRES] -= 0.25 * x[:, _FACE_CORNERS].sum(axis=2)
-    x[:, 13] = 0.25 * (x[:, _MIDDLES].sum(axis=1) - x[:, _CORNERS].sum(axis=1))
+    x[:, 13] = 0.25 * (x[:, _MIDDLES].sum(axis=1) - x[:, CORNERS].sum(axis=1))
     return x
 
 
@@ -182,7 +182,7 @@ def _number(path: str, x: Floats, corner: Cells) -> tuple[Ints, Floats]:
     """
     n_cells = len(x)
     key = np.full((n_cells, 27, 5), -1, dtype=np.int64)  # kind and corners, ascending
-    key[:, _CORNERS, 0], key[:, _CORNERS, 1] = 0, corner[:, _CORNERS]
+    key[:, CORNERS, 0], key[:, CORNERS, 1] = 0, corner[:, CORNERS]
     key[:, _MIDDLES, 0], key[:, _MIDDLES, 1:3] = 1, np.sort(corner[:, _ENDS], axis=2)
     key[:, _CENTRES, 0], key[:, _CENTRES, 1:] = 2, np.sort(corner[:, _FACE_CORNERS], axis=2)
     key[:, 13, 0], key[:, 13, 1] = 3, np.arange(n_cells)
