@@ -271,6 +271,8 @@ class Scene(Spec):
     def _particles_alone(self, kind: str) -> None:
         """Raise if the scene asks something of a sheet or rope that only a body in cells can do."""
         have = f"a {kind} is made of particles, not cells"
+        if self.models.pbd.method == "leapfrog":
+            raise wrong(f"{have}: leapfrog moves cells, use xpbd", "models", "pbd", "method")
         if self.regions.default != "pbd":
             raise wrong(f"{have}: only pbd can simulate it", "regions", "default")
         if self.regions.near is not None:
@@ -303,6 +305,12 @@ class Scene(Spec):
         for i, name in enumerate(self.quantities):
             if name in OF_PARTICLES:
                 raise wrong(f"only sheets and ropes have {name}", "quantities", i)
+        if self.models.pbd.method == "leapfrog" and "pbd" in models:
+            meets = "a seam" if near is not None else "tools" if self.tools else ""
+            if meets:
+                raise wrong(
+                    f"leapfrog solves no equations and cannot meet {meets}: use xpbd", "models", "pbd", "method"
+                )
         if self.models.pbd.method == "pbd":
             raise wrong("classic pbd moves sheets and ropes: a body in cells needs xpbd", "models", "pbd", "method")
         for i, phase in enumerate(self.motion):

@@ -68,8 +68,10 @@ class ClassicSpec(Spec):
 class PbdSpec(Spec):
     """Settings of the PBD participant."""
 
-    method: Literal["xpbd", "pbd"] = Field(
-        default="xpbd", description="xpbd: stiffnesses in physical units; pbd: the classic one, for sheets and ropes"
+    method: Literal["xpbd", "pbd", "leapfrog"] = Field(
+        default="xpbd",
+        description="xpbd: stiffnesses in physical units; pbd: the classic one, for sheets and ropes; leapfrog: "
+        "explicit and without dissipation, for bodies in cells that no tool and no other region touches",
     )
     classic: ClassicSpec = Field(default=ClassicSpec(), description="stiffnesses of method: pbd")
     substeps: Annotated[
@@ -78,6 +80,12 @@ class PbdSpec(Spec):
     ] = Field(default="auto", description="substeps a step; auto: as many as its stiffest block needs")
     sweeps: int = Field(default=1, ge=1, description="Gauss-Seidel sweeps a substep")
     hourglass: Literal["physical", "fitted"] = "physical"
+
+    @model_validator(mode="after")
+    def _sweeps(self) -> PbdSpec:
+        if self.method == "leapfrog" and self.sweeps > 1:
+            raise wrong("leapfrog solves no equations and sweeps nothing: leave out sweeps", "sweeps")
+        return self
 
 
 class ModelsSpec(Spec):

@@ -58,6 +58,22 @@ def test_two_threads_make_the_bits_of_one(monkeypatch: pytest.MonkeyPatch, reque
     np.testing.assert_array_equal(both.solver._result, one.solver._result)
 
 
+def test_two_threads_leap_as_one(request: pytest.FixtureRequest) -> None:
+    def leap() -> PbdRun:
+        scene = block_scene((0.1, 0.075, 0.125), 0.025, gravity=(0.0, 0.0, -9.81), pbd={"method": "leapfrog"})
+        rest = PbdRun(scene).body.x_rest
+        run = PbdRun(scene, x=rest + 0.03 * rest[:, [1, 2, 0]])
+        run.run(0.03)
+        return run
+
+    one = leap()
+    request.getfixturevalue("two")
+    both = leap()
+    assert both.solver._pair.possible
+    assert both.solver.snapshot() == one.solver.snapshot()
+    np.testing.assert_array_equal(both.solver._result, one.solver._result)
+
+
 @pytest.mark.usefixtures("two")
 def test_nothing_waits_for_a_second_thread_that_does_not_come() -> None:
     """Held up by something else it is not missed: the steps are taken alone."""

@@ -44,6 +44,15 @@ def test_what_is_shown_is_implicit_eulers(clamped: bool) -> None:
     assert shown.loss == pytest.approx(1.0 - np.exp(-np.pi * omega * 0.01 / 120), rel=0.05)
 
 
+def test_leapfrog_loses_nothing_and_is_tried_from_its_own_plan_on() -> None:
+    """No loss but what the fit leaves; the frequency to its dispersion, 1 + (omega h)^2/24."""
+    scene = block_scene((0.05, 0.05, 0.025), 0.025, step=0.01, pbd={"method": "leapfrog"})
+    bench = Bench(*_of(scene))
+    shown = list(settings(bench, 0.02))
+    assert [(each.substeps, each.sweeps) for each in shown] == [(bench.auto(1), 1), (2 * bench.auto(1), 1)]
+    assert all(each.within(2e-3) for each in shown)
+
+
 def test_the_cheapest_setting_is_within_the_tolerance() -> None:
     """Found on the way up from the automatic rule; a looser tolerance is never dearer."""
     bench = Bench(*_of(block_scene((0.05, 0.05, 0.025), 0.025, step=0.01)))

@@ -15,6 +15,7 @@ from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks, build_blocks
 from .kernels.block import new_workspace
+from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
 from .kernels.frequency import highest_frequency
 
 KAPPA = 0.5
@@ -28,6 +29,11 @@ TOUCHED = ((0.0, 0.2, 0.3, 0.4, 0.45, 0.49), (0.9, 1.0, 1.3, 1.8, 2.6, 2.1))
 measured on a sliding slab, see the decision note 0070"""
 TWO_SWEEPS = 1.5
 """how much longer a substep may be with two sweeps and more"""
+EXPLICIT = 1.5
+"""omega_max h that leapfrog takes; squeezed blocks swing faster than at rest: kicked at random, from 1.7 on some bodies
+gain energy"""
+EXPLICIT_LIMIT = 2.0
+"""omega_max h from which on leapfrog is unstable"""
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,9 @@ class PbdModel:
         return len(self.tools.names)
 
     def substeps(self, dt: float) -> int:
-        """m = ceil(dt omega_max / limit), or the scene's number."""
+        """m = ceil(dt omega_max / limit), or the scene's number; ValueError where that is unstable for certain."""
+        if self.explicit:
+            return self._explicit_substeps(dt)
         if self.spec.substeps != "auto":
             return self.spec.substeps
         material = self.body.material
@@ -78,6 +86,22 @@ class PbdModel:
         if self.spec.sweeps > 1:
             limit *= TWO_SWEEPS
         return max(1, int(np.ceil(dt * self.frequency / limit - 1e-9)))
+
+    @property
+    def explicit(self) -> bool:
+        """Whether the region is stepped by leapfrog."""
+        return self.spec.method == "leapfrog"
+
+    def _explicit_substeps(self, dt: float) -> int:
+        if self.spec.substeps == "auto":
+            return max(1, int(np.ceil(dt * self.frequency / EXPLICIT - 1e-9)))
+        least = dt * self.frequency / (FREQUENCY_MARGIN * EXPLICIT_LIMIT)
+        if self.spec.substeps < least:
+            raise ValueError(
+                f"leapfrog is unstable with {self.spec.substeps} substeps in {dt:g} s, the least is "
+                f"{np.ceil(least):.0f}: leave out models.pbd.substeps, or use method: xpbd"
+            )
+        return self.spec.substeps
 
 
 def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> PbdModel:

@@ -1,4 +1,4 @@
-"""The XPBD participant's solver: one region, tentative steps, state hand-over, fields."""
+"""The PBD participant's solver: one region, tentative steps, state hand-over, fields."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.energy import cell_energies
 from .kernels.lanes import aligned
+from .kernels.leapfrog import advance_leapfrog
 from .kernels.monitor import N_FIGURES
 from .kernels.pairs import N_ROWS, WIDTH, place_points
 from .kernels.split import split_forces
@@ -27,6 +28,7 @@ from .kernels.substep import advance_step
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
 from .model import KAPPA, build_model
 from .pair import Pair
+from .records import BlockArrays, Leap
 from .state import decode_state, encode_state, new_state
 
 MARGIN = 0.1
@@ -38,7 +40,7 @@ COLLAPSE_STEP = 1e-4
 
 
 class PbdSolver:
-    """Block XPBD on one region. Implements `Solver`."""
+    """Block XPBD, or leapfrog on the same blocks, on one region. Implements `Solver`."""
 
     def __init__(
         self, scene: Scene, body: Body, region: Region, tools: ToolSet, state: BodyState | None = None
@@ -98,7 +100,27 @@ class PbdSolver:
             tools.friction,
             tools.near,
         )
+        if model.explicit:
+            self._blocks, self._leap = self._explicit_arrays()
         self._start(state)
+        if model.explicit:
+            self._load_kernel()
+
+    def _load_kernel(self) -> None:
+        """Compile or load the explicit step before anybody waits for one: a substep that leaves no trace."""
+        np.copyto(self._work.buffer, self._committed.buffer)
+        self._leap_ahead(1e-9, 1)
+        self._result[:] = 0.0
+
+    def _explicit_arrays(self) -> tuple[BlockArrays, Leap]:
+        """What leapfrog takes: the blocks, and scratch in which each node has a row of four."""
+        model, blocks, n = self.model, self.model.blocks, self.model.n_nodes
+        arrays = BlockArrays(blocks.nodes, blocks.volume, model.softness, blocks.constants, blocks.law)
+        leap = Leap(aligned(n + 8, 4), aligned(n + 8, 4), aligned(n, 4), aligned(n + 8, 4), self._figures)
+        leap.place[n:, :3] = blocks.padding_x
+        leap.speed[:n, 3] = model.inverse_mass
+        leap.push[model.inverse_mass > 0.0, :3] = model.body.gravity
+        return arrays, leap
 
     def _start(self, handed: BodyState | None) -> None:
         """Fill the committed state so that a body at rest in equilibrium stays exactly where it is."""
@@ -156,7 +178,7 @@ class PbdSolver:
             cause = ""
             for attempt in range(watch.RETRIES + 1):
                 n_substeps, n_sweeps = self._try(request, attempt)
-                iterations += n_substeps * n_sweeps
+                iterations += n_substeps * max(n_sweeps, 1)
                 fault = watch.check(result, committed.monitor, self._floor)
                 notice = watch.alarm(cause, result, committed.monitor, attempt, n_substeps, n_sweeps)
                 lagging = attempt == 0 and watch.grows(result, committed.monitor)
@@ -223,20 +245,23 @@ class PbdSolver:
         """One attempt at the step from the committed state into the tentative one; returns substeps and sweeps.
 
         Attempt 0 is the plan. Later ones halve the substep each time and sweep once more; from the second on the
-        carried forces start from zero, because those of a torn shape throw the nodes apart.
+        carried forces start from zero, because those of a torn shape throw the nodes apart. Leapfrog sweeps nothing.
         """
         work, motion = self._work, request.tools
         np.copyto(work.buffer, self._committed.buffer)
         if work.monitor[watch.STRETCH] < watch.COLLAPSED:
             work.x[:] += COLLAPSE_STEP * (self.model.x_rest - self.model.x_rest.mean(axis=0))
-        if attempt >= watch.COLD:
-            work.stress[:] = 0.0
-            work.a[:] = 0.0
-            work.force[:] = 0.0
         if request.dt != self._dt:
             self._dt, self._planned = request.dt, self.model.substeps(request.dt)
         n_substeps = self._planned * 2**attempt
         self._n_substeps = n_substeps
+        if self.model.explicit:
+            self._leap_ahead(request.dt, n_substeps)
+            return n_substeps, 0
+        if attempt >= watch.COLD:
+            work.stress[:] = 0.0
+            work.a[:] = 0.0
+            work.force[:] = 0.0
         n_sweeps = self.model.spec.sweeps + attempt
         if watch.needs_two_sweeps(work.monitor):
             n_sweeps = max(n_sweeps, 2)
@@ -268,6 +293,16 @@ class PbdSolver:
             self._margin,
         )
         return n_substeps, n_sweeps
+
+    def _leap_ahead(self, dt: float, n_substeps: int) -> None:
+        """The explicit step, in the tentative state."""
+        model = self.model
+        self._pair.run(
+            n_substeps,
+            advance_leapfrog,
+            *(self._work, self._blocks, self._leap, model.region.mass, model.x_rest, model.body.gravity),
+            *(self._cell_distance, self._result, dt, n_substeps),
+        )
 
     def _compliance(self, request: Advance) -> Floats:
         if self._probe is None or self._probe.dt != request.dt:

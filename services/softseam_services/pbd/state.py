@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from softseam_services.body.body import Floats
+from softseam_services.by_reference import by_reference
 
 from .kernels.block import N_STRESS
 from .watch import N_MONITOR
 
 
-@dataclass(frozen=True)
-class PbdState:
+@by_reference
+class PbdState(NamedTuple):
     """n nodes, b batches, p points, t tools; all fields are views of `buffer`, updated in place by the step."""
 
     buffer: Floats

@@ -36,6 +36,7 @@ class Fault(Enum):
     INPUT = "a tool pose, the seam force or dt is not finite or not positive: check the request"
     ANCHOR = "PBD takes a seam force that is constant over the step: leave seam_anchor empty on this side"
     DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
+    HASTE = "leapfrog's substep is beyond its limit: take more substeps, or method: xpbd"
     ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
 
 
@@ -60,7 +61,10 @@ def check(result: Floats, monitor: Floats, floor: float) -> Fault:
     kinetic, strain = before[KINETIC], before[STRAIN]
     tools, seam = now[k.TOOL_WORK], now[k.SEAM_WORK]
     rise = now[k.KINETIC] + now[k.STRAIN] + now[k.GRAVITY] - kinetic - strain - before[GRAVITY] - tools - seam
+    rise -= now[k.APPARENT]
     scale = kinetic + strain + abs(tools) + abs(seam) + now[k.PUSHED] + floor
+    if now[k.HASTE] > now[k.STRAIN] + floor:
+        return Fault.HASTE
     return Fault.ENERGY if rise > RISE * scale else Fault.NONE
 
 
@@ -70,12 +74,16 @@ def grows(result: Floats, monitor: Floats) -> bool:
 
 
 def alarm(cause: str, result: Floats, monitor: Floats, attempt: int, n_substeps: int, n_sweeps: int) -> str:
-    """What the monitor saw and did in a step from a state that left `monitor`, empty where that was nothing."""
+    """What the monitor saw and did in a step from a state that left `monitor`, empty where that was nothing.
+
+    No sweeps: an explicit step.
+    """
     parts = []
     if attempt > 0:
         cold = ", carried forces dropped" if attempt >= COLD else ""
-        parts.append(f"{cause}: repeated with {n_substeps} substeps, sweeps {n_sweeps}{cold}")
-    elif needs_two_sweeps(monitor):
+        swept = f", sweeps {n_sweeps}{cold}" if n_sweeps else ""
+        parts.append(f"{cause}: repeated with {n_substeps} substeps{swept}")
+    elif n_sweeps and needs_two_sweeps(monitor):
         parts.append(f"crushed, torn or behind its shape: sweeps {n_sweeps}")
     if result[k.RESIDUAL] > LAGGING:
         parts.append(f"not converged, stress is {min(result[k.RESIDUAL], 99.0):.0%} off its shape")

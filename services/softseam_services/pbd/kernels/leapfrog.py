@@ -1,0 +1,169 @@
+"""One macro step by explicit leapfrog on the blocks' own forces: no sweep, no dissipation, and a limit.
+
+v_1/2 = v_0 + h/2 (A_0 + g);  x_k+1 = x_k + h v_k+1/2;  v_k+3/2 = v_k+1/2 + h (A_k+1 + g),  half of it at the end    (1)
+
+with A = M^-1 f(x), known at the start from the step before (Stoermer-Verlet; Hairer, Lubich and Wanner 2003). Where f
+is linear with an eigenfrequency omega, its mode swings with
+
+sin(omega' h/2) = omega h/2                                                                                    (2)
+
+and  E - h^2/8 f^T M^-1 f,  E the energy and f all forces, is kept to rounding. It is stable while omega_max h < 2:
+while h^2/8 f^T M^-1 f of the blocks' forces is less than their strain energy, whatever the shape.
+Tools and seams are the sweeps': here nothing is solved for that could hold them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .block import VOLUME, WANTED, gather, hoist, node_softness, read_row, scatter, spread, store_stress
+from .crew import done, first_share, next_share, wait_for
+from .lanes import LANES, lane_kernel, move_four
+from .laws import write_stress
+from .monitor import batch_residuals, residual
+from .summary import APPARENT, HASTE, LEAST_J, RESIDUAL, STRAIN, STRETCH, summarise_motion
+from .sweep import batch_energies, block_forces, strain_energy
+
+LEAST, LEAST_BATCHES = 256, 8
+"""nodes and batches that a thread takes at least"""
+
+
+@lane_kernel
+def _push_lane(ws, lane, k, g):
+    """Rows of the nodes' velocities += g_i f_i, with P and T of the rows WANTED."""
+    spread(ws, lane, 0, k, g, read_row(ws, lane, WANTED, 0))
+    spread(ws, lane, 1, k, g, read_row(ws, lane, WANTED, 1))
+    spread(ws, lane, 2, k, g, read_row(ws, lane, WANTED, 2))
+
+
+@njit(cache=True, error_model="numpy")
+def kick(ws, place, speed, blocks, h, first, end):
+    """v_i += h w_i f_i for the blocks of batches first .. end - 1.
+
+    place  (n + 8, 4)  positions [m]; the fourth column is not used
+    speed  (n + 8, 4)  velocities [m/s], updated in place, and inverse masses [1/kg]
+    """
+    k = hoist(blocks.constants)
+    for batch in range(first, end):
+        gather(ws, place, blocks.nodes, batch)
+        move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
+        write_stress(ws, blocks.constants, blocks.law)
+        gather(ws, speed, blocks.nodes, batch)
+        for lane in range(LANES):
+            _push_lane(ws, lane, k, node_softness(ws, lane, h))
+        scatter(ws, speed, blocks.nodes, batch)
+
+
+@njit(cache=True, error_model="numpy")
+def note_stress(ws, place, blocks, stress, first, end):
+    """Lambda = (P, T) of the shapes of the blocks in batches first .. end - 1 into stress (b, N_STRESS)."""
+    for batch in range(first, end):
+        gather(ws, place, blocks.nodes, batch)
+        move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
+        write_stress(ws, blocks.constants, blocks.law)
+        store_stress(ws, WANTED, stress, batch)
+
+
+@njit(cache=True, error_model="numpy")
+def drift(place, speed, push, gain, h, first, end):
+    """v += gain push, then x += h v, for the nodes first .. end - 1; push (n, 4) is g of free nodes [m/s^2]."""
+    place, speed, push = place.reshape(-1), speed.reshape(-1), push.reshape(-1)
+    for i in range(4 * first, 4 * end):
+        moved = speed[i] + gain * push[i]
+        speed[i] = moved
+        place[i] += h * moved
+
+
+@njit(cache=True, error_model="numpy")
+def begin(state, leap, h):
+    """Positions and v_1/2 of eq. (1) into the scratch; without g, which the first drift adds.
+
+    Returns h^2/8 f^T M^-1 f of all forces [J].
+    """
+    total = 0.0
+    for i in range(len(state.x)):
+        free = leap.speed[i, 3] > 0.0
+        for c in range(3):
+            leap.place[i, c] = state.x[i, c]
+            leap.speed[i, c] = state.v[i, c] + 0.5 * h * state.a[i, c] if free else 0.0
+            if free:
+                total += (state.a[i, c] + leap.push[i, c]) ** 2 / leap.speed[i, 3]
+        leap.place[i, 3] = 0.0
+    return 0.125 * h * h * total
+
+
+@njit(cache=True, error_model="numpy")
+def end_step(state, leap, h):
+    """x, v and A at the end of the step into the state, from forces leap.pull (n + 8, 4) [N].
+
+    Returns h^2/8 f^T M^-1 f of all forces, and of the blocks' [J].
+    """
+    total, own = 0.0, 0.0
+    for i in range(len(state.x)):
+        weight = leap.speed[i, 3]
+        for c in range(3):
+            a = weight * leap.pull[i, c]
+            own += leap.pull[i, c] * a
+            if weight > 0.0:
+                total += (a + leap.push[i, c]) ** 2 / weight
+            state.a[i, c] = a
+            state.v[i, c] = leap.speed[i, c] + 0.5 * h * (a + leap.push[i, c])
+            state.x[i, c] = leap.place[i, c]
+    return 0.125 * h * h * total, 0.125 * h * h * own
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance_leapfrog(state, blocks, leap, mass, x_rest, gravity, cell_distance, result, dt, m, parts, crew, rank, ws):
+    """Advance the state by dt in m substeps; the results are those of `advance_step` for a body that nothing touches.
+
+    Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
+    """
+    n, h = len(state.x), dt / m
+    before, stretch = 1, 0
+    apparent = 0.0
+    if rank == 0:
+        apparent = begin(state, leap, h)
+        cell_distance[:] = np.inf
+        done(crew, rank, 1)
+    for substep in range(m):
+        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        while first < end:
+            drift(leap.place, leap.speed, leap.push, h if substep > 0 else 0.5 * h, h, first, end)
+            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+        before, stretch = before + n, stretch + 1
+        if substep == m - 1:
+            break
+        for part in range(len(parts) - 1):
+            start, n_batches = parts[part], parts[part + 1] - parts[part]
+            first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
+            while first < end:
+                kick(ws, leap.place, leap.speed, blocks, h, start + first, start + end)
+                first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+            before, stretch = before + n_batches, stretch + 1
+    if rank == 0:
+        wait_for(crew, before)
+        leap.pull[:] = 0.0
+        done(crew, rank, 1)
+    before += 1
+    for part in range(len(parts) - 1):
+        start, n_batches = parts[part], parts[part + 1] - parts[part]
+        first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
+        while first < end:
+            low, high = start + first, start + end
+            at = ws, leap.place, blocks.nodes, blocks.volume
+            note_stress(ws, leap.place, blocks, state.stress, low, high)
+            block_forces(ws, blocks.nodes, state.stress, blocks.constants, leap.pull, low, high)
+            batch_energies(*at, blocks.constants, blocks.law, low, high, leap.figures)
+            batch_residuals(*at, state.stress, blocks.constants, blocks.law, low, high, leap.figures)
+            first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+        before, stretch = before + n_batches, stretch + 1
+    if rank > 0:
+        return
+    wait_for(crew, before)
+    total, own = end_step(state, leap, h)
+    result[:] = 0.0
+    result[APPARENT], result[HASTE] = total - apparent, own
+    summarise_motion(state.x, state.v, mass, x_rest, gravity, result)
+    result[STRAIN], result[LEAST_J] = strain_energy(leap.figures)
+    result[RESIDUAL], result[STRETCH] = residual(leap.figures)
