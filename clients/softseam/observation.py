@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from softseam.errors import FieldsNotObserved
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol import messages
-from softseam_protocol.messages import Event, Frame, RegionReport, SeamReport, StepReport
+from softseam_protocol.messages import Event, Frame, Indicators, RegionReport, SeamReport, StepReport
 
 Floats = NDArray[np.float64]
 
@@ -168,6 +168,16 @@ class Observation:
         """Strain energy of each cell, which sum to those of `regions` (n_cells,) [J]."""
         return self._fields().cell_energy
 
+    @property
+    def indicators(self) -> Indicators:
+        """Errors of model and mesh [J], traction jump [Pa] and gap [m] of each cell (n_cells,)."""
+        found = self._fields().indicators
+        if found is None:
+            raise FieldsNotObserved(
+                "the scene does not observe its errors: add model_error, mesh_error or traction_jump to `quantities`"
+            )
+        return found
+
     def _fields(self) -> Frame:
         if self.frame is None:
             raise FieldsNotObserved("this observation was taken without fields: take the step with fields=True")
@@ -190,6 +200,9 @@ def observation_from(message: messages.Observation, tool_names: tuple[str, ...])
     arrays += [report.momentum, report.angular_momentum]
     if frame is not None:
         arrays += [frame.x, frame.cauchy, frame.point_x, frame.contact_force, frame.cell_energy]
+        if frame.indicators is not None:
+            seen = frame.indicators
+            arrays += [seen.model_error, seen.mesh_error, seen.traction_jump, seen.gap]
         frame.cell_near.setflags(write=False)
         frame.contact_tool.setflags(write=False)
     for array in arrays:

@@ -280,6 +280,8 @@ class Observe:
     """Ask for the fields of the last advanced step."""
 
     header: Header
+    indicators: bool = False
+    """also estimate the errors of model and mesh"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,6 +304,11 @@ class Fields:
     """of a sheet or rope: largest stretch of what holds each surface point (p,) [1]"""
     cell_energy: Scalars = field(default_factory=_NO_SCALARS)
     """strain energy of each cell (n_cells,) [J]"""
+    model_error: Scalars = field(default_factory=_NO_SCALARS)
+    """energy by which each cell is off because PBD computes it; of FEM, would be off if PBD did (n_cells,) [J]; empty:
+    not asked for, or the cells are none that PBD can compute"""
+    mesh_error: Scalars = field(default_factory=_NO_SCALARS)
+    """FEM: energy by which each cell is off because it is no smaller (n_cells,) [J]; empty: not asked for, or of PBD"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -421,6 +428,20 @@ class StepReport:
 
 
 @dataclass(frozen=True, slots=True)
+class Indicators:
+    """How far the answer may be off, as fields on the body's cells (n_cells,)."""
+
+    model_error: Scalars
+    """energy of the error that a PBD cell makes against quadratic finite elements, 0 of FEM [J]"""
+    mesh_error: Scalars
+    """energy of the error that a FEM cell makes because it is no smaller, 0 of PBD [J]"""
+    traction_jump: Scalars
+    """root mean square over a cell's seam faces of what one side's traction lacks to the other's, 0 elsewhere [Pa]"""
+    gap: Scalars
+    """largest distance between the two sides at a cell's seam nodes, 0 elsewhere [m]"""
+
+
+@dataclass(frozen=True, slots=True)
 class Frame:
     """The whole body at the end of a step: what a replay draws."""
 
@@ -444,6 +465,8 @@ class Frame:
     """of a sheet or rope: largest stretch of what holds each surface point (P,) [1]"""
     cell_energy: Scalars = field(default_factory=_NO_SCALARS)
     """strain energy of each cell (n_cells,) [J]; empty in recordings from before there was one"""
+    indicators: Indicators | None = None
+    """where the scene asks for one of them"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,9 @@ Quantity = Literal[
     "sag",
     "compression",
     "tip_deflection",
+    "model_error",
+    "mesh_error",
+    "traction_jump",
     "worst_stretch",
     "stretch_violation",
     "stretch_violation_mean",
@@ -44,7 +47,7 @@ Quantity = Literal[
     "bending_energy",
     "held",
 ]
-OF_CELLS = ("peak_von_mises",)
+OF_CELLS = ("peak_von_mises", "model_error", "mesh_error", "traction_jump")
 """quantities that only a body in cells has"""
 OF_PARTICLES = (
     "worst_stretch",

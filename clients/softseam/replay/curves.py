@@ -14,6 +14,7 @@ from softseam.view import colors
 from softseam_protocol.scene import Scene
 
 _GRIP = ("grip_force", "lift_height", "slip", "peak_von_mises")
+_ERROR = ("model_error", "mesh_error", "traction_jump")
 _SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "N": ("N", 1.0)}
 
 
@@ -30,11 +31,11 @@ class Plot:
 def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> dict[str, list[Plot]]:
     """Log all curves; returns the plots by tab."""
     writer = _Writer(stream, columns)
-    tabs: dict[str, list[Plot]] = {"Grip": [], "Shape": []}
+    tabs: dict[str, list[Plot]] = {"Grip": [], "Shape": [], "Error": []}
     for name in columns.names("quantity."):
         unit, factor = _SHOWN.get(unit_of(name), (unit_of(name), 1.0))
         plot = writer.plot(f"{colors.label(name)} [{unit}]", f"quantities/{name}")
-        tab = tabs["Grip" if name in _GRIP else "Shape"]
+        tab = tabs["Grip" if name in _GRIP else "Error" if name in _ERROR else "Shape"]
         writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab))
         tab.append(plot)
     tabs["Seam"] = _seam(writer, columns)

@@ -31,6 +31,10 @@ def layout(
     stress = camera.view(load, [f"+ {paths.STRESS}", *edges, *planes])
     density = colors.engineering(scales.energy, "J/m³")
     energy = camera.view(f"Energy, 0 to {density}", [f"+ {paths.ENERGY}", *edges, *planes])
+    fields = [energy]
+    if scales.error > 0.0:
+        wrong = colors.engineering(scales.error, "J/m³")
+        fields.append(camera.view(f"Error, 0 to {wrong}", [f"+ {paths.ERROR}", *edges, *planes]))
     forces = camera.view(
         "Forces: contact yellow, seam green", [f"+ {paths.GHOST}", f"+ {paths.FORCES}/**", *edges, *planes]
     )
@@ -44,7 +48,7 @@ def layout(
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                rrb.Horizontal(models, rrb.Tabs(stress, forces, energy, active_tab=0)),
+                rrb.Horizontal(models, rrb.Tabs(stress, forces, *fields, active_tab=0)),
                 rrb.Tabs(*curves, active_tab=0),
                 row_shares=[1.7, 1.0],
             ),

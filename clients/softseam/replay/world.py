@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from softseam.recording import Recording
 from softseam.replay import paths
 from softseam.view import colors
-from softseam.view.surface import DisplaySurface
+from softseam.view.surface import DisplaySurface, error_energy
 from softseam.view.tool_shapes import ToolShape, tool_shapes
 from softseam_protocol.messages import Frame
 
@@ -29,6 +29,8 @@ class Scales:
     """end of the colour scale of what `DisplaySurface.load` gives"""
     energy: float
     """end of the colour scale of the strain energy density [J/m^3]"""
+    error: float
+    """the same of the energy of the error, 0 where the recording has none [J/m^3]"""
     contact: float
     """contact force of the longest arrow [N]"""
     multiplier: float
@@ -40,16 +42,19 @@ class Scales:
 
 def find_scales(recording: Recording, surface: DisplaySurface) -> Scales:
     """Look at every frame once. The stress scale ends above 99.5 % of what is to be seen in 98 % of the frames."""
-    tops, dense, contact, multiplier = [], [], 0.0, 0.0
+    tops, dense, wrong, contact, multiplier = [], [], [0.0], 0.0, 0.0
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for frame in recording.frames():
         tops.append(float(np.quantile(surface.load(frame), 0.995)))
         dense.append(float(np.quantile(surface.energy_density(frame.cell_energy), 0.995)))
+        if frame.indicators is not None:
+            wrong.append(float(np.quantile(surface.energy_density(error_energy(frame)), 0.995)))
         contact = max(contact, _longest(frame.contact_force))
         multiplier = max(multiplier, _longest(frame.multiplier))
         low, high = np.minimum(low, frame.point_x.min(axis=0)), np.maximum(high, frame.point_x.max(axis=0))
     usual, dense_usual = (float(np.quantile(values, 0.98)) if values else 0.0 for values in (tops, dense))
-    return Scales(colors.round_up(usual), colors.round_up(dense_usual), contact, multiplier, low, high)
+    error = colors.round_up(max(wrong)) if max(wrong) > 0.0 else 0.0
+    return Scales(colors.round_up(usual), colors.round_up(dense_usual), error, contact, multiplier, low, high)
 
 
 class World:
@@ -62,6 +67,7 @@ class World:
         meshes = {} if recording.surface is None else recording.surface.tools
         self._tools = tool_shapes(recording.scene, surface.extent, meshes)
         self._near: NDArray[np.bool_] | None = None
+        self._error = (paths.ERROR,) if scales.error > 0.0 else ()
         self._log_static()
 
     def _log_static(self) -> None:
@@ -70,7 +76,7 @@ class World:
             self._stream.log(f"{paths.TOOLS}/{tool.name}", _tool_mesh(tool), static=True)
             self._stream.log(f"{paths.TOOLS}/{tool.name}/edges", _tool_lines(tool), static=True)
         triangles = self._surface.triangles
-        for path in (paths.STRESS, paths.ENERGY):
+        for path in (paths.STRESS, paths.ENERGY, *self._error):
             self._stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
         ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
         self._stream.log(paths.GHOST, ghost, static=True)
@@ -84,14 +90,14 @@ class World:
             vertex_positions=vertices.astype(np.float32),
             vertex_normals=self._surface.normals(vertices).astype(np.float32),
         )
-        for path in (paths.NEAR, paths.FAR, paths.STRESS, paths.ENERGY, paths.GHOST):
+        for path in (paths.NEAR, paths.FAR, paths.STRESS, paths.ENERGY, *self._error, paths.GHOST):
             self._stream.log(path, shape)
         stress = self._surface.load(frame)
         energy = self._surface.energy_density(frame.cell_energy)
-        for path, values, top in (
-            (paths.STRESS, stress, self._scales.stress),
-            (paths.ENERGY, energy, self._scales.energy),
-        ):
+        shown = [(paths.STRESS, stress, self._scales.stress), (paths.ENERGY, energy, self._scales.energy)]
+        if self._error and frame.indicators is not None:
+            shown.append((paths.ERROR, self._surface.energy_density(error_energy(frame)), self._scales.error))
+        for path, values, top in shown:
             shades = colors.stress_colors(values, top)[self._surface.vertex_point]
             self._stream.log(path, rr.Mesh3D.from_fields(vertex_colors=shades))
         self._log_regions(frame)

@@ -1,4 +1,4 @@
-"""The body at a few moments of a run, twice: which model computes what, and how it is stressed."""
+"""The body at a few moments of a run: which model computes what, how it is stressed, and how far off it may be."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas
-from softseam.view.surface import DisplaySurface
+from softseam.view.surface import DisplaySurface, error_energy
 from softseam.view.tool_shapes import ToolShape, grid_spacing, rotate, tool_shapes
 from softseam_protocol.messages import Frame
 
@@ -30,7 +30,7 @@ _CELL_LINE = np.array([0.12, 0.13, 0.18])
 
 
 def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
-    """Two rows of pictures, one column a moment; the stress scale is the same in all of them."""
+    """Rows of pictures, one column a moment, the same scales in all of them; a third row where errors are known."""
     assert recording.surface is not None
     surface = DisplaySurface(recording.surface)
     frames = _pick(recording)
@@ -38,25 +38,45 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
     tools = tool_shapes(recording.scene, surface.extent, recording.surface.tools)
     camera, height = _camera(frames, tools, surface.extent)
-    tall = 2 * 3.05 * height / _WIDTH + 2.0
+    errors = _errors(frames, surface)
+    wrong = colors.round_up(max(float(np.quantile(error, 0.995)) for error in errors)) if errors else 0.0
+    rows = 3 if errors else 2
+    tall = rows * 3.05 * height / _WIDTH + 2.0
     figure = Figure(figsize=(3.05 * len(frames), tall), dpi=160, facecolor=PAPER)
     heading(figure, recording.scene.name.replace("_", " "), builder.verdict.text)
-    axes = figure.subplots(2, len(frames), squeeze=False)
+    axes = figure.subplots(rows, len(frames), squeeze=False)
     figure.subplots_adjust(left=0.012, right=0.988, top=1.0 - 1.15 / tall, bottom=0.8 / tall, wspace=0.025, hspace=0.03)
     for column, (frame, stress) in enumerate(zip(frames, stresses, strict=True)):
         near = surface.near(frame.cell_near)
         tint = np.where(near[:, None], colors.NEAR, colors.FAR) / 255.0
-        shades = colors.stress_colors(stress, top)[surface.vertex_point] / 255.0
-        corners = shades[surface.triangles]
-        paint = np.concatenate([np.broadcast_to(tint[:, None, :], corners.shape), corners], axis=2)
+        layers = [np.broadcast_to(tint[:, None, :], (len(tint), 3, 3)), _corners(surface, stress, top)]
+        if errors:
+            layers.append(_corners(surface, errors[column], wrong))
+        paint = np.concatenate(layers, axis=2)
         images = _draw(frame, surface, tools, camera, height, paint)
         for row, image in enumerate(images):
             axes[row, column].imshow(image, interpolation="lanczos")
             axes[row, column].set_axis_off()
         time = frame.header.time + recording.scene.step
         axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
-    _legend(figure, builder, surface, top, tall)
+    _legend(figure, builder, tall)
+    _scale(figure, 0.60, 0.37 if not errors else 0.17, tall, top * surface.load_factor, surface.load_label)
+    if errors:
+        _scale(figure, 0.80, 0.17, tall, wrong, "energy of the error [J/m³]")
     return write(figure, path)
+
+
+def _errors(frames: list[Frame], surface: DisplaySurface) -> list[Floats]:
+    """Energy of the error at the surface points in each frame [J/m^3]; none where a frame does not have it."""
+    if any(frame.indicators is None for frame in frames):
+        return []
+    return [surface.energy_density(error_energy(frame)) for frame in frames]
+
+
+def _corners(surface: DisplaySurface, values: Floats, top: float) -> Floats:
+    """Colours at the triangles' corners of values at the surface points (T, 3, 3)."""
+    shades = colors.stress_colors(values, top)[surface.vertex_point] / 255.0
+    return np.asarray(shades[surface.triangles])
 
 
 def _pick(recording: Recording) -> list[Frame]:
@@ -101,8 +121,9 @@ def _camera(frames: list[Frame], tools: list[ToolShape], extent: float) -> tuple
 def _draw(
     frame: Frame, surface: DisplaySurface, tools: list[ToolShape], camera: Camera, height: int, paint: Floats
 ) -> list[NDArray[np.uint8]]:
-    """Two pictures of one moment; paint (T, 3, 6) colours each triangle's corners in the one and the other."""
-    canvas = Canvas(_WIDTH, height, camera, layers=2)
+    """Pictures of one moment; paint (T, 3, 3 k) colours each triangle's corners in each of the k."""
+    layers = paint.shape[2] // 3
+    canvas = Canvas(_WIDTH, height, camera, layers=layers)
     vertices = surface.vertices(frame.point_x)
     posed = [
         (tool, rotate(turn, tool.vertices) + at, rotate(turn, tool.normals), at, turn)
@@ -119,13 +140,13 @@ def _draw(
         canvas.lines(frame.point_x[surface.cell_lines], _CELL_LINE, alpha=0.45, layer=0)
     for tool, corners, normals, at, turn in posed:
         if tool.kind != "plane":
-            canvas.mesh(corners, normals, tool.triangles, np.tile(_GLASS, (len(tool.triangles), 3, 2)), alpha=0.16)
+            canvas.mesh(corners, normals, tool.triangles, np.tile(_GLASS, (len(tool.triangles), 3, layers)), alpha=0.16)
             edges = rotate(turn, tool.lines.reshape(-1, 3)).reshape(-1, 2, 3) + at
             canvas.lines(edges, _TOOL_LINE, width=1.5, alpha=0.85)
-    return [canvas.image(layer) for layer in range(2)]
+    return [canvas.image(layer) for layer in range(layers)]
 
 
-def _legend(figure: Figure, builder: ReportBuilder, surface: DisplaySurface, top: float, tall: float) -> None:
+def _legend(figure: Figure, builder: ReportBuilder, tall: float) -> None:
     """What the colours mean, below the rows."""
     models = builder.columns.models
     patches = [
@@ -143,11 +164,15 @@ def _legend(figure: Figure, builder: ReportBuilder, surface: DisplaySurface, top
         fontsize=10,
         labelcolor=INK,
     )
-    scale = figure.add_axes((0.60, 0.50 / tall, 0.37, 0.17 / tall))
+
+
+def _scale(figure: Figure, left: float, wide: float, tall: float, top: float, label: str) -> None:
+    """A ramp of colours from 0 to `top`."""
+    scale = figure.add_axes((left, 0.50 / tall, wide, 0.17 / tall))
     ramp = colors.stress_colors(np.linspace(0.0, top, 512), top)
-    scale.imshow(ramp[None], aspect="auto", extent=(0.0, top * surface.load_factor, 0.0, 1.0))
+    scale.imshow(ramp[None], aspect="auto", extent=(0.0, top, 0.0, 1.0))
     scale.set_yticks([])
     scale.tick_params(labelsize=9, colors=SOFT, length=2)
-    scale.set_xlabel(surface.load_label, fontsize=9.5, color=INK, labelpad=1)
+    scale.set_xlabel(label, fontsize=9.5, color=INK, labelpad=1)
     for spine in scale.spines.values():
         spine.set_visible(False)

@@ -67,13 +67,19 @@ class DisplaySurface:
         return np.asarray((flat[self._octant_ids] * self._octant_weights).sum(axis=1))
 
     def energy_density(self, cell_energy: Floats) -> Floats:
-        """Strain energy of each cell (C,) [J] over its filled volume, interpolated to the surface points (P,) [J/m^3].
+        """Energy of each cell (C,) [J] over its filled volume, interpolated to the surface points (P,) [J/m^3].
 
         Zero where a recording has no energies.
         """
         if not len(cell_energy) or len(cell_energy) != len(self._cell_volume):
             return np.zeros(len(self._octant_ids))
         return self.at_points(np.repeat((cell_energy / np.maximum(self._cell_volume, 1e-300))[:, None], 8, axis=1))
+
+
+def error_energy(frame: Frame) -> Floats:
+    """Energy by which each cell is off, model and mesh together (C,) [J]; empty where nobody asked for it."""
+    indicators = frame.indicators
+    return np.zeros(0) if indicators is None else indicators.model_error + indicators.mesh_error
 
 
 def _split_creases(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:

@@ -30,9 +30,11 @@ from softseam_services.fem.kernels.newton import (
     WORST_CELL,
     seam_compliance,
 )
+from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
+from softseam_services.pbd.model_error import ModelError
 from softseam_services.tools.kernels import all_finite
 from softseam_services.tools.tool_set import ToolSet
 
@@ -59,7 +61,9 @@ class FemSolver:
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
         self._body, self._region, self._tools = body, region, tools
-        self._spec = scene.models.fem
+        self._spec, self._hourglass = scene.models.fem, scene.models.pbd.hourglass
+        self._measure: MeshError | None = None
+        self._other: ModelError | None = None
         n_tools = len(tools.names)
         self._model, self._tree = build_model(body, region, tools, self._spec)
         self._work = build_work(self._model, self._tree, n_tools)
@@ -354,7 +358,7 @@ class FemSolver:
             self._committed, self._next = self._next, self._committed
             self._tentative = False
 
-    def fields(self, request_header: Header) -> Fields:
+    def fields(self, request_header: Header, indicators: bool = False) -> Fields:
         """Fields of the last advanced step."""
         state, region = self.state, self._region
         cauchy = np.zeros((len(region.cells), 8, 6))
@@ -375,7 +379,22 @@ class FemSolver:
             contact_force=force.sum(axis=1),
             contact_tool=_touched(size),
             cell_energy=self._work.energy.copy(),
+            model_error=self._model_error(state.x, force.sum(axis=1)) if indicators else np.zeros(0),
+            mesh_error=self._mesh_error(state.x, cauchy) if indicators else np.zeros(0),
         )
+
+    def _mesh_error(self, x: Floats, cauchy: Floats) -> Floats:
+        if self._measure is None:
+            self._measure = MeshError(self._body, self._region, self._spec.element)
+        return self._measure.measure(x, cauchy)
+
+    def _model_error(self, x: Floats, contact_force: Floats) -> Floats:
+        """What PBD would be off by in these cells; empty where it cannot have them."""
+        if not self._body.boxes:
+            return np.zeros(0)
+        if self._other is None:
+            self._other = ModelError(self._body, self._region, self._hourglass)
+        return self._other.measure(x, contact_force)
 
     def snapshot(self) -> bytes:
         """Commit, drop the factor and the first guess, and return the state."""

@@ -11,11 +11,12 @@ from softseam_protocol.messages import Advanced, Frame
 from softseam_protocol.scene import OF_PARTICLES
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.grip import along_axis
+from softseam_services.orchestrator.indicators import MEASURED, summarise
 from softseam_services.orchestrator.program import Program
 
 Floats = NDArray[np.float64]
 
-NEEDS_FIELDS = frozenset({"peak_von_mises", "tip_deflection"})
+NEEDS_FIELDS = frozenset({"peak_von_mises", "tip_deflection"}) | MEASURED
 """quantities that cost a look at the fields"""
 
 
@@ -91,6 +92,9 @@ class Quantities:
         if frame is not None:
             if len(frame.cauchy):
                 found["peak_von_mises"] = float(von_mises(frame.cauchy).max())
+            if frame.indicators is not None:
+                strain = sum(reply.strain for reply in replies.values())
+                found.update(summarise(frame.indicators, strain))
             if self._wants_tip:
                 found["tip_deflection"] = float(frame.x[self._tip, 2] - self._tip_rest)
         return found

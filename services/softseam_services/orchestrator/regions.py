@@ -34,6 +34,7 @@ from softseam_services.body.interpolate import model_functions
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.first_multiplier import first_multiplier
+from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.parts import CutStep
 from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SeamUnsettled, SideRequest
@@ -237,19 +238,28 @@ class Regions:
 
     # ---- what the participants know
 
-    def frame(self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> Frame:
-        """The whole body as it stands, with tools at (t, 3), (t, 4); fields that the last replies brought are used."""
+    def frame(
+        self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats, indicators: bool = False
+    ) -> Frame:
+        """The whole body as it stands, with tools at (t, 3), (t, 4); fields that the last replies brought are used.
+
+        indicators  with the body's error indicators
+        """
         fields = {name: reply.fields for name, reply in replies.items() if reply.fields is not None}
-        if fields.keys() != self.sides.cells.keys():
-            fields = self.observe()
+        if indicators or fields.keys() != self.sides.cells.keys():
+            fields = self.observe(indicators)
         sides = self.sides
         multiplier = np.zeros((len(sides.seam), 3)) if self._loop is None else self._loop.multiplier()
         header = self._clock.last_step()
-        return whole_frame(header, self._body, sides, fields, self.near.mask, multiplier, position, orientation)
+        frame = whole_frame(header, self._body, sides, fields, self.near.mask, multiplier, position, orientation)
+        if not indicators:
+            return frame
+        assert isinstance(self._body, Body)  # others have none
+        return replace(frame, indicators=measure(self._body, sides, self.near.neighbours, fields))
 
-    def observe(self) -> dict[str, Fields]:
+    def observe(self, indicators: bool = False) -> dict[str, Fields]:
         """Each side's fields."""
-        replies = self._exchange({name: Observe(self._clock.request(name)) for name in self.sides.names})
+        replies = self._exchange({name: Observe(self._clock.request(name), indicators) for name in self.sides.names})
         return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
 
     def snapshot(self) -> dict[str, bytes]:

@@ -20,6 +20,7 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.indicators import MEASURED
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
@@ -67,6 +68,7 @@ class Simulation:
         self._quantities = Quantities(self.body, self._program, self.scene.quantities)
         self._probes = Probes(self.body, self.scene.probes) if isinstance(self.body, Body) else None
         self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
+        self._wants_indicators = not MEASURED.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
         self._locks = _element_warning(self.scene)
         self._clock = Clock(session, self.scene.step)
@@ -172,7 +174,7 @@ class Simulation:
         self._follow_lift(command, height)
         frame = None
         if look or (self._wants_fields and self.done):
-            frame = self._regions.frame(replies, self._position, self._orientation)
+            frame = self._regions.frame(replies, self._position, self._orientation, self._wants_indicators)
         self._frame = frame
         quantities = self._quantities.measure(
             replies, grip_force, self._position, self._orientation, frame, height - self._lift_base
@@ -216,7 +218,7 @@ class Simulation:
     def frame(self) -> Frame:
         """The whole body as it stands."""
         if self._frame is None:
-            self._frame = self._regions.frame({}, self._position, self._orientation)
+            self._frame = self._regions.frame({}, self._position, self._orientation, self._wants_indicators)
         return self._frame
 
     def set_near(self, near: NDArray[np.bool_]) -> float:

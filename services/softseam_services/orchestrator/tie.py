@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,24 @@ def _sheet(cube: NDArray[np.int64], face: int) -> NDArray[np.int64]:
     return np.asarray(np.take(cube, -1 if last else 0, axis=2 - axis)).reshape(-1)
 
 
+def face_corners(face: int) -> NDArray[np.int64]:
+    """Local ids of the four corners of a face -x +x -y +y -z +z (4,)."""
+    return _sheet(_LATTICE, face)[[0, 2, 6, 8]]
+
+
+def seam_faces(
+    body: Body, sides: Sides, neighbours: NDArray[np.int32]
+) -> Iterator[tuple[int, NDArray[np.int32], NDArray[np.int32]]]:
+    """For each face -x +x -y +y -z +z: the near cells that have a far one beyond it, and these."""
+    far = np.zeros(body.n_cells, dtype=np.bool_)
+    far[sides.cells[FAR]] = True
+    for face in range(6):
+        cells = sides.cells[NEAR]
+        others = neighbours[cells, face]
+        meets = (others >= 0) & far[others]
+        yield face, cells[meets], others[meets]
+
+
 def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions: Mapping[str, Functions]) -> SeamTie:
     """How the two sides' seam nodes belong together.
 
@@ -29,14 +47,8 @@ def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions
     """
     if len(sides.names) < 2 or functions[sides.models[NEAR]] == functions[sides.models[FAR]]:
         return identity_tie(len(sides.seam))
-    far = np.zeros(body.n_cells, dtype=np.bool_)
-    far[sides.cells[FAR]] = True
     faces, edges, fill = [], [], []
-    for face in range(6):
-        cells = sides.cells[NEAR]
-        others = neighbours[cells, face]
-        meets = (others >= 0) & far[others]
-        cells, others = cells[meets], others[meets]
+    for face, cells, others in seam_faces(body, sides, neighbours):
         faces.append(body.cell_nodes[cells][:, _sheet(_LATTICE, face)])
         along = [axis for axis in range(3) if axis != face // 2]
         edges.append(np.tile(body.edges[along], (len(cells), 1)))

@@ -27,6 +27,7 @@ from .kernels.stress import octant_stress
 from .kernels.substep import advance_step
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
 from .model import KAPPA, build_model
+from .model_error import ModelError
 from .pair import Pair
 from .records import BlockArrays, Leap
 from .state import decode_state, encode_state, new_state
@@ -53,6 +54,7 @@ class PbdSolver:
         self._work = new_state(n, model.blocks.n_batches, p, t)
         self._tentative = False
         self._probe: SeamProbe | None = None
+        self._measure: ModelError | None = None
         self._ws = new_workspace()
         self._pair = Pair(self._ws, model.blocks.colours, n)
         self._xw = aligned(n + 8, 4)
@@ -315,7 +317,7 @@ class PbdSolver:
             self._committed, self._work = self._work, self._committed
             self._tentative = False
 
-    def fields(self, request_header: Header) -> Fields:
+    def fields(self, request_header: Header, indicators: bool = False) -> Fields:
         """Fields of the last advanced step."""
         state = self._work if self._tentative else self._committed
         model, region = self.model, self.model.region
@@ -346,7 +348,16 @@ class PbdSolver:
             contact_force=state.force_mean.sum(axis=1),
             contact_tool=tool,
             cell_energy=energy,
+            model_error=self._model_error(state.x, state.force_mean.sum(axis=1), state.stress)
+            if indicators
+            else np.zeros(0),
         )
+
+    def _model_error(self, x: Floats, contact_force: Floats, stress: Floats) -> Floats:
+        if self._measure is None:
+            model = self.model
+            self._measure = ModelError(model.body, model.region, model.spec.hourglass, model.blocks)
+        return self._measure.measure(x, contact_force, stress)
 
     def snapshot(self) -> bytes:
         """Commit, then everything that the future depends on; there is no cache that could change later bits."""

@@ -1,0 +1,72 @@
+"""What the participants estimate of their errors, and what the two sides of the seam differ in, cell by cell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.traction import face_normals, face_tractions, traction_jump
+from softseam_protocol.messages import Fields, Indicators
+from softseam_services.body.body import Body
+from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE
+from softseam_services.orchestrator.sides import FAR, NEAR, Sides
+from softseam_services.orchestrator.tie import face_corners, seam_faces
+
+Floats = NDArray[np.float64]
+
+MEASURED = frozenset({"model_error", "mesh_error", "traction_jump"})
+"""quantities that are made of indicators"""
+
+
+def measure(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Indicators:
+    """The indicators of the whole body; fields were asked for with indicators, neighbours (C, 6) as in `CellGrid`."""
+    model, mesh, jump, gap = np.zeros((4, body.n_cells))
+    for name, side in fields.items():
+        if sides.models[name] == "pbd":
+            model[sides.cells[name]] = side.model_error
+        else:
+            mesh[sides.cells[name]] = side.mesh_error
+    if len(sides.seam):
+        jump[:] = _jumps(body, sides, neighbours, fields)
+        gap[:] = _gaps(body, sides, fields)
+    return Indicators(model, mesh, jump, gap)
+
+
+def summarise(indicators: Indicators, strain: float) -> dict[str, float]:
+    """The errors of model and mesh in the energy norm, relative to the strain energy [1]; the seam's jump [Pa]."""
+    found = {}
+    for name, energy in (("model_error", indicators.model_error), ("mesh_error", indicators.mesh_error)):
+        found[name] = float(np.sqrt(energy.sum() / strain)) if strain > 0.0 else 0.0
+    at_seam = indicators.traction_jump[indicators.traction_jump > 0.0]
+    found["traction_jump"] = float(np.sqrt((at_seam**2).mean())) if len(at_seam) else 0.0
+    return found
+
+
+def _jumps(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Floats:
+    """Root mean square over each cell's faces at the seam (C,) [Pa]."""
+    square, count = np.zeros((2, body.n_cells))
+    x = np.empty((body.n_nodes, 3))
+    for name in (FAR, NEAR):
+        x[fields[name].nodes] = fields[name].x
+    sample = {name: FEM_SAMPLE if sides.models[name] == "fem" else PBD_SAMPLE for name in sides.names}
+    for face, cells, others in seam_faces(body, sides, neighbours):
+        normal = face_normals(x[body.cell_nodes[cells][:, face_corners(face)]])
+        tractions = []
+        for name, mine, side in ((NEAR, cells, face), (FAR, others, face ^ 1)):
+            cauchy = fields[name].cauchy[np.searchsorted(sides.cells[name], mine)]
+            tractions.append(face_tractions(cauchy, side, sample[name], normal))
+        jump = traction_jump(*tractions) ** 2
+        for mine in (cells, others):
+            np.add.at(square, mine, jump)
+            np.add.at(count, mine, 1.0)
+    return np.asarray(np.sqrt(square / np.maximum(count, 1.0)))
+
+
+def _gaps(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> Floats:
+    """Largest gap at each cell's seam nodes (C,) [m]."""
+    at = [fields[name].x[np.searchsorted(fields[name].nodes, sides.seam)] for name in (NEAR, FAR)]
+    gap = np.zeros(body.n_nodes)
+    gap[sides.seam] = np.linalg.norm(at[0] - at[1], axis=1)
+    return np.asarray(gap[body.cell_nodes].max(axis=1))
