@@ -32,8 +32,9 @@ if TYPE_CHECKING:
         UnknownTool,
     )
     from softseam.observation import Observation, ToolView
+    from softseam.opening import open
     from softseam.scenes import load_scene
-    from softseam.session import Session, open
+    from softseam.session import Session
     from softseam.variants import with_model, with_settings
     from softseam_protocol.scene import Scene
 
@@ -67,7 +68,7 @@ _HOME = {
     "Session": "softseam.session",
     "ToolView": "softseam.observation",
     "load_scene": "softseam.scenes",
-    "open": "softseam.session",
+    "open": "softseam.opening",
     "with_model": "softseam.variants",
     "with_settings": "softseam.variants",
 }

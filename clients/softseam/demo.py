@@ -13,11 +13,11 @@ from rich.text import Text
 
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
+from softseam.opening import open as open_session
 from softseam.processes import services
 from softseam.report import write_report
 from softseam.running import follow, note_recording, print_recording
 from softseam.scenes import bundle_of
-from softseam.session import open as open_session
 from softseam.showing import draw, drawing_errors, save_rrd
 from softseam.variants import Model
 from softseam_protocol.scene import Scene

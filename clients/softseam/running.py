@@ -17,11 +17,11 @@ from rich.text import Text
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
+from softseam.opening import open as open_session
 from softseam.progress import RunProgress
 from softseam.report import ReportBuilder, write_report
 from softseam.scenes import bundle_of
 from softseam.session import Session
-from softseam.session import open as open_session
 from softseam.showing import draw, drawing_errors
 from softseam.variants import Model, with_settings
 from softseam_protocol.facts import facts

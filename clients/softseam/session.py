@@ -55,7 +55,7 @@ _NUMBERS = (
 )
 
 
-def open(
+def open_as_given(
     scene: str | Path | Scene,
     connect: str | None = None,
     *,
@@ -64,22 +64,9 @@ def open(
     record: str | Path | bool | None = None,
     timeout: float = 120.0,
 ) -> Session:
-    """Open a session on a scene. One with a `tolerance` is planned first, unless it was before or a model is given.
-
-    scene     path of a scene file, the name of a bundled scene ("tofu_grasp"), or a Scene
-    connect   endpoint of a router with an orchestrator behind it, e.g. "tcp/127.0.0.1:7447"; None: in this process
-    model     "fem", "pbd" or "hybrid" in place of what the scene says
-    settings  "key.key=value", each in place of what the scene says
-    record    file to record to (in this process), or True to have the bus's recorder record the session
-    timeout   longest wait for an answer over the bus [s]
-    """
+    """A session on a scene as it is given, without a plan for its tolerance; arguments as for `softseam.open`."""
     parsed, bundle = bundle_of(scene)
     varied = with_settings(parsed, settings)
-    if varied.tolerance is not None:
-        if model is None:
-            from softseam.plan.command import planned_quietly
-
-            varied = with_settings(varied, planned_quietly(scene, settings))
     if model is not None:
         varied = with_model(varied, model)
     if varied is not parsed:

@@ -16,7 +16,7 @@ from softseam.chart.store import Store
 from softseam.errors import SoftseamError
 from softseam.observation import Observation
 from softseam.report import write_report
-from softseam.session import open as open_session
+from softseam.session import open_as_given
 from softseam_protocol.facts import machine
 from softseam_protocol.scene import Scene
 
@@ -81,7 +81,7 @@ def hold(model: Model, n_steps: int, console: Console) -> LongRun:
             shown = perf_counter()
             console.print(f"{MODELS[model]}: {observation.step:,} of {n_steps:,} steps", highlight=False)
 
-    with open_session(held(model, n_steps)) as session:
+    with open_as_given(held(model, n_steps)) as session:
         session.reset()
         session.run(see)
     window = min(WINDOW, n_steps // 4)

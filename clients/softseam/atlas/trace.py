@@ -10,7 +10,7 @@ import numpy as np
 
 from softseam.errors import SceneRefused, SimulationFailed
 from softseam.observation import Observation
-from softseam.session import open as open_session
+from softseam.session import open_as_given
 from softseam_protocol.messages import Event
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import SceneError, parse_scene
@@ -72,7 +72,7 @@ def follow(scene: Mapping[str, object] | Scene, measure: Measure, *, fields: boo
         return Trace(refused=f"{error.key}: {error.problem}")
     watch = _Watch(parsed, measure, toil)
     try:
-        with open_session(parsed) as session:
+        with open_as_given(parsed) as session:
             session.reset()
             session.run(watch.see, fields=fields)
     except SceneRefused as error:

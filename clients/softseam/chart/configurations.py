@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from softseam.duration import expected_duration
 from softseam.errors import SceneRefused
-from softseam.session import open as open_session
+from softseam.session import open_as_given
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 
 Floats = NDArray[np.float64]
@@ -93,7 +93,7 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
     shape = scene.body.shape
     if isinstance(shape, BlockShape):
         return Frame(scene, np.array(shape.size))
-    with open_session(name, settings=settings) as session:
+    with open_as_given(name, settings=settings) as session:
         surface = session.reset().surface
     return Frame(scene, surface.max(axis=0) - surface.min(axis=0))
 

@@ -13,8 +13,7 @@ from softseam.chart.series import Series, SeriesBuilder
 from softseam.embedded import compile_clock
 from softseam.errors import SceneRefused, SimulationFailed
 from softseam.observation import Observation
-from softseam.session import Session
-from softseam.session import open as open_session
+from softseam.session import Session, open_as_given
 from softseam_protocol.scene import Scene
 
 RUNS = 3
@@ -122,7 +121,7 @@ def measure(
     """
     began = perf_counter()
     try:
-        with compile_clock() as clock, open_session(scene, settings=settings) as session:
+        with compile_clock() as clock, open_as_given(scene, settings=settings) as session:
             start = session.reset()
             setup = perf_counter() - began - clock()
             return _timed(session, start, names, setup, clock, runs=runs, limit=limit, length=length, told=told)
