@@ -10,8 +10,8 @@ from time import perf_counter
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 
+from softseam.bar import Bar
 from softseam.duration import expected_duration
 from softseam.observation import Observation
 from softseam_protocol.scene import Scene
@@ -37,23 +37,13 @@ class RunProgress:
         """(wall time, simulated time) of the last moments: the time left follows from them [s]"""
         self._shown = 0.0
         self._tenth = 0
-        self._bar: Progress | None = None
-        self._task: TaskID | None = None
+        self._bar: Bar | None = None
         self.rtf = 0.0
         """simulated over wall seconds since the first step, which compiles"""
 
     def __enter__(self) -> RunProgress:
         if self._console.is_terminal:
-            self._bar = Progress(
-                SpinnerColumn(),
-                TextColumn("[bold]{task.description}"),
-                BarColumn(bar_width=None),
-                TextColumn("{task.fields[state]}"),
-                console=self._console,
-                refresh_per_second=10,
-            )
-            self._task = self._bar.add_task(self._label, total=self._total, state="setting up")
-            self._bar.start()
+            self._bar = Bar(self._console, self._label, self._total, "setting up")
         else:
             self._console.print(f"{self._label}: setting up", highlight=False)
         return self
@@ -74,11 +64,11 @@ class RunProgress:
         self._recent.append((now, observation.time))
         while now - self._recent[0][0] > _WINDOW:
             self._recent.popleft()
-        if self._bar is not None and self._task is not None:
+        if self._bar is not None:
             if now - self._shown >= _REFRESH or observation.done:
                 self._shown = now
                 done = self._total if observation.done else observation.time
-                self._bar.update(self._task, completed=done, state=self._state(observation))
+                self._bar.show(done, self._state(observation))
             return
         tenth = 10 if observation.done else int(10 * observation.time / self._total) if self._total else 0
         if tenth > self._tenth or now - self._shown >= _LINE:

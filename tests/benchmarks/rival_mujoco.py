@@ -1,25 +1,21 @@
 """MuJoCo's flex on the cantilever and on the grasp: curves and wall times as JSON, for rivals.py to compare.
 
-Runs in an environment of its own (`python rival_mujoco.py OUT.json SCENE ...`), with mujoco and numpy and nothing of
-softseam. Gravity, sizes, constants, friction and motion are those of scenes/cantilever.yaml and scenes/tofu_grasp.yaml;
-the law is MuJoCo's own (St. Venant-Kirchhoff), and the plates are driven at the scene's speeds.
+Runs in an environment of its own (`python -m benchmarks.rival_mujoco OUT.json SCENE ...`), with mujoco and numpy and
+nothing of softseam. Gravity, sizes, constants, friction and motion are those of scenes/cantilever.yaml and
+scenes/tofu_grasp.yaml; the law is MuJoCo's own (St. Venant-Kirchhoff), and the plates are driven at the scene's speeds.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter, process_time
 from typing import Any
 
 import mujoco  # type: ignore[import-not-found]
 import numpy as np
+from benchmarks.rival_clock import Clock, timed
 
-RUNS = 3
-ENOUGH = 12.0
-"""no further run begins once those before took this much wall time together [s]"""
 HARD = 'solimp="0.999 0.9999 0.0001"'
 """contacts as stiff as they may be: with MuJoCo's defaults the plates sink 2.6 mm into the cube"""
 HEAVY = 1e6
@@ -40,30 +36,6 @@ def flex(
         f'cellcount="{" ".join(map(str, cells))}" spacing="{spacing}" pos="{centre}" mass="{mass}" radius="0.0001">'
         f"{inner}</flexcomp>"
     )
-
-
-class Clock:
-    """Wall and processor time inside it, summed [s]."""
-
-    def __init__(self) -> None:
-        self.wall = self.cpu = 0.0
-
-    def __enter__(self) -> None:
-        self._began = perf_counter(), process_time()
-
-    def __exit__(self, *_: object) -> None:
-        self.wall += perf_counter() - self._began[0]
-        self.cpu += process_time() - self._began[1]
-
-
-def timed(run: Callable[[], tuple[dict[str, list[float]], Clock]]) -> dict[str, Any]:
-    """The curves of a first run, and the times of those after it [s]; of a long one, its own."""
-    curves, first = run()
-    clocks: list[Clock] = []
-    while len(clocks) < RUNS and first.wall + sum(clock.wall for clock in clocks) < ENOUGH:
-        clocks.append(run()[1])
-    clocks = clocks or [first]
-    return {"curves": curves, "walls": [c.wall for c in clocks], "cpu": min(c.cpu for c in clocks)}
 
 
 def beam(cells: tuple[int, int, int], step: float) -> dict[str, Any]:

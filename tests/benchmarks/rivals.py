@@ -1,8 +1,8 @@
 """Other simulators on our scenes, as marks of our charts: `python tests/benchmarks/rivals.py [--scenes ...]`.
 
-Charts the scenes with softseam, makes a scratch environment with the rival in it (from the package index, so no part
-of any test), runs the rival on the same scenes on this machine right afterwards, compares its curves with the charts'
-references by the same norm, writes out/rivals.json, and draws the charts again with the rival's marks.
+Charts the scenes with softseam, makes a scratch environment for each rival (from the package index, so no part of any
+test), runs the rivals one after the other on the same scenes on this machine right afterwards, compares their curves
+with the charts' references by the same norm, writes out/rivals.json, and draws the charts again with the rivals' marks.
 
 A rival's error is the worst of the quantities that it can report: force, lift and sag in tofu_grasp (not its slip).
 """
@@ -16,7 +16,7 @@ import statistics
 import subprocess
 import sys
 import venv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,19 +30,30 @@ from softseam.chart.series import Series
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).parent
-PINNED = "mujoco==4.0.0"
+RIVALS = {"mujoco": ("mujoco==4.0.0",), "newton": ("newton==1.8.0", "warp-lang==1.19.0")}
+"""what is installed for each; the module benchmarks.rival_NAME runs it"""
 SCENES = ("tofu_grasp", "cantilever")
 
 
-def environment(folder: Path) -> Path:
-    """Python of an environment with the rival in it, made where there is none."""
+def environment(folder: Path, packages: Sequence[str]) -> Path:
+    """Python of an environment with a rival in it, made where there is none."""
     python = folder / "bin" / "python"
     if not (folder / "ready").exists():
         venv.create(folder, with_pip=True, clear=True)
-        command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PINNED]
-        subprocess.run(command, check=True, timeout=600)
+        command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages]
+        subprocess.run(command, check=True, timeout=1200)
         (folder / "ready").touch()
     return python
+
+
+def measured(rival: str, scenes: Sequence[str], out: Path) -> list[dict[str, Any]]:
+    """The rows that a rival's own program leaves, run in its environment on one thread."""
+    python, raw = environment(out / f"rival-{rival}", RIVALS[rival]), out / f"rival-{rival}.json"
+    alone = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(HERE.parent)}
+    command = [str(python), "-m", f"benchmarks.rival_{rival}", str(raw), *scenes]
+    subprocess.run(command, check=True, timeout=3600, env=alone)
+    rows: list[dict[str, Any]] = json.loads(raw.read_text())
+    return rows
 
 
 def compared(row: Mapping[str, Any], reference: Reference) -> dict[str, Any]:
@@ -69,20 +80,15 @@ def compared(row: Mapping[str, Any], reference: Reference) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--rivals", nargs="+", choices=list(RIVALS), default=list(RIVALS))
     parser.add_argument("--minutes", type=float, default=10.0, help="of softseam's own charts")
     given = parser.parse_args()
     out, console = ROOT / "out", Console()
     references = {}
     for scene in given.scenes:
         _, references[scene] = chart(Wishes(scene, out=out / f"chart-{scene}", minutes=given.minutes), console)
-    python = environment(out / "rivals-environment")
-    raw = out / "rivals-raw.json"
-    one_thread = os.environ | {"OMP_NUM_THREADS": "1"}
-    subprocess.run(
-        [str(python), str(HERE / "rival_mujoco.py"), str(raw), *given.scenes], check=True, timeout=3600, env=one_thread
-    )
     rows = []
-    for row in json.loads(raw.read_text()):
+    for row in (row for rival in given.rivals for row in measured(rival, given.scenes, out)):
         if "failed" in row:
             console.print(f"{row['version']}, {row['label']}: {row['failed']}", highlight=False)
         else:

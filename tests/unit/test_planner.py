@@ -100,5 +100,6 @@ def test_where_the_accurate_ones_are_too_slow_both_sides_are_named() -> None:
 
 def test_a_plan_is_read_as_it_was_written() -> None:
     runs = {"cheap": Outcome("failed", "it diverged"), "middle": outcome(1.0, 0.01), "dear": outcome(10.0, 0.0)}
-    plan = choose(Goal(0.05), reference(), WANTED, Bench(runs))
+    plan = choose(Goal(0.05), reference(left_out="has no limit"), WANTED, Bench(runs))
+    assert plan.left_out == {"sag": "has no limit"}, "what a plan says nothing about is told"
     assert Plan.from_json(plan.as_json()) == plan

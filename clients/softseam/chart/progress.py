@@ -7,8 +7,8 @@ from time import perf_counter
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 
+from softseam.bar import Bar
 from softseam.chart.configurations import Configuration
 from softseam.chart.measure import RUNS, Told
 from softseam.chart.reference import Reference, in_words
@@ -22,8 +22,7 @@ class ChartProgress:
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._bar: Progress | None = None
-        self._task: TaskID | None = None
+        self._bar: Bar | None = None
         self._total = 0.0
         self._rough: dict[str, float] = {}
         self._finished = 0.0
@@ -34,16 +33,7 @@ class ChartProgress:
 
     def __enter__(self) -> ChartProgress:
         if self._console.is_terminal:
-            self._bar = Progress(
-                SpinnerColumn(),
-                TextColumn("[bold]{task.description}"),
-                BarColumn(bar_width=None),
-                TextColumn("{task.fields[state]}"),
-                console=self._console,
-                refresh_per_second=10,
-            )
-            self._task = self._bar.add_task("reference", total=1.0, state="setting up; the first runs compile")
-            self._bar.start()
+            self._bar = Bar(self._console, "reference", 1.0, "setting up; the first runs compile")
         return self
 
     def __exit__(
@@ -66,7 +56,7 @@ class ChartProgress:
     def known(self, reference: Reference) -> None:
         """The reference is there."""
         text = f"reference known to {in_words(reference.uncertainty)}"
-        (self._bar.console if self._bar else self._console).print(text, highlight=False, style="dim")
+        self._console.print(text, highlight=False, style="dim")
 
     def expect(self, wanted: Sequence[Configuration], budget: float) -> None:
         """The sweep begins; it ends within the budget [s], but for compiling."""
@@ -101,8 +91,8 @@ class ChartProgress:
         self._say(text, (before + part) / self._total, f"ETA {eta:.0f} s")
 
     def _say(self, text: str, done: float, state: str, *, force: bool = False) -> None:
-        if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, description=text, completed=done, state=state)
+        if self._bar is not None:
+            self._bar.show(done, state, text)
         elif force or perf_counter() - self._shown >= _LINE:
             self._shown = perf_counter()
             self._console.print(f"{text}{'  ' if state else ''}{state}", highlight=False)

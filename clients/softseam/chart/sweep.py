@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from softseam.chart.configurations import Configuration, Frame
@@ -41,10 +41,12 @@ def sweep(
     store: Store,
     budget: float,
     watch: Watch,
+    runs: int = RUNS,
 ) -> dict[str, Outcome]:
     """Outcome of every configuration, by key; what is not run for its cost is an outcome with that reason.
 
     budget  wall time of the runs, without compiling [s]; what was kept before costs nothing
+    runs    timed runs of a configuration
     """
     outcomes = finished(store, wanted)
     pace: dict[str, float] = {}
@@ -60,10 +62,10 @@ def sweep(
                 "left out", f"a run would take some {once:.2g} s: give more --minutes"
             )
             continue
-        told = watch(configuration, (1 + RUNS) * once)
+        told = watch(configuration, (1 + runs) * once)
         limit = min(left, max(SLACK * once, LONGEST * budget))
         outcome = measure(
-            scene, (*settings, *configuration.settings), names, limit=limit, length=frame.length, told=told
+            scene, (*settings, *configuration.settings), names, runs=runs, limit=limit, length=frame.length, told=told
         )
         outcomes[configuration.key] = outcome
         if outcome.status != "stopped":
@@ -78,8 +80,3 @@ def learn(pace: dict[str, float], configuration: Configuration, outcome: Outcome
     if outcome.status == "done" and outcome.walls:
         found = min(outcome.walls) / configuration.seconds
         pace[configuration.method] = 0.5 * (pace.get(configuration.method, found) + found)
-
-
-def remaining(wanted: Sequence[Configuration], outcomes: Mapping[str, Outcome]) -> float:
-    """Rough wall time of what is not done yet [s]."""
-    return sum((1 + RUNS) * c.seconds for c in wanted if c.key not in outcomes)

@@ -21,7 +21,7 @@ from softseam.chart.reference import Ladder, cache_folder, climb
 from softseam.chart.store import Identity, Store
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, require_extra
-from softseam.plan.planner import REFERENCE, Goal, Plan, choose
+from softseam.plan.planner import Goal, Plan, choose, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
@@ -81,7 +81,10 @@ def find(wishes: Wishes, console: Console) -> Plan:
     name = f"plan-{_short(repr((goal, names)))}"
     kept = store.read(name)
     if kept is not None:
-        return Plan.from_json(kept)
+        try:
+            return Plan.from_json(kept)
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise store.refused(name, f"is corrupt ({error})") from None
     found = _search(wishes, scene, goal, names, code, store, console)
     store.write(name, found.as_json())
     return found
@@ -97,8 +100,8 @@ def _search(
     budget = 60.0 * wishes.minutes
     began = perf_counter()
     with ChartProgress(console) as progress:
-        target = 0.5 * REFERENCE * goal.tolerance
-        reference = climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference, target)
+        share = REFERENCE_SHARE * budget
+        reference = climb(ladder, frame, share, progress.reference, known_to(goal.tolerance))
         progress.known(reference)
         progress.expect(wanted, budget - (perf_counter() - began))
 
@@ -157,6 +160,8 @@ def show(found: Plan, console: Console) -> None:
         f"({label(choice.decided_by)}), what is true being known to {100 * found.uncertainty:.2g} %"
     )
     console.print(Text(text), soft_wrap=True)
+    for name, why in found.left_out.items():
+        console.print(Text(f"not counted: {label(name)} {why}", style="yellow"), soft_wrap=True)
     console.print(Text(" ".join(f"--set '{setting}'" for setting in choice.settings), style="dim"), soft_wrap=True)
 
 

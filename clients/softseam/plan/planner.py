@@ -8,7 +8,7 @@ one found. What counts as an error is what a run differs from the reference by, 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,12 @@ WORST_REFERENCE = 0.75
 """and no plan is made with one that is known worse than this [1]"""
 HOPE = 1.5
 """a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""
+
+
+def known_to(tolerance: float) -> float:
+    """How uncertain a reference's cells and its steps may each leave a quantity for a plan of this tolerance [1]."""
+    return 0.5 * REFERENCE * tolerance
+
 
 Measure = Callable[[Configuration], Outcome]
 
@@ -66,12 +72,15 @@ class Plan:
     tried: tuple[Tried, ...]
     uncertainty: float
     """of the reference [1]"""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """quantities that do not count, and why"""
 
     def as_json(self) -> dict[str, Any]:
         return {
             "tolerance": self.goal.tolerance,
             "rtf": self.goal.rtf,
             "uncertainty": self.uncertainty,
+            "left_out": dict(self.left_out),
             "choice": self.tried.index(self.choice),
             "tried": [vars(one) | {"settings": list(one.settings), "error": _finite(one.error)} for one in self.tried],
         }
@@ -90,7 +99,8 @@ class Plan:
             for one in data["tried"]
         )
         goal = Goal(float(data["tolerance"]), float(data["rtf"]))
-        return cls(goal, tried[int(data["choice"])], tried, float(data["uncertainty"]))
+        left_out = {str(name): str(why) for name, why in dict(data.get("left_out", {})).items()}
+        return cls(goal, tried[int(data["choice"])], tried, float(data["uncertainty"]), left_out)
 
 
 def choose(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
@@ -118,7 +128,8 @@ def choose(goal: Goal, reference: Reference, wanted: Sequence[Configuration], me
             best, least = one, min(outcome.walls)
     if best is None or best.rtf < goal.rtf:
         raise NoPlan(_nearest(goal, best, tried))
-    return Plan(goal, best, tuple(tried), reference.uncertainty)
+    left_out = {name: true.left_out for name, true in reference.truth.items() if true.left_out}
+    return Plan(goal, best, tuple(tried), reference.uncertainty, left_out)
 
 
 def judged(configuration: Configuration, outcome: Outcome, reference: Reference) -> Tried:

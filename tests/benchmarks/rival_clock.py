@@ -1,0 +1,35 @@
+"""How long a rival takes: the time inside its steps, and how often a run is repeated. Needs nothing but Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter, process_time
+from typing import Any
+
+RUNS = 3
+ENOUGH = 12.0
+"""no further run begins once those before took this much wall time together [s]"""
+
+
+class Clock:
+    """Wall and processor time inside it, summed [s]."""
+
+    def __init__(self) -> None:
+        self.wall = self.cpu = 0.0
+
+    def __enter__(self) -> None:
+        self._began = perf_counter(), process_time()
+
+    def __exit__(self, *_: object) -> None:
+        self.wall += perf_counter() - self._began[0]
+        self.cpu += process_time() - self._began[1]
+
+
+def timed(run: Callable[[], tuple[dict[str, list[float]], Clock]]) -> dict[str, Any]:
+    """The curves of a first run, and the times of those after it [s]; of a long one, its own."""
+    curves, first = run()
+    clocks: list[Clock] = []
+    while len(clocks) < RUNS and first.wall + sum(clock.wall for clock in clocks) < ENOUGH:
+        clocks.append(run()[1])
+    clocks = clocks or [first]
+    return {"curves": curves, "walls": [c.wall for c in clocks], "cpu": min(c.cpu for c in clocks)}
