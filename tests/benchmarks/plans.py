@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from softseam.chart.store import Identity, Store
 from softseam.chart.sweep import sweep
 from softseam.chart.table import Row, busy, rows_of
 from softseam.embedded import solver_digest
+from softseam.plan.command import finer
 from softseam.plan.planner import Goal, NoPlan, choose, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
@@ -132,14 +133,14 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
     plans = []
     for tolerance in TOLERANCES:
         # as the planner would: from what is in the cache, no finer than the tolerance asks for
-        reference = climb(ladder, frame, 1e-3, _silent, known_to(tolerance))
-        plans.append(check(tolerance, reference, wanted, outcomes, truth))
+        levels = finer(ladder, frame, tolerance, 1e-3, _silent)
+        plans.append(check(tolerance, levels, wanted, outcomes, truth))
     return Judged(name, tuple(plans), best, rows)
 
 
 def check(
     tolerance: float,
-    reference: Reference,
+    levels: Iterator[Reference],
     wanted: Sequence[Configuration],
     outcomes: Mapping[str, Outcome],
     truth: Mapping[tuple[str, ...], Row],
@@ -155,7 +156,7 @@ def check(
     least = max(able, key=lambda row: row.outcome.rtf, default=None)
     told = "none" if least is None else f"{least.configuration.label}, {least.outcome.rtf:.3g}"
     try:
-        plan = choose(Goal(tolerance), reference, wanted, measured)
+        plan = choose(Goal(tolerance), next(levels), wanted, measured, lambda: next(levels, None))
     except NoPlan as error:
         why = str(error).split(": ")[0]
         return Checked(tolerance, (f"*none*: {why}", "", "", "", told, "", str(len(asked))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, Literal, get_args
@@ -19,11 +19,30 @@ from softseam_protocol.scene import Scene
 RUNS = 3
 """timed runs of a configuration"""
 ENOUGH = 12.0
-"""no further run begins once those before took this much wall time together [s]"""
+"""no further run begins once those before took this long together [s]"""
 
 Status = Literal["done", "refused", "failed", "stopped", "left out"]
 Told = Callable[[float], None]
 """told now and then how much of a run is done, 0 to 1"""
+
+
+Clock = Callable[[], tuple[float, float]]
+"""wall and processor time that kernels have taken to compile or to read so far [s]"""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a run took, without compiling."""
+
+    wall: float
+    """[s]"""
+    cpu: float
+    """of all its threads [s]"""
+
+    @property
+    def own(self) -> float:
+        """Wall time less what other work held it up by [s]."""
+        return min(self.wall, self.cpu)
 
 
 @dataclass(frozen=True)
@@ -39,7 +58,7 @@ class Outcome:
     cpu: float = 0.0
     """least processor time of a timed run [s]"""
     spent: float = 0.0
-    """wall time of all runs, timed or not, without compiling [s]"""
+    """own time of all runs, timed or not, without compiling [s]"""
     compiled: float = 0.0
     """spent on compiling kernels and reading compiled ones, over all runs [s]"""
     setup: float = 0.0
@@ -51,8 +70,8 @@ class Outcome:
     n_nodes: int = 0
 
     @property
-    def rtf(self) -> float:
-        """Simulated over wall seconds, of the median run; 0 where nothing was timed.
+    def seconds(self) -> float:
+        """Time of a run [s]: wall time of the median one, or its processor time; 0 where nothing was timed.
 
         A run only computes: where its wall time exceeds its processor time, other work held it up by the difference,
         and its processor time counts.
@@ -60,7 +79,12 @@ class Outcome:
         if not self.walls:
             return 0.0
         wall = statistics.median(self.walls)
-        return self.simulated / (min(wall, self.cpu) if self.cpu > 0.0 else wall)
+        return min(wall, self.cpu) if self.cpu > 0.0 else wall
+
+    @property
+    def rtf(self) -> float:
+        """Simulated seconds over those of a run; 0 where nothing was timed."""
+        return self.simulated / self.seconds if self.walls else 0.0
 
     @property
     def spread(self) -> tuple[float, float]:
@@ -86,16 +110,20 @@ class Outcome:
 _PLAIN = ("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes")
 
 
-@dataclass
-class _Limit:
-    """Ends a run that takes longer than it may."""
+class _Watch:
+    """Wall and processor time since it was made, what numba took for kernels left out."""
 
-    seconds: float
-    began: float = field(default_factory=perf_counter)
+    def __init__(self, compiled: Clock) -> None:
+        self._compiled = compiled
+        self._began = self._now()
 
-    def check(self, observation: Observation, compiled: float) -> None:
-        if perf_counter() - self.began - compiled > self.seconds:
-            raise _Stopped(f"stopped at {observation.time:.3g} s of motion, after {self.seconds:.0f} s")
+    def read(self) -> Taken:
+        wall, cpu = self._now()
+        return Taken(wall - self._began[0], cpu - self._began[1])
+
+    def _now(self) -> tuple[float, float]:
+        wall, cpu = self._compiled()
+        return perf_counter() - wall, process_time() - cpu
 
 
 class _Stopped(Exception):
@@ -116,14 +144,14 @@ def measure(
 
     The first run warms caches up, and is timed only where it alone takes `ENOUGH`.
 
-    limit   longest wall time of a run, without compiling [s]
+    limit   longest own time of a run, without compiling: what other work takes is not counted [s]
     length  expected length of the motion [s]
     """
     began = perf_counter()
     try:
         with compile_clock() as clock, open_as_given(scene, settings=settings) as session:
             start = session.reset()
-            setup = perf_counter() - began - clock()
+            setup = perf_counter() - began - clock()[0]
             return _timed(session, start, names, setup, clock, runs=runs, limit=limit, length=length, told=told)
     except SceneRefused as error:
         return Outcome("refused", str(error))
@@ -136,7 +164,7 @@ def _timed(
     start: Observation,
     names: tuple[str, ...],
     setup: float,
-    clock: Callable[[], float],
+    clock: Clock,
     *,
     runs: int,
     limit: float,
@@ -146,26 +174,23 @@ def _timed(
     """The series of a session that was just reset, and the times of the runs after this one."""
     builder = SeriesBuilder(names, session.scene.step)
     builder.add(start)
-    stop = _Limit(limit)
-    before = clock()
+    watch = _Watch(clock)
 
     def collect(observation: Observation) -> None:
         builder.add(observation)
-        stop.check(observation, clock() - before)
+        if watch.read().own > limit:
+            raise _Stopped(f"stopped at {observation.time:.3g} s of motion, after {limit:.0f} s")
         if told is not None and length:
             told(min(1.0, observation.time / length) / (1 + runs))
 
-    wall, cpu = perf_counter(), process_time()
     try:
         last = session.run(collect)
     except (_Stopped, SimulationFailed) as error:
         status: Status = "stopped" if isinstance(error, _Stopped) else "failed"
-        series = builder.build()
-        spent = perf_counter() - wall - (clock() - before)
+        series, taken = builder.build(), watch.read()
         reached, n_steps = float(series.time[-1]), len(series.time) - 1
-        return Outcome(status, str(error), None, (spent,), 0.0, spent, clock(), setup, reached, n_steps)
-    compiled = clock() - before
-    first = (perf_counter() - wall - compiled, process_time() - cpu - compiled)
+        return Outcome(status, str(error), None, (taken.wall,), 0.0, taken.own, clock()[0], setup, reached, n_steps)
+    first = watch.read()
     regions = last.regions.values()
     outcome = Outcome(
         status="done",
@@ -179,24 +204,21 @@ def _timed(
     assert outcome.series is not None
     if not outcome.series.finite():
         outcome = replace(outcome, status="failed", reason="it diverged: a quantity is not a number", series=None)
-    timed = _repeat(session, runs if outcome.status == "done" else 0, first[0], clock, told) or [first]
-    walls = tuple(wall for wall, _ in timed)
-    spent = sum(walls) + (first[0] if timed[0] is not first else 0.0)
-    return replace(outcome, walls=walls, cpu=min(cpu for _, cpu in timed), spent=spent, compiled=clock())
+    timed = _repeat(session, runs if outcome.status == "done" else 0, first.own, clock, told) or [first]
+    walls = tuple(one.wall for one in timed)
+    spent = sum(one.own for one in timed) + (first.own if timed[0] is not first else 0.0)
+    return replace(outcome, walls=walls, cpu=min(one.cpu for one in timed), spent=spent, compiled=clock()[0])
 
 
-def _repeat(
-    session: Session, runs: int, spent: float, clock: Callable[[], float], told: Told | None
-) -> list[tuple[float, float]]:
-    """Wall and processor time of further runs of an open session [s]; `spent` is the wall time of those before."""
-    timed: list[tuple[float, float]] = []
+def _repeat(session: Session, runs: int, spent: float, clock: Clock, told: Told | None) -> list[Taken]:
+    """What further runs of an open session took; `spent` is the own time of those before [s]."""
+    timed: list[Taken] = []
     while len(timed) < runs and spent < ENOUGH:
         session.reset()
-        before, wall, cpu = clock(), perf_counter(), process_time()
+        watch = _Watch(clock)
         session.run()
-        compiled = clock() - before
-        timed.append((perf_counter() - wall - compiled, process_time() - cpu - compiled))
-        spent += timed[-1][0]
+        timed.append(watch.read())
+        spent += timed[-1].own
         if told is not None:
             told((1 + len(timed)) / (1 + runs))
     return timed

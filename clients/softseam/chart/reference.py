@@ -55,7 +55,7 @@ class Level:
     n_cells: int
     n_nodes: int
     seconds: float
-    """wall time [s]"""
+    """time of its run [s]"""
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,8 @@ class Ladder:
         self.integrator = "implicit_euler" if frame.scene.tools else "bdf2"
         self._store: Store | None = None
         self.done: dict[tuple[int, float], Outcome] = {}
+        self.spent = 0.0
+        """own time of the levels that were not in the cache [s]"""
 
     def open(self, code: str, *, fresh: bool) -> None:
         """Use the cache: levels of the same body, tools and motion, computed by the same code."""
@@ -146,6 +148,7 @@ class Ladder:
                 length=self._frame.length,
                 told=told,
             )
+            self.spent += found.spent
             if found.status in ("refused", "failed"):
                 raise SoftseamError(f"the reference cannot be computed on {across} cells across: {found.reason}")
             if found.status == "done":
@@ -168,7 +171,7 @@ class Ladder:
             raise self._store.refused(name, f"is corrupt ({error})") from None
 
     def _paid(self, level: tuple[int, float]) -> float:
-        return max(1e-3, float(sum(self.done[level].walls)))
+        return max(1e-3, self.done[level].spent)
 
     def _level(self, across: int, step: float) -> tuple[str, ...]:
         return fem_settings(self._frame, self._frame.across(across), step, integrator=self.integrator)
@@ -179,34 +182,34 @@ class Ladder:
     def level(self, across: int, step: float) -> Level:
         """Facts of a level that is done."""
         outcome = self.done[across, step]
-        return Level(across, step, outcome.n_cells, outcome.n_nodes, float(sum(outcome.walls)))
+        return Level(across, step, outcome.n_cells, outcome.n_nodes, outcome.seconds)
 
 
 Watch = Callable[[str, float], Told]
 """told what is computed now and its foreseen seconds; returns what is told of its progress"""
 
 
-def climb(ladder: Ladder, frame: Frame, budget: float, watch: Watch, target: float = TARGET) -> Reference:
+def climb(
+    ladder: Ladder, frame: Frame, budget: float, watch: Watch, target: float = TARGET, known: float = KNOWN
+) -> Reference:
     """Refine cells, then the step, until both are fine enough or the next level would not end within the budget.
 
-    budget  wall time, without compiling [s]; levels from the cache cost nothing
+    budget  own time of the ladder, without compiling [s]; levels from the cache cost nothing
     target  how uncertain the cells and the step may each leave a quantity [1]
+    known   how uncertain a quantity may be that counts [1]
     """
-    spent = 0.0
     step = frame.scene.step
     enough = True
 
     def take(across: int, step: float, share: float) -> bool:
-        nonlocal spent
         new = ladder.cached(across, step) is None
         foreseen = ladder.seconds(across, step) if new else 0.0
-        if new and ladder.done and spent + foreseen > share * budget:
+        if new and ladder.done and ladder.spent + foreseen > share * budget:
             return False
         told = None
         if new:
             told = watch(f"reference, {across} cells across, {1e3 * step:.4g} ms", foreseen)
-        outcome = ladder.run(across, step, max(1.0, share * budget - spent), told)
-        spent += sum(outcome.walls) if new else 0.0
+        outcome = ladder.run(across, step, max(1.0, share * budget - ladder.spent), told)
         return outcome.status == "done"
 
     cells: list[int] = []
@@ -229,7 +232,7 @@ def climb(ladder: Ladder, frame: Frame, budget: float, watch: Watch, target: flo
         steps.append(step / 2**halving)
         if len(steps) > 2 and _fine(_limits(ladder, frame, [(at, s) for s in steps]), target):
             break
-    return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough, target)
+    return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough, target, known)
 
 
 def assemble(
@@ -239,6 +242,7 @@ def assemble(
     by_steps: Sequence[tuple[int, float]],
     enough: bool,
     target: float = TARGET,
+    known: float = KNOWN,
 ) -> Reference:
     """The reference that levels refined in cells, and others refined in steps, lead to."""
     time = _common(ladder, [*by_cells, *by_steps])
@@ -265,7 +269,7 @@ def assemble(
         why = ""
         if not by_cell.converges and part.uncertainty_cells > target:
             why = "has no limit: finer cells change it by as much as coarser ones did"
-        elif uncertainty > KNOWN:
+        elif uncertainty > known:
             why = f"its reference is known to {in_words(uncertainty)} only"
         truth[name], parts[name] = Truth(values, scale, uncertainty, why), part
     if not truth:

@@ -45,7 +45,7 @@ def sweep(
 ) -> dict[str, Outcome]:
     """Outcome of every configuration, by key; what is not run for its cost is an outcome with that reason.
 
-    budget  wall time of the runs, without compiling [s]; what was kept before costs nothing
+    budget  own time of the runs, without compiling [s]; what was kept before costs nothing
     runs    timed runs of a configuration
     """
     outcomes = finished(store, wanted)
@@ -78,5 +78,5 @@ def sweep(
 def learn(pace: dict[str, float], configuration: Configuration, outcome: Outcome) -> None:
     """Note how this machine's time compares with the rough estimate, by method; updated in place."""
     if outcome.status == "done" and outcome.walls:
-        found = min(outcome.walls) / configuration.seconds
+        found = outcome.seconds / configuration.seconds
         pace[configuration.method] = 0.5 * (pace.get(configuration.method, found) + found)

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from softseam.chart.command import quantity_names
-from softseam.chart.configurations import Configuration, configurations, frame_of
+from softseam.chart.configurations import Configuration, Frame, configurations, frame_of
 from softseam.chart.measure import Outcome, measure
 from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Ladder, cache_folder, climb
+from softseam.chart.reference import Ladder, Reference, Watch, cache_folder, climb
 from softseam.chart.store import Identity, Store
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, require_extra
-from softseam.plan.planner import Goal, Plan, choose, known_to
+from softseam.plan.planner import Goal, Plan, choose, counts_to, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
@@ -33,6 +32,8 @@ RUNS = 1
 """timed runs of a configuration"""
 REFERENCE_SHARE = 0.5
 """of the budget, for the reference"""
+FINEST = 1e-4
+"""no reference is asked to be known better than this [1]"""
 
 
 @dataclass(frozen=True)
@@ -98,28 +99,43 @@ def _search(
     ladder = Ladder(wishes.scene, wishes.settings, frame, names)
     ladder.open(code, fresh=wishes.fresh)
     budget = 60.0 * wishes.minutes
-    began = perf_counter()
+    spent = 0.0
     with ChartProgress(console) as progress:
-        share = REFERENCE_SHARE * budget
-        reference = climb(ladder, frame, share, progress.reference, known_to(goal.tolerance))
+        levels = finer(ladder, frame, goal.tolerance, REFERENCE_SHARE * budget, progress.reference)
+        reference = next(levels)
         progress.known(reference)
-        progress.expect(wanted, budget - (perf_counter() - began))
+        progress.expect(wanted, budget)
 
         def run(configuration: Configuration) -> Outcome:
+            nonlocal spent
             data = store.read(configuration.key)
             if data is not None:
                 return Outcome.from_json(data)
-            left = budget - (perf_counter() - began)
+            left = (1.0 - REFERENCE_SHARE) * budget - spent
             if left < configuration.seconds:
                 return Outcome("left out", "give more --minutes")
             settings = (*wishes.settings, *configuration.settings)
             told = progress.configuration(configuration, (1 + RUNS) * configuration.seconds)
             outcome = measure(wishes.scene, settings, names, runs=RUNS, limit=left, length=frame.length, told=told)
+            spent += outcome.spent
             if outcome.status != "stopped":
                 store.write(configuration.key, outcome.as_json())
             return outcome
 
-        return choose(goal, reference, wanted, run)
+        return choose(goal, reference, wanted, run, lambda: next(levels, None))
+
+
+def finer(ladder: Ladder, frame: Frame, tolerance: float, budget: float, watch: Watch) -> Iterator[Reference]:
+    """References for plans of a tolerance, each known better than the one before, while the budget [s] lasts."""
+    target, n_levels = known_to(tolerance), 0
+    while True:
+        reference = climb(ladder, frame, budget, watch, target, counts_to(tolerance))
+        if len(reference.levels) > n_levels:
+            n_levels = len(reference.levels)
+            yield reference
+        elif not reference.complete or target < FINEST:
+            return
+        target *= 0.5
 
 
 def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:

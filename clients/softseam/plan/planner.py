@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from softseam.chart.configurations import Configuration
-from softseam.chart.errors import errors
+from softseam.chart.errors import KNOWN, errors
 from softseam.chart.measure import Outcome
-from softseam.chart.reference import Reference
+from softseam.chart.reference import Reference, in_words
 from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
 
@@ -26,6 +26,15 @@ WORST_REFERENCE = 0.75
 """and no plan is made with one that is known worse than this [1]"""
 HOPE = 1.5
 """a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""
+
+
+FASTER = 1.2
+"""the reference is refined while a run this many times as fast as the best one may be accurate enough [1]"""
+
+
+def counts_to(tolerance: float) -> float:
+    """How uncertain a quantity may be that counts in a plan of this tolerance [1]."""
+    return max(KNOWN, WORST_REFERENCE * tolerance)
 
 
 def known_to(tolerance: float) -> float:
@@ -103,14 +112,54 @@ class Plan:
         return cls(goal, tried[int(data["choice"])], tried, float(data["uncertainty"]), left_out)
 
 
-def choose(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
-    """Try the configurations, cheapest first, until none that is left can be faster than the best one so far.
+def choose(
+    goal: Goal,
+    reference: Reference,
+    wanted: Sequence[Configuration],
+    measure: Measure,
+    refine: Callable[[], Reference | None] = lambda: None,
+) -> Plan:
+    """The fastest configuration that is accurate enough.
+
+    Where a faster one, or any at all, is neither accurate enough nor too far off for all that is known of the truth,
+    the reference is refined and every run is judged anew.
+
+    measure  called at most once for each configuration
+    refine   a reference that is known better than the last, or None where there is none
 
     Raises NoPlan where none is accurate enough, or none of those fast enough; its text names the nearest.
     """
+    kept: dict[str, Outcome] = {}
+
+    def once(configuration: Configuration) -> Outcome:
+        if configuration.key not in kept:
+            kept[configuration.key] = measure(configuration)
+        return kept[configuration.key]
+
+    while True:
+        plan, why = None, None
+        try:
+            plan = _fastest(goal, reference, wanted, once)
+        except NoPlan as error:
+            why = error
+        least = 0.0 if plan is None else FASTER * plan.choice.rtf
+        open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal.tolerance))
+        vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance
+        better = refine() if vague or any(open_ones) else None
+        if better is not None:
+            reference = better
+        elif plan is None:
+            assert why is not None
+            raise why
+        else:
+            return plan
+
+
+def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
+    """Try the configurations, cheapest first, until none that is left can be faster than the best one so far."""
     if not reference.uncertainty <= WORST_REFERENCE * goal.tolerance:
         raise NoPlan(
-            f"what is true is known to {_percent(reference.uncertainty)} only, too little to plan for "
+            f"what is true is known to {in_words(reference.uncertainty)} only, too little to plan for "
             f"{_percent(goal.tolerance)}: give more --minutes, or leave out the quantities that are not known better"
         )
     pace: dict[str, float] = {}
@@ -125,11 +174,22 @@ def choose(goal: Goal, reference: Reference, wanted: Sequence[Configuration], me
         one = judged(configuration, outcome, reference)
         tried.append(one)
         if one.error <= goal.tolerance and (best is None or one.rtf > best.rtf):
-            best, least = one, min(outcome.walls)
+            best, least = one, outcome.seconds
     if best is None or best.rtf < goal.rtf:
         raise NoPlan(_nearest(goal, best, tried))
     left_out = {name: true.left_out for name, true in reference.truth.items() if true.left_out}
     return Plan(goal, best, tuple(tried), reference.uncertainty, left_out)
+
+
+def _undecided(outcome: Outcome, reference: Reference, tolerance: float) -> bool:
+    """Whether a run may be accurate enough and may be not, for all that is known of the truth."""
+    if outcome.status != "done" or outcome.series is None:
+        return False
+    found = errors(outcome.series, reference.time, reference.truth)
+    vague = {name: reference.truth[name].uncertainty for name in reference.counted}
+    may_be = all(found[name].bound or found[name].value - vague[name] <= tolerance for name in vague)
+    is_so = all(found[name].value + (not found[name].bound) * vague[name] <= tolerance for name in vague)
+    return may_be and not is_so
 
 
 def judged(configuration: Configuration, outcome: Outcome, reference: Reference) -> Tried:
