@@ -103,3 +103,28 @@ def test_a_plan_is_read_as_it_was_written() -> None:
     plan = choose(Goal(0.05), reference(left_out="has no limit"), WANTED, Bench(runs))
     assert plan.left_out == {"sag": "has no limit"}, "what a plan says nothing about is told"
     assert Plan.from_json(plan.as_json()) == plan
+
+
+def test_the_reference_is_refined_where_a_faster_run_is_undecided() -> None:
+    """4 % off a truth known to 2 % may meet 5 % or miss it: a better reference decides, and nothing is run twice."""
+    bench = Bench({"cheap": outcome(0.1, 0.04), "middle": outcome(1.0, 0.025), "dear": outcome(10.0, 0.0)})
+    better = iter([reference(0.015), reference(0.005)])
+    plan = choose(Goal(0.05), reference(0.02), WANTED, bench, lambda: next(better, None))
+    assert plan.choice.label == "cheap" and plan.uncertainty == 0.005
+    assert bench.asked == ["cheap", "middle"]
+
+
+def test_the_reference_is_refined_until_it_is_known_well_enough() -> None:
+    bench = Bench({"cheap": outcome(0.1, 0.01)})
+    better = iter([reference(0.03), reference(0.01)])
+    assert choose(Goal(0.05), reference(0.1), WANTED, bench, lambda: next(better, None)).uncertainty == 0.03
+    with pytest.raises(NoPlan, match="known to 6 % only"):
+        choose(Goal(0.05), reference(0.1), WANTED, bench, iter([reference(0.06), None]).__next__)
+
+
+def test_what_is_decided_refines_nothing() -> None:
+    def refine() -> Reference:
+        raise AssertionError("the cheaper one is 20 % off, whatever the truth")
+
+    bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.03)})
+    assert choose(Goal(0.05), reference(), WANTED, bench, refine).choice.label == "middle"
