@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,15 @@ Vector = tuple[float, float, float]
 
 
 def lattice(
-    size: Vector, counts: tuple[int, int, int], shift: Callable[[Floats], Floats] | None = None, **keys: Any
+    size: Vector,
+    counts: tuple[int, int, int],
+    shift: Callable[[Floats], Floats] | None = None,
+    inclusions: Sequence[Mapping[str, Any]] = (),
+    **keys: Any,
 ) -> Body:
     """A block with its least corner at the origin, its nodes moved by `shift` (n, 3) -> (n, 3)."""
     edges = (size[0] / counts[0], size[1] / counts[1], size[2] / counts[2])
-    place = {"position": (size[0] / 2, size[1] / 2, 0.0)}
+    place = {"position": (size[0] / 2, size[1] / 2, 0.0), "inclusions": inclusions}
     body = build_body(block(size, edges, body=place, regions={"default": "fem"}, **keys), {})
     if shift is None:
         return body

@@ -8,12 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from softseam_protocol.kinds import (
-    MaterialKind,
-    ModelKind,
-    integrator_problem,
-)
+from softseam_protocol.kinds import ModelKind, integrator_problem
 from softseam_protocol.particle_bodies import RopeBody, SheetBody
+from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
 from softseam_protocol.scene_models import ModelsSpec
 from softseam_protocol.scene_motion import (
     LARGEST_TURN,
@@ -99,26 +96,6 @@ class MeshShape(Spec):
 Shape = Annotated[BlockShape | MeshShape, Field(discriminator="kind")]
 
 
-class MaterialSpec(Spec):
-    """Elastic constants of the body; every law meets Hooke's with these at small strains."""
-
-    kind: MaterialKind = "neo_hookean"
-    young: Positive = Field(description="Young's modulus [Pa]")
-    poisson: float = Field(gt=-1.0, lt=0.5, description="Poisson's ratio, below 0.5: use 0.49 for rubber or gel [1]")
-    density: Positive = Field(description="mass density at rest [kg/m^3]")
-    ratio: float | None = Field(
-        default=None, ge=0.0, le=1.0, description="mooney_rivlin: c01/(c10 + c01), 0 is neo-Hookean [1]"
-    )
-
-    @model_validator(mode="after")
-    def _ratio(self) -> MaterialSpec:
-        if self.kind == "mooney_rivlin" and self.ratio is None:
-            raise wrong("mooney_rivlin needs the ratio c01/(c10 + c01): give `ratio`, 0.2 for many rubbers", "kind")
-        if self.kind != "mooney_rivlin" and self.ratio is not None:
-            raise wrong(f"{self.kind} has no ratio: only mooney_rivlin does", "ratio")
-        return self
-
-
 def _cell_tag(value: Any) -> str:
     return "three edges" if isinstance(value, list | tuple) else "one edge"
 
@@ -137,6 +114,9 @@ class BodySpec(Spec):
         | None
     ) = Field(default=None, description="cell edge, or edges along x, y, z [m]; default: a third of the least extent")
     material: MaterialSpec
+    inclusions: tuple[InclusionSpec, ...] = Field(
+        default=(), description="parts of another material; an octant of a cell is of the last that holds its centre"
+    )
     fixed: tuple[BoxRegion, ...] = Field(default=(), description="nodes at rest inside these boxes are clamped")
     velocity: Vector = Field(default=(0.0, 0.0, 0.0), description="initial velocity [m/s]")
     spin: Vector = Field(
@@ -148,6 +128,20 @@ class BodySpec(Spec):
         if isinstance(self.shape, MeshShape) and self.shape.cells == "own" and self.cell is not None:
             raise wrong("the file's hexahedra are the cells: leave out `cell`, or `cells: own`", "cell")
         return self
+
+    @model_validator(mode="after")
+    def _one_law(self) -> BodySpec:
+        for i, inclusion in enumerate(self.inclusions):
+            if inclusion.material.ratio is not None and self.material.kind != "mooney_rivlin":
+                at = ("inclusions", i, "material", "ratio")
+                raise wrong(f"the body's law, {self.material.kind}, has no ratio: only mooney_rivlin does", *at)
+        return self
+
+    @property
+    def materials(self) -> tuple[MaterialSpec, ...]:
+        """The body's own, then one for each inclusion."""
+        changes = (inclusion.material.model_dump(exclude_none=True) for inclusion in self.inclusions)
+        return (self.material, *(self.material.model_copy(update=change) for change in changes))
 
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:

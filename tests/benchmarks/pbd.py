@@ -24,7 +24,7 @@ from softseam_protocol.messages import Advance
 from softseam_protocol.scene import BodySpec
 from softseam_services.body.materials import build_material
 from softseam_services.pbd.hourglass import block_constants
-from softseam_services.pbd.kernels.block import N_STRESS, new_workspace
+from softseam_services.pbd.kernels.block import N_STRESS, Constants, new_workspace
 from softseam_services.pbd.kernels.lanes import LANES, aligned
 from softseam_services.pbd.kernels.sweep import sweep
 from softseam_services.pbd.solver import PbdSolver
@@ -84,7 +84,7 @@ def _sweeps(
     volume: Floats,
     softness: Floats,
     stress: Floats,
-    constants: Floats,
+    constants: Constants,
     h: float,
 ) -> None:
     for _ in range(n):
@@ -119,7 +119,8 @@ def time_sweep(counts: tuple[int, int, int]) -> tuple[int, float]:
     real = nodes[:, 0] < n_nodes
     volume, softness = np.where(real, EDGE**3, 0.0), np.where(real, 8.0 * xw[0, 3], 0.0)
     assert isinstance(scene.body, BodySpec)
-    constants = block_constants(build_material(scene.body.material), np.full(3, EDGE), "physical")
+    table = block_constants(build_material(scene.body.material), np.full(3, EDGE), "physical")[None]
+    constants = Constants(table, np.zeros(len(nodes), dtype=np.int32))
     arrays = new_workspace(), xw, nodes, volume, softness, aligned(len(nodes), N_STRESS), constants, 1e-4
     inner = max(1, 20_000 // int(real.sum()))
     _sweeps(1, *arrays)

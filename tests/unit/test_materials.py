@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.scene import MaterialSpec
+from softseam_protocol.scene_materials import MaterialSpec
 from softseam_services.body.body import Material
 from softseam_services.body.materials import MATERIALS, build_material, mooney_rivlin, neo_hookean, point
 from softseam_services.body.materials.invariants import invariants

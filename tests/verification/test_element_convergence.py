@@ -36,7 +36,7 @@ def test_patch(element: str) -> None:
     np.testing.assert_allclose(x, exact, atol=1e-10 * np.abs(exact - case.x_rest).max())
     stress, sigma = np.empty((8, 8, 6)), np.empty((3, 3))
     cauchy_stress(x, case.model, case.work, stress)
-    point.cauchy(case.model.kind, case.model.parameters, F, sigma)
+    point.cauchy(case.model.kind, case.body.material.parameters, F, sigma)
     voigt = sigma[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
     np.testing.assert_allclose(stress, np.broadcast_to(voigt, stress.shape), atol=1e-8 * np.abs(voigt).max())
 

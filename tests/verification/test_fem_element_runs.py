@@ -56,7 +56,7 @@ def test_the_law_moves_the_squeeze_as_other_solvers_say(kind: str) -> None:
 
 
 def _uniaxial(case: Statics, stretch: float) -> Floats:
-    mu, lam = case.model.mu, case.model.lambda_
+    mu, lam = case.body.material.mu, case.body.material.lambda_
     across = brentq(lambda t: mu * (t - 1.0 / t) + lam * np.log(stretch * t * t) / t, 0.5, 4.0)
     return case.x_rest * np.array([across, across, stretch], dtype=np.float64)
 
@@ -114,7 +114,7 @@ def test_elements_push_on_a_face_as_the_seam_takes_them_to(element: ElementKind)
     """Uniform stress in one cell: the forces on its nodes are P n A times the shares of the element's trace."""
     case = Statics(lattice((0.02, 0.02, 0.02), (1, 1, 1)), element)
     F, P = np.eye(3) + 0.2 * np.random.default_rng(0).uniform(-1.0, 1.0, (3, 3)), np.empty((3, 3))
-    point.stress(case.model.kind, case.model.parameters, F, P)
+    point.stress(case.model.kind, case.body.material.parameters, F, P)
     expected = np.zeros((27, 3))
     lattice_ids = np.arange(27).reshape(3, 3, 3)
     for axis in range(3):

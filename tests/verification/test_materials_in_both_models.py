@@ -9,8 +9,9 @@ import pytest
 
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.scene import BodySpec, MaterialSpec, Scene
+from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
+from softseam_protocol.scene_materials import MaterialSpec
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

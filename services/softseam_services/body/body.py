@@ -8,6 +8,7 @@ same nodes, same masses, same energy density.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,7 +89,10 @@ class Body:
     """mass that each cell gives to each of its nodes, all > 0 where a filled octant touches the node (C, 27) [kg]"""
     fixed: NDArray[np.bool_]
     """clamped nodes (N,)"""
-    material: Material
+    materials: tuple[Material, ...]
+    """the body's own, then those of its inclusions, all of one law (m,)"""
+    octant_material: Ints
+    """number of each octant's material (C, 8)"""
     surface: Surface
     gravity: Floats
     """(3,) [m/s^2]"""
@@ -98,6 +102,28 @@ class Body:
     """cells are boxes with `edges`; else hexahedra of any shape, wholly filled, whose shortest edge is in `edges`"""
     notes: tuple[str, ...] = ()
     """what the importer repaired or wants to tell"""
+
+    @property
+    def material(self) -> Material:
+        """The body's own, which every octant outside inclusions has."""
+        return self.materials[0]
+
+    @property
+    def wave_speed(self) -> float:
+        """The fastest P-wave speed of its materials [m/s]."""
+        return max(material.wave_speed for material in self.materials)
+
+    @property
+    def mean_density(self) -> float:
+        """[kg/m^3]"""
+        if len(self.materials) == 1:
+            return self.material.density
+        weight = self.fill if self.boxes else np.ones_like(self.fill)
+        return float(np.average(self.of_octants([material.density for material in self.materials]), weights=weight))
+
+    def of_octants(self, values: Sequence[float]) -> Floats:
+        """One value a material (m,) as one an octant (C, 8)."""
+        return np.asarray(values, dtype=np.float64)[self.octant_material]
 
     @property
     def n_nodes(self) -> int:

@@ -16,7 +16,9 @@ from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.graded import graded_block
 from softseam_services.body.hexahedra import own_cells
-from softseam_services.body.lattice import SIMPSON, divide, number_nodes
+from softseam_services.body.inclusions import materials_at, octant_centres
+from softseam_services.body.lattice import divide, number_nodes
+from softseam_services.body.mass import lump_full
 from softseam_services.body.materials import build_material
 from softseam_services.body.mesh_io import RawHexahedra, read_hexahedra
 from softseam_services.body.particles import ParticleBody, build_particles
@@ -59,7 +61,7 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     cell_grid, cell_nodes, node_grid = number_nodes(np.ones(counts, dtype=np.bool_))
     corner = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * size
     x_rest = corner + size * (node_grid / (2.0 * counts))
-    mass = spec.material.density * edges.prod() * SIMPSON
+    octant_material = materials_at(spec, octant_centres(x_rest[cell_nodes[:, 13]], edges), float(edges.min()))
     return assemble(
         scene,
         spec,
@@ -68,7 +70,8 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
         cell_grid=cell_grid,
         edges=edges,
         fill=np.ones((len(cell_nodes), 8)),
-        cell_mass=np.tile(mass, (len(cell_nodes), 1)),
+        cell_mass=lump_full(_densities(spec)[octant_material], edges),
+        octant_material=octant_material,
         surface=block_surface(counts, edges, cell_nodes, node_grid),
     )
 
@@ -87,6 +90,7 @@ def _of_hexahedra(
     scene: Scene, spec: BodySpec, path: str, raw: RawHexahedra, scale: float, up: Literal["x", "y", "z"]
 ) -> Body:
     cells = own_cells(path, raw, scale, up, np.array(spec.position), spec.material.density)
+    cell_material = materials_at(spec, cells.x_rest[cells.cell_nodes[:, 13]], cells.edge)
     return assemble(
         scene,
         spec,
@@ -95,7 +99,8 @@ def _of_hexahedra(
         cell_grid=cells.cell_grid,
         edges=np.full(3, cells.edge),
         fill=np.ones((len(cells.cell_nodes), 8)),
-        cell_mass=cells.cell_mass,
+        cell_mass=cells.cell_mass * (_densities(spec) / spec.material.density)[cell_material][:, None],
+        octant_material=np.repeat(cell_material[:, None], 8, axis=1),
         surface=cells.surface,
         notes=cells.notes,
         boxes=False,
@@ -104,9 +109,10 @@ def _of_hexahedra(
 
 def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
     vertices, triangles, read_notes = read_solid(shape.path, data, shape.scale, shape.up)
-    solid = embed(
-        shape.path, vertices + np.array(spec.position), triangles, cell_edges(spec), density=spec.material.density
-    )
+    solid = embed(shape.path, vertices + np.array(spec.position), triangles, cell_edges(spec))
+    centres = octant_centres(solid.x_rest[solid.cell_nodes[:, 13]], solid.edges)
+    octant_material = materials_at(spec, centres, float(solid.edges.min()))
+    fill, cell_mass = solid.lumped(_densities(spec)[octant_material])
     return assemble(
         scene,
         spec,
@@ -114,11 +120,17 @@ def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Bo
         cell_nodes=solid.cell_nodes,
         cell_grid=solid.cell_grid,
         edges=solid.edges,
-        fill=solid.fill,
-        cell_mass=solid.cell_mass,
+        fill=fill,
+        cell_mass=cell_mass,
+        octant_material=octant_material,
         surface=solid.surface,
         notes=read_notes + solid.notes,
     )
+
+
+def _densities(spec: BodySpec) -> Floats:
+    """Of each material [kg/m^3] (m,)."""
+    return np.array([material.density for material in spec.materials])
 
 
 def cell_edges(spec: BodySpec) -> Floats | None:
@@ -138,6 +150,7 @@ def assemble(
     edges: Floats,
     fill: Floats,
     cell_mass: Floats,
+    octant_material: Ints,
     surface: Surface,
     notes: tuple[str, ...] = (),
     boxes: bool = True,
@@ -157,7 +170,8 @@ def assemble(
         fill=fill,
         cell_mass=cell_mass,
         fixed=fixed,
-        material=build_material(spec.material),
+        materials=tuple(build_material(material) for material in spec.materials),
+        octant_material=octant_material,
         surface=surface,
         gravity=np.array(scene.gravity),
         v_initial=v_initial,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softseam_services.body.body import Body
+from softseam_services.body.body import Body, Material
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.surface_check import enclosed_volume, triangle_areas
@@ -14,6 +14,21 @@ from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 _SLIVER = 0.02
 _STRETCHED = 3.0
 _INCOMPRESSIBLE = 0.495
+
+
+@dataclass(frozen=True)
+class Part:
+    """What the cells make of an inclusion."""
+
+    young: float
+    """[Pa]"""
+    poisson: float
+    density: float
+    """[kg/m^3]"""
+    octants: int
+    """that are of its material"""
+    volume: float
+    """of these, as far as the body fills them [m^3]"""
 
 
 @dataclass(frozen=True)
@@ -40,12 +55,14 @@ class BodyCheck:
     centre: tuple[float, float, float]
     """centre of mass [m]"""
     wave_speed: float
-    """P-wave speed [m/s]"""
+    """P-wave speed, the fastest of its materials [m/s]"""
     full_cells: int
     smallest_fill: float
     """of a cell [1]"""
     slivers: int
     """cells less than 2 % full"""
+    parts: tuple[Part, ...]
+    """the inclusions"""
     warnings: tuple[str, ...]
 
 
@@ -58,7 +75,6 @@ def check_body(body: Body) -> BodyCheck:
     fill = body.fill.mean(axis=1)
     volume = enclosed_volume(points, triangles) if body.boxes else float(cell_volumes(body).sum())
     slivers = int((fill < _SLIVER).sum())
-    material = body.material
     size = np.ptp(points, axis=0)
     warnings = list(body.notes)
     if body.edges.max() > _STRETCHED * body.edges.min():
@@ -69,13 +85,8 @@ def check_body(body: Body) -> BodyCheck:
     # What rounding a wanted cell edge to a divisor of the body leaves open is worth knowing when it is one cell.
     if body.boxes and (size < 1.5 * body.edges).any():
         warnings.append("one cell through the thickness: bending is coarse; make `cell` half as large")
-    poisson = material.elastic.poisson
-    if poisson > _INCOMPRESSIBLE:
-        warnings.append(f"Poisson's ratio {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
-    if not 10.0 <= material.density <= 25_000.0:
-        warnings.append(f"a density of {material.density:g} kg/m^3 is unlike any solid; is the unit kg/m^3?")
-    if not 10.0 <= material.young <= 1e9:
-        warnings.append(f"Young's modulus {material.young:g} Pa is unlike any soft solid; is the unit Pa?")
+    for each in body.materials:
+        warnings += _doubts(each)
     return BodyCheck(
         n_cells=body.n_cells,
         n_nodes=body.n_nodes,
@@ -90,12 +101,45 @@ def check_body(body: Body) -> BodyCheck:
         area=float(np.linalg.norm(triangle_areas(points, triangles), axis=1).sum()),
         mass=float(mass.sum()),
         centre=_triple(mass @ body.x_rest / mass.sum()),
-        wave_speed=material.wave_speed,
+        wave_speed=body.wave_speed,
         full_cells=int((body.fill == 1.0).all(axis=1).sum()),
         smallest_fill=float(fill.min()),
         slivers=slivers,
+        parts=_parts(body),
         warnings=tuple(warnings),
     )
+
+
+def _parts(body: Body) -> tuple[Part, ...]:
+    volume = np.prod(body.edges) / 8.0 * body.fill
+    if not body.boxes:
+        volume = np.repeat(cell_volumes(body)[:, None] / 8.0, 8, axis=1)
+    found = []
+    for number, material in enumerate(body.materials[1:], start=1):
+        mine = body.octant_material == number
+        found.append(
+            Part(
+                young=material.young,
+                poisson=material.elastic.poisson,
+                density=material.density,
+                octants=int(np.count_nonzero(mine & (body.fill > 0.0))),
+                volume=float(volume[mine].sum()),
+            )
+        )
+    return tuple(found)
+
+
+def _doubts(material: Material) -> list[str]:
+    """What is unlike any soft solid."""
+    doubts = []
+    poisson = material.elastic.poisson
+    if poisson > _INCOMPRESSIBLE:
+        doubts.append(f"Poisson's ratio {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
+    if not 10.0 <= material.density <= 25_000.0:
+        doubts.append(f"a density of {material.density:g} kg/m^3 is unlike any solid; is the unit kg/m^3?")
+    if not 10.0 <= material.young <= 1e9:
+        doubts.append(f"Young's modulus {material.young:g} Pa is unlike any soft solid; is the unit Pa?")
+    return doubts
 
 
 def _triple(values: np.ndarray) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ from softseam_services.body.body import Floats, Ints, Surface
 from softseam_services.body.errors import MeshError
 from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import divide, number_nodes
-from softseam_services.body.mass import FULL_MOMENTS, lump
+from softseam_services.body.mass import FILL_FLOOR, FULL_MOMENTS, lump
 from softseam_services.body.mesh_io import read_surface
 from softseam_services.body.surface_check import check_surface
 from softseam_services.body.surface_points import contact_shares, refine, vertex_shares
@@ -31,10 +31,17 @@ class Embedded:
     cell_nodes: Ints
     cell_grid: Ints
     edges: Floats
-    fill: Floats
-    cell_mass: Floats
+    moments: Floats
+    """M_pqr of the filled part of each octant, see kernels.fill (C, 8, 27)"""
+    spread: float
+    """volume over that of the cells that are kept: dropped slivers count with the rest [1]"""
     surface: Surface
     notes: tuple[str, ...]
+
+    def lumped(self, density: Floats) -> tuple[Floats, Floats]:
+        """Fill (C, 8) and mass (C, 27) [kg] for densities (C, 8) [kg/m^3], see `lump`."""
+        fill, mass = lump(self.moments, self.edges, density)
+        return fill, self.spread * mass
 
 
 def read_solid(path: str, data: bytes, scale: float, up: str) -> tuple[Floats, Ints, tuple[str, ...]]:
@@ -56,10 +63,10 @@ def read_solid(path: str, data: bytes, scale: float, up: str) -> tuple[Floats, I
     return vertices - base, triangles, raw.notes + notes
 
 
-def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None, density: float) -> Embedded:
-    """Cells over the bounding box of a solid, moments of the filled part of each octant, lumped masses, surface points.
+def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> Embedded:
+    """Cells over the bounding box of a solid, moments of the filled part of each octant, surface points.
 
-    vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m], density [kg/m^3]
+    vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m]
     """
     corner, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
     counts, edges = divide(size, cell)
@@ -85,8 +92,7 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None, den
     cell_grid, cell_nodes, node_grid = number_nodes(kept)
     by_cell = moments.reshape(counts[0], 2, counts[1], 2, counts[2], 2, 27).transpose(0, 2, 4, 5, 3, 1, 6)
     in_cells = by_cell[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]].reshape(-1, 8, 27)
-    filled, cell_mass = lump(in_cells, edges, density)
-    cell_mass *= float(fill.sum()) / float(in_cells[:, :, 0].sum())
+    filled = np.maximum(in_cells[:, :, 0], FILL_FLOOR)
 
     number = np.full(kept.shape, -1, dtype=np.int32)
     number[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]] = np.arange(len(cell_grid))
@@ -102,7 +108,8 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None, den
     if slivers:
         notes.append(f"{slivers} of {len(cell_grid)} cells are less than 2 % full")
     x_rest = corner + size * (node_grid / (2.0 * counts))
-    return Embedded(x_rest, cell_nodes, cell_grid, edges, filled, cell_mass, surface, tuple(notes))
+    spread = float(fill.sum()) / float(in_cells[:, :, 0].sum())
+    return Embedded(x_rest, cell_nodes, cell_grid, edges, in_cells, spread, surface, tuple(notes))
 
 
 def _carry(vertices: Floats, corner: Floats, size: Floats, counts: Ints, cell_fill: Floats) -> tuple[Ints, Floats]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.body.lattice import OCTANT_NODES
+from softseam_services.body.lattice import OCTANT_NODES, SIMPSON
 
 FILL_FLOOR = 1e-3
 """Octants emptier than this, inside a kept cell, count as filled to this fraction in mass and stiffness alike: nodes
@@ -43,14 +43,26 @@ _LINEAR = np.array([[1.0, -1.0], [0.0, 1.0]])
 """coefficients of 1 - s and s in powers of s"""
 
 
-def lump(moments: Floats, edges: Floats, density: float) -> tuple[Floats, Floats]:
+def lump_full(density: Floats, edges: Floats) -> Floats:
+    """Mass (C, 27) [kg] that each full cell gives to its nodes; density (C, 8) [kg/m^3]."""
+    mass = np.asarray((density[:, :1] * edges.prod()) * SIMPSON)
+    mixed = np.flatnonzero((density != density[:, :1]).any(axis=1))
+    if len(mixed):
+        mass[mixed] = lump(np.tile(FULL_MOMENTS, (len(mixed), 8, 1)), edges, density[mixed])[1]
+    return mass
+
+
+def lump(moments: Floats, edges: Floats, density: Floats | float) -> tuple[Floats, Floats]:
     """Fill (C, 8) of each octant and mass (C, 27) [kg] that each cell gives to its nodes, all positive.
 
-    moments (C, 8, 27): M_pqr of the filled part of each octant, see kernels.fill
+    moments (C, 8, 27): M_pqr of the filled part of each octant, see kernels.fill; density (C, 8) or one for all
+    [kg/m^3]: an octant counts in eq. (1) with its density over the largest
     """
     true_fill = moments[:, :, 0]
     fill = np.maximum(true_fill, FILL_FLOOR)
-    moments = moments + (fill - true_fill)[:, :, None] * FULL_MOMENTS
+    most = float(np.max(density))
+    share = np.broadcast_to(np.asarray(density) / most, fill.shape)
+    moments = (moments + (fill - true_fill)[:, :, None] * FULL_MOMENTS) * share[:, :, None]
     octant_volume = edges.prod() / 8.0
     row_sum = np.zeros((len(fill), 27))
     trilinear = np.zeros((len(fill), 27))
@@ -61,7 +73,7 @@ def lump(moments: Floats, edges: Floats, density: float) -> tuple[Floats, Floats
         row_sum += np.einsum("nrqp,cr,bq,ap->ncba", cube, z, y, x, optimize=True).reshape(-1, 27)
         corners = np.einsum("nrqp,cr,bq,ap->ncba", cube[:, :2, :2, :2], _LINEAR, _LINEAR, _LINEAR, optimize=True)
         trilinear[:, OCTANT_NODES[octant]] += corners.reshape(-1, 8)
-        spread[:, OCTANT_NODES[octant]] += fill[:, octant, None] / 8.0
+        spread[:, OCTANT_NODES[octant]] += (fill * share)[:, octant, None] / 8.0
     # m >= 0.2 m_octant on a node asks (1 - t)(m_rowsum - 0.2 m_octant) + t 0.8 m_trilinear >= 0.
     short = np.maximum(MASS_SHARE * spread - row_sum, 0.0)
     gain = (1.0 - MASS_SHARE) * np.maximum(trilinear, 0.0)
@@ -75,5 +87,6 @@ def lump(moments: Floats, edges: Floats, density: float) -> tuple[Floats, Floats
     partly = exact & (true_cell < 8.0)
     if excess > 0.0 and partly.any():
         target[partly] *= 1.0 - excess / target[partly].sum()
+    target *= (fill * share).sum(axis=1) / fill.sum(axis=1)
     mass *= (target / mass.sum(axis=1))[:, None]
-    return fill, density * octant_volume * mass
+    return fill, most * octant_volume * mass

@@ -80,4 +80,5 @@ def cell_lines(body: Body) -> Ints:
 
 def cell_volumes(body: Body) -> Floats:
     """Of each cell (C,) [m^3]."""
-    return np.asarray(body.cell_mass.sum(axis=1) / body.material.density)
+    density = body.of_octants([material.density for material in body.materials])[:, 0]
+    return np.asarray(body.cell_mass.sum(axis=1) / density)

@@ -25,10 +25,11 @@ RIDGE = 1e-9
 """keeps the slope finite, and as small as can be, where the samples lie in a plane"""
 
 
-def nodal_recovery(body: Body, sample: Floats) -> csr_array:
+def nodal_recovery(body: Body, sample: Floats, material: int = 0) -> csr_array:
     """Matrix (N, 8 C) that takes values at all octants, cell by cell, to the nodes.
 
-    sample (C,) local coordinate of each cell's samples. Rows of nodes without a filled octant in reach are zero.
+    sample (C,) local coordinate of each cell's samples; material: only its octants count, as stress jumps where another
+    begins. Rows of nodes without such an octant in reach are zero.
     """
     place = LOCAL - 1.0
     octant = place[OCTANT_NODES].sum(axis=1) / 4.0  # -1 or 1 along each axis
@@ -38,7 +39,7 @@ def nodal_recovery(body: Body, sample: Floats) -> csr_array:
         r = sample_places(body, sample)[:, None] - body.x_rest[body.cell_nodes][:, :, None]
         r /= np.cbrt(cell_volumes(body).mean())
     p = np.concatenate([np.ones((*r.shape[:3], 1)), r], axis=3)
-    weighted = p * body.fill[:, None, :, None]
+    weighted = p * (body.fill * (body.octant_material == material))[:, None, :, None]
     moments = np.zeros((body.n_nodes, 4, 4))
     np.add.at(moments, body.cell_nodes, np.einsum("canq,canp->capq", weighted, p))
     size = moments[:, 0, 0].copy()

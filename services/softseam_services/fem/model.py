@@ -67,12 +67,13 @@ class FemModel(NamedTuple):
     mean_gradient: Floats
     """over a cell, of each of its shapes in `full` (t, m, 3) [1/m]"""
     kind: int
-    """of the material, for body.materials.point"""
-    parameters: Floats
+    """of the materials, for body.materials.point"""
     linear: bool
     """small-strain material; a mean volume ratio is one of traces"""
-    mu: float
-    lambda_: float
+    mu: Floats
+    """of each octant (c, 8) [Pa]"""
+    lambda_: Floats
+    """(c, 8) [Pa]"""
     edge: float
     """least edge of a cell [m]"""
     weight: Floats
@@ -80,9 +81,9 @@ class FemModel(NamedTuple):
     filled: NDArray[np.bool_]
     """(c, 8)"""
     mean_fill: Floats
-    """times mu, as the stabilisation below has mu in it: mean(f) only (c,)"""
+    """mean of f mu over the body's own mu, which the stabilisation below has in it (c,)"""
     partial: bool
-    """some cell is not full"""
+    """that is not 1 in some cell"""
     gradient: Floats
     """(27, 24) [1/m]"""
     gradient_t: Floats
@@ -92,9 +93,9 @@ class FemModel(NamedTuple):
     stabilisation: Floats
     """mu S (27, 27) [N/m]"""
     laplacian: Floats
-    """L of each fill pattern (k, 27, 27) [N/m]"""
+    """L of each pattern of f mu in octants (k, 27, 27) [N/m]"""
     pattern: Ints
-    """fill pattern of each cell (c,)"""
+    """pattern of each cell (c,)"""
     seam: Ints
     """(s,)"""
     point_ptr: Ints
@@ -109,8 +110,8 @@ class FemModel(NamedTuple):
     """(p,)"""
     point_stiffness: Floats
     """r, 0 at points that are for display only (p,) [N/m]"""
-    swiftness: float
-    """rho h^2/(3 E), h the spacing of nodes: inertia of the layer rho h/3 that a point stands for over E/h [s^2]"""
+    swiftness: Floats
+    """rho h^2/(3 E), h the spacing of nodes: inertia of the layer rho h/3 of a point over E/h (p,) [s^2]"""
     point_face: Ints
     """face that a point inside it belongs to; these come last, p counts them too. -1 at nodes of such faces, -2 at
     other points (p,)"""
@@ -215,8 +216,9 @@ def build_model(
     mu = body.material.mu
     fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
     weight = fill * (tables.volume / 8.0)
-    mean_fill = fill.mean(axis=1)
-    patterns, pattern = np.unique(fill, axis=0, return_inverse=True)
+    materials, number = body.materials, body.octant_material[region.cells]
+    stiff = fill * np.array([material.mu / mu for material in materials])[number]
+    patterns, pattern = np.unique(stiff, axis=0, return_inverse=True)
     gradient = tables.gradient.reshape(27, 8, 3)
     squares = np.einsum("aqi,bqi->qab", gradient, gradient) * (mu * tables.volume / 8.0)
     laplacian = np.einsum("kq,qab->kab", patterns, squares)
@@ -231,19 +233,25 @@ def build_model(
     of_point = np.repeat(np.arange(len(point_cell)), np.diff(pointer))
     local = np.argmax(region.cell_nodes[point_cell[of_point]] == node[:, None], axis=1)
     spacing = 0.5 * float(body.edges.min())
-    per_area = body.material.young / spacing
-    stiffness = np.concatenate([PENALTY * per_area * body.surface.area[region.points], SOFT * per_area * inner.area])
+    octant = (np.concatenate([region.point_local, inner.local]) >= 0.0) @ np.array([1, 2, 4])
+    of_points = number[point_cell, octant]
+    per_area = np.array([material.young / spacing for material in materials])[of_points]
+    factor = np.repeat([PENALTY, SOFT], [len(region.points), len(inner.cell)])
+    stiffness = factor * per_area * np.concatenate([body.surface.area[region.points], inner.area])
+    swiftness = np.array([material.density * spacing**2 / (3.0 * material.young) for material in materials])
     x, shape = cell_shapes(body, region)
     general = element != "hex27" or len(x) > 1 or body.material.kind not in _SPLITS
     poisson = body.material.elastic.poisson
     crushable = element == "hex27" and body.material.kind != "linear"
     # the fast path needs no table of points but that of crushed cells
     table = ELEMENTS["hex27_full" if crushable else element](x, poisson)
-    full = build_rule(table, fill, mu, shape)
+    full = build_rule(table, fill, shape, materials, number)
     mean_gradient = (
         np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
     )
-    rule = build_rule(ELEMENTS[element](x, poisson), fill, mu, shape) if general and crushable else full
+    rule = full
+    if general and crushable:
+        rule = build_rule(ELEMENTS[element](x, poisson), fill, shape, materials, number)
     model = FemModel(
         general=general,
         rule=rule,
@@ -251,7 +259,6 @@ def build_model(
         full=full,
         mean_gradient=mean_gradient,
         kind=body.material.number,
-        parameters=body.material.parameters,
         x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
         mass=region.mass,
         acceleration=body.gravity,
@@ -260,13 +267,13 @@ def build_model(
         cell_grid=cell_grid,
         order=tree.position,
         linear=body.material.kind == "linear",
-        mu=mu,
-        lambda_=body.material.lambda_,
+        mu=np.array([material.mu for material in materials])[number],
+        lambda_=np.array([material.lambda_ for material in materials])[number],
         edge=float(body.edges.min()),
         weight=weight,
         filled=body.fill[region.cells] > 0.0,
-        mean_fill=mean_fill,
-        partial=bool(np.any(fill < 1.0)),
+        mean_fill=stiff.mean(axis=1),
+        partial=bool(np.any(stiff != 1.0)),
         gradient=tables.gradient,
         gradient_t=tables.gradient_t,
         lanes=lanes,
@@ -281,7 +288,7 @@ def build_model(
         point_weight=point_weight,
         point_cell=point_cell,
         point_stiffness=stiffness,
-        swiftness=body.material.density * spacing**2 / (3.0 * body.material.young),
+        swiftness=swiftness[of_points],
         point_face=np.concatenate([np.where(inner.alone, ALONE, -1), inner.face]).astype(np.int32),
         face_nodes=inner.face_nodes,
         edged=inner.edged,

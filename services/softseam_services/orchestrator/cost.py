@@ -76,4 +76,4 @@ def substeps(body: Body, spec: PbdSpec, dt: float) -> int:
     if spec.substeps != "auto":
         return spec.substeps
     courant = COURANT * (LONGER if spec.sweeps > 1 else 1.0)
-    return max(1, math.ceil(dt * body.material.wave_speed / (courant * 0.5 * float(body.edges.min()))))
+    return max(1, math.ceil(dt * body.wave_speed / (courant * 0.5 * float(body.edges.min()))))

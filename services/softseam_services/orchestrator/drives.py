@@ -202,8 +202,8 @@ def _mass(spec: ToolSpec) -> float:
 
 
 def _stiffness(body: Body, width: float, dt: float) -> float:
-    """k_0 of a body of this width [N/m]."""
-    material = body.material
+    """k_0 of a body of this width, as if all of it were of its stiffest material [N/m]."""
+    material = max(body.materials, key=lambda each: each.elastic.p_wave)
     modulus = material.lambda_ + 2.0 * material.mu
-    area = float(body.cell_mass.sum()) / (material.density * width)
+    area = float(body.cell_mass.sum()) / (body.mean_density * width)
     return material.density * material.wave_speed * area / dt + 2.0 * modulus * area / width

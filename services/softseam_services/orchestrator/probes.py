@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,7 @@ class Probes:
         self._rest = np.array(list(points.values()), dtype=np.float64).reshape(-1, 3)
         cells = np.empty(len(points), dtype=np.int64)
         self._weight = np.empty((len(points), 27))
+        self._material = np.zeros(len(points), dtype=np.int32)
         slopes = np.empty((27, 3))
         middle = body.x_rest[body.cell_nodes[:, 13]]
         for i, (name, at) in enumerate(zip(self._names, self._rest, strict=True)):
@@ -38,7 +41,7 @@ class Probes:
                 found = local_place(body, at)
                 if found is None:
                     raise _not_inside(body, name, at)
-                cells[i] = found[0]
+                cells[i], self._material[i] = found[0], body.octant_material[found[0], 0]
                 hex27(found[1], self._weight[i], slopes)
                 continue
             local = 2.0 * (at - middle) / body.edges
@@ -48,6 +51,7 @@ class Probes:
             cells[i] = np.argmin(np.where(empty, np.inf, outside))
             if empty.all() or outside[cells[i]] > 1.0 + _REACH:
                 raise _not_inside(body, name, at)
+            self._material[i] = body.octant_material[cells[i], octant[cells[i]]]
             hex27(np.clip(local[cells[i]], -1.0, 1.0), self._weight[i], slopes)
         self._nodes = body.cell_nodes[cells]
         self._recovery: csr_array | None = None
@@ -60,16 +64,24 @@ class Probes:
         if self._recovery is None or not np.array_equal(frame.cell_near, self._near):
             self._near = frame.cell_near.copy()
             near, far = (FEM_SAMPLE if model == "fem" else PBD_SAMPLE for model in (near_model, far_model))
-            recovery = nodal_recovery(self._body, np.where(frame.cell_near == 1, near, far))
-            rows = np.repeat(np.arange(len(self._names)), 27)
-            shape = (len(self._names), self._body.n_nodes)
-            self._recovery = csr_array((self._weight.ravel(), (rows, self._nodes.ravel())), shape=shape) @ recovery
+            self._recovery = self._recover(np.where(frame.cell_near == 1, near, far))
         cauchy = self._recovery @ frame.cauchy.reshape(-1, 6)
         moved = np.einsum("pa,pai->pi", self._weight, frame.x[self._nodes]) - self._rest
         found = {}
         for name, stress, distance in zip(self._names, von_mises(cauchy), np.linalg.norm(moved, axis=1), strict=True):
             found[f"{name}.von_mises"], found[f"{name}.displacement"] = float(stress), float(distance)
         return found
+
+    def _recover(self, sample: Floats) -> csr_array:
+        """Matrix that takes the stress of all octants to the probes, each in its own material; sample (C,)."""
+        rows = np.broadcast_to(np.arange(len(self._names))[:, None], self._nodes.shape)
+        shape = (len(self._names), self._body.n_nodes)
+        parts = []
+        for material in np.unique(self._material):
+            mine = self._material == material
+            entries = (self._weight[mine].ravel(), (rows[mine].ravel(), self._nodes[mine].ravel()))
+            parts.append(csr_array(entries, shape=shape) @ nodal_recovery(self._body, sample, int(material)))
+        return reduce(operator.add, parts)
 
 
 def _not_inside(body: Body, name: str, at: Floats) -> MeshError:

@@ -10,6 +10,7 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import OCTANT_NODES
 
 from .hourglass import block_constants
+from .kernels.block import Constants
 from .kernels.lanes import LANES
 
 
@@ -17,8 +18,9 @@ from .kernels.lanes import LANES
 class Blocks:
     """Blocks in batches of 4 that share no node, colour after colour (n_batches * 4 = padded blocks).
 
-    Octants of a lattice take 8 colours by the parity of their place, in a fixed order, so a sweep is deterministic.
-    The last batch of a colour is filled up with an empty block on 8 nodes of its own, which never move.
+    Octants of a lattice take 8 colours by the parity of their place, in a fixed order, so a sweep is deterministic; in
+    a colour the batches of one material follow those of another. The last batch of a colour and material is filled up
+    with an empty block on 8 nodes of its own, which never move.
     """
 
     nodes: Ints
@@ -31,11 +33,11 @@ class Blocks:
     """where the batches of each colour begin, and the end (9,)"""
     edges: Floats
     """(3,) [m]"""
-    constants: Floats
+    constants: Constants
     padding_x: Floats
     """rest positions of the padding's nodes (8, 3) [m]"""
     law: int
-    """number of the material in `body.materials.point`"""
+    """number of the materials' kind in `body.materials.point`"""
 
     @property
     def n_batches(self) -> int:
@@ -51,11 +53,16 @@ def build_blocks(body: Body, region: Region, hourglass: str, only: Ints | None =
         ids = np.intersect1d(ids, only)
     octant = ids % 8
     # The place of an octant in the lattice is 2 grid + (i, j, k), so its parity is (i, j, k): colour = octant.
+    material = body.octant_material[region.cells].ravel()[ids]
     lanes: list[Ints] = []
+    ends, numbers = [0], []
     for colour in range(8):
-        members = ids[octant == colour]
-        pad = -len(members) % LANES
-        lanes.append(np.concatenate([members, np.full(pad, -1)]))
+        for number in range(len(body.materials)):
+            members = ids[(octant == colour) & (material == number)]
+            pad = -len(members) % LANES
+            lanes.append(np.concatenate([members, np.full(pad, -1)]))
+            numbers += [number] * (len(lanes[-1]) // LANES)
+        ends.append(len(numbers))
     order = np.concatenate(lanes).reshape(-1, LANES)
     real = order >= 0
     n_nodes = len(region.nodes)
@@ -67,9 +74,12 @@ def build_blocks(body: Body, region: Region, hourglass: str, only: Ints | None =
         nodes=np.ascontiguousarray(nodes.transpose(0, 2, 1)),
         volume=np.where(real, volume[np.maximum(order, 0)], 0.0),
         octant=order.astype(np.int32),
-        colours=np.cumsum([0, *(len(each) // LANES for each in lanes)], dtype=np.int32),
+        colours=np.array(ends, dtype=np.int32),
         edges=edges,
-        constants=block_constants(body.material, edges, hourglass),
+        constants=Constants(
+            np.stack([block_constants(each, edges, hourglass) for each in body.materials]),
+            np.array(numbers, dtype=np.int32),
+        ),
         padding_x=corner * edges,
         law=body.material.number,
     )

@@ -26,7 +26,7 @@ class SeamProbe:
 
     def __init__(self, model: PbdModel, dt: float) -> None:
         region = model.region
-        way = dt * model.body.material.wave_speed / float(model.blocks.edges.min())
+        way = dt * model.body.wave_speed / float(model.blocks.edges.min())
         layers = int(np.clip(np.ceil(REACH * way), LEAST_LAYERS, MOST_LAYERS))
         all_nodes = np.concatenate([model.blocks.nodes.transpose(0, 2, 1).reshape(-1, 8)])
         octants = model.blocks.octant.ravel()

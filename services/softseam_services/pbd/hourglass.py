@@ -12,7 +12,7 @@ FITTED = (0.85, 0.0)
 
 
 def block_constants(material: Material, edges: Floats, hourglass: str) -> Floats:
-    """The array `k` of the block kernels for blocks with these edges (3,) [m].
+    """A row of `Constants.table` for blocks with these edges (3,) [m].
 
     Stiffness per volume of the modes (h, component), a = 2/l: bending pairs {(xi zeta, x), (eta zeta, y)} and so on
     d E a_i^2/3 and o E a_i a_j/3; shear mu/3 v v^T with v = a_y (eta zeta, x) + a_x (xi zeta, y) and so on; twist

@@ -79,10 +79,10 @@ class PbdModel:
             return self._explicit_substeps(dt)
         if self.spec.substeps != "auto":
             return self.spec.substeps
-        material = self.body.material
         touched = bool(self.active.any() and (self.tools.friction > 0.0).any())
         table = TOUCHED if touched else STABLE
-        limit = float(np.interp(0.5 * material.young / material.mu - 1.0, *table))
+        here = (self.body.materials[number] for number in np.unique(self.blocks.constants.number))
+        limit = min(float(np.interp(0.5 * material.young / material.mu - 1.0, *table)) for material in here)
         if self.spec.sweeps > 1:
             limit *= TWO_SWEEPS
         return max(1, int(np.ceil(dt * self.frequency / limit - 1e-9)))

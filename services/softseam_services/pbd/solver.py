@@ -156,7 +156,7 @@ class PbdSolver:
         gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
         stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(model.x_rest, axis=0).max())
         state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
-        self._floor = 1e-8 * model.body.material.mu * float(blocks.volume.sum())
+        self._floor = 1e-8 * min(material.mu for material in model.body.materials) * float(blocks.volume.sum())
 
     @property
     def strain(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.scene import MaterialSpec
+from softseam_protocol.scene_materials import MaterialSpec
 from softseam_services.body.body import Material
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.materials import point

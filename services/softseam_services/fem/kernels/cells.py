@@ -1,8 +1,8 @@
 """Forces, tangents, energies and stresses of hex27 box cells with split quadrature (fem/elements/hex27_box.py, eq. 1).
 
 The fast path of kernels/elements.py. A cell counts with its work.part, 1 but for crushed cells (kernels/crushed.py).
-With w_q = f_q V/8, H = cof F and the volumetric part of the material, s = dpsi_J/dJ, ds = d2psi_J/dJ2:
-  f_ia = sum_q w_q (mu F + s H)_ij dN_a,j + mean(f) mu sum_b S_ab x_ib                                          (1)
+With w_q = f_q V/8, H = cof F, mu and the volumetric part of the octant's material, s = dpsi_J/dJ, ds = d2psi_J/dJ2:
+  f_ia = sum_q w_q (mu F + s H)_ij dN_a,j + mean(f mu) sum_b S_ab x_ib                                          (1)
   K_ia,kb = delta_ik L_ab + sum_q w_q [(ds + s/J) h_ia h_kb - s/J h_ka h_ib],  h_a = H grad N_a                 (2)
 For the small-strain material F = I in H, and the remainder stress of its file takes the place of s H:
   f_ia = sum_q w_q (mu F + mu F^T + (lambda tr(F - I) - 2 mu) I)_ij dN_a,j + ...                                (3)
@@ -80,13 +80,13 @@ def subtract_forces(x, model, work, r):
     x (n, 3), r (3 n_free,) updated in place; work.xe, work.F, work.P are overwritten
     """
     deformation(x, model, work)
-    mu, lam = model.mu, model.lambda_
     least, worst = np.inf, -1
     n_cells = len(model.cell_nodes)
     for cell in range(n_cells):
         part = work.part[cell]
         for q in range(8):
-            J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, part * model.weight[cell, q], work.P[cell])
+            mu, lam, weight = model.mu[cell, q], model.lambda_[cell, q], part * model.weight[cell, q]
+            J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, weight, work.P[cell])
             if not least <= J:
                 least, worst = J, cell
     multiply(work.P, model.gradient_t, work.fe, 3 * n_cells, 27, 24, False, work.ints)
@@ -200,8 +200,8 @@ def add_cell_tangents(x, model, tree, work, safe):
         n_free = tree.cell_free[cell]
         local = tree.cell_local[cell]
         for q in range(8):
-            weight = work.part[cell] * model.weight[cell, q]
-            A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, model.mu, model.lambda_, weight, safe, H)
+            mu, lam, weight = model.mu[cell, q], model.lambda_[cell, q], work.part[cell] * model.weight[cell, q]
+            A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, mu, lam, weight, safe, H)
             at = 3 * q * LANES
             for b in range(n_free):
                 a = local[b]
@@ -222,12 +222,11 @@ def add_cell_tangents(x, model, tree, work, safe):
 
 @njit(cache=True, error_model="numpy")
 def strain_energy(x, model, work):
-    """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(f) mu/2 sum_ab S_ab x_a . x_b.
+    """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(f mu)/2 sum_ab S_ab x_a . x_b.
 
     work.energy (c,) += each cell's
     """
     deformation(x, model, work)
-    mu, lam = model.mu, model.lambda_
     n_cells = len(model.cell_nodes)
     multiply(work.xe, model.stabilisation, work.fe, 3 * n_cells, 27, 27, False, work.ints)
     total = 0.0
@@ -236,6 +235,7 @@ def strain_energy(x, model, work):
         own = 0.0
         for q in range(8):
             at = 3 * q
+            mu, lam = model.mu[cell, q], model.lambda_[cell, q]
             square = cross = 0.0
             for i in range(3):
                 for j in range(3):
@@ -274,7 +274,7 @@ def cauchy_stress(x, model, work, out):
         F = work.F[cell]
         for q in range(8):
             at = 3 * q
-            J = point_stress(F, at, model.linear, model.mu, model.lambda_, 1.0, P)
+            J = point_stress(F, at, model.linear, model.mu[cell, q], model.lambda_[cell, q], 1.0, P)
             for n in range(6):
                 i, j = (0, 1, 2, 1, 0, 0)[n], (0, 1, 2, 2, 2, 1)[n]
                 if model.linear:

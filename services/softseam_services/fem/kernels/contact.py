@@ -54,18 +54,18 @@ def point_position(x, model, point, out):
 
 
 @njit(cache=True, error_model="numpy")
-def firmness(model, inertia):
-    """Factor on the points' stiffness that keeps r at 20 times the inertia of what a point stands for [1]."""
-    return max(1.0, model.swiftness * inertia)
+def firmness(model, point, inertia):
+    """Factor on a point's stiffness that keeps r at 20 times the inertia of what the point stands for [1]."""
+    return max(1.0, model.swiftness[point] * inertia)
 
 
 @njit(cache=True, error_model="numpy")
-def find_candidates(x, model, tools, multiplier, reach, firm, pace, work):
+def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     """Pairs whose gap to the tool at the end of the step is below `reach`, that carry a force, or that the factor has.
 
-    x (n, 3) positions at the start, multiplier (p, t, 6) contact state at the start, firm: `firmness`, pace: share of
-    the penetration that the step may take out; fills work.pair, work.start, work.multiplier and resets the states;
-    returns how many.
+    x (n, 3) positions at the start, multiplier (p, t, 6) contact state at the start, inertia: of `firmness`, pace:
+    share of the penetration that the step may take out; fills work.pair, work.start, work.multiplier and resets the
+    states; returns how many.
     """
     n_tools = len(tools.kind)
     xp = np.empty(3)
@@ -105,7 +105,7 @@ def find_candidates(x, model, tools, multiplier, reach, firm, pace, work):
                 work.multiplier[count, 2] = f2
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
-                work.hold[count, 0] = share * firm * model.point_stiffness[point]
+                work.hold[count, 0] = share * firmness(model, point, inertia) * model.point_stiffness[point]
                 work.hold[count, 1] = carry
                 work.hold[count, 2] = 0.0
                 if pace < 1.0:

@@ -20,7 +20,6 @@ from softseam_services.fem.kernels.contact import (
     evaluate_contacts,
     find_candidates,
     firm_way,
-    firmness,
 )
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, seam_inverse, solve
@@ -319,7 +318,7 @@ def seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree,
     inverse (3s, 3s) [m/N] updated in place; returns whether the matrix could be factored.
     """
     inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
-    count = find_candidates(x0, model, tools, contact0, model.edge, firmness(model, inertia), 1.0, work)
+    count = find_candidates(x0, model, tools, contact0, model.edge, inertia, 1.0, work)
     residual(x, x0, model, tools, count, inertia, share, work, memo)
     for c in range(count):
         # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)

@@ -96,13 +96,14 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
         for group in range(n_elements // per_group):
             point_gradients(work.xe[cell], rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
+            parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
             J_bar, total, mean_p, s = 1.0, 1.0, 0.0, 0.0
             if averaged:
                 v[:], g[:] = 0.0, 0.0
                 J_bar, total = group_volumes(F, weight, model.linear, H, J)
                 for at in range(size):
                     modify(F[at], J[at], J_bar, model.linear, F_bar)
-                    stress(model.kind, model.parameters, F_bar, P)
+                    stress(model.kind, parameters[at], F_bar, P)
                     mean_p += weight[at] / total * mean_pressure(P, F_bar, model.linear)
             at = 0
             for element in range(group * per_group, (group + 1) * per_group):
@@ -118,8 +119,8 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                     G, w = rule.gradient[shape, element, q], part[cell] * weight[at]
                     if averaged:
                         theta = modify(F[at], J[at], J_bar, model.linear, F_bar)
-                        stress(model.kind, model.parameters, F_bar, P)
-                        tangent(model.kind, model.parameters, F_bar, A, definite)
+                        stress(model.kind, parameters[at], F_bar, P)
+                        tangent(model.kind, parameters[at], F_bar, A, definite)
                         s += w * modify_tangent(
                             A, P, F[at], F_bar, H[at], J[at], J_bar, theta, mean_p, model.linear, definite, coupled
                         )
@@ -130,7 +131,7 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                                 along = H[at, i, 0] * G[0, a] + H[at, i, 1] * G[1, a] + H[at, i, 2] * G[2, a]
                                 g[nodes[a], i] += weight[at] / total * along
                     else:
-                        tangent(model.kind, model.parameters, F[at], A, definite)
+                        tangent(model.kind, parameters[at], F[at], A, definite)
                     _add_point(A, G, w, K)
                     at += 1
                 _scatter(K, nodes, tree, cell, work.values)

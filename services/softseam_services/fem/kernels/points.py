@@ -64,17 +64,17 @@ def _determinant(F):
 
 @njit(cache=True, error_model="numpy")
 def group_stresses(kind, parameters, additive, averaged, F, weight, F_bar, H, J, P):
-    """P (k, 3, 3) with which eq. (2) holds at the points of a group, updated in place."""
+    """P (k, 3, 3) with which eq. (2) holds at the points of a group, updated in place; parameters (k, 3)."""
     if not averaged:
         for at in range(len(F)):
-            stress(kind, parameters, F[at], P[at])
+            stress(kind, parameters[at], F[at], P[at])
         return
     J_bar, total = group_volumes(F, weight, additive, H, J)
     a_bar = 1.0 if additive else positive_volume(J_bar)[1]
     pull = 0.0
     for at in range(len(F)):
         theta = modify(F[at], J[at], J_bar, additive, F_bar)
-        stress(kind, parameters, F_bar, P[at])
+        stress(kind, parameters[at], F_bar, P[at])
         p = mean_pressure(P[at], F_bar, additive)
         pull += weight[at] * p
         own = p if additive else p * positive_volume(J[at])[1]
@@ -112,7 +112,8 @@ def subtract_forces(x, model, rule, part, work, r):
         for group in range(n_elements // per_group):
             point_gradients(xe, rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
-            group_stresses(model.kind, model.parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
+            parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
+            group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
             at = 0
             for element in range(group * per_group, (group + 1) * per_group):
                 nodes = rule.nodes[element]
@@ -163,15 +164,16 @@ def strain_energy(x, model, rule, part, work):
         for group in range(n_elements // per_group):
             point_gradients(xe, rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
+            parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
             J_bar = 1.0
             if averaged:
                 J_bar, _ = group_volumes(F, weight, model.linear, H, J)
             for at in range(size):
                 if averaged:
                     modify(F[at], J[at], J_bar, model.linear, F_bar)
-                    own += weight[at] * energy(model.kind, model.parameters, F_bar)
+                    own += weight[at] * energy(model.kind, parameters[at], F_bar)
                 else:
-                    own += weight[at] * energy(model.kind, model.parameters, F[at])
+                    own += weight[at] * energy(model.kind, parameters[at], F[at])
         if rule.stabilised:
             for element in range(n_elements):
                 nodes = rule.nodes[element]
@@ -209,7 +211,8 @@ def cauchy_stress(x, model, rule, work, out):
         for group in range(n_elements // per_group):
             point_gradients(work.xe[cell], rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
-            group_stresses(model.kind, model.parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
+            parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
+            group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
             for at in range(size):
                 det = 1.0 if model.linear else _determinant(F[at])
                 share = rule.share[group * per_group + at // n_points, at % n_points]

@@ -17,7 +17,6 @@ from softseam_services.fem.kernels.contact import (
     augment,
     evaluate_contacts,
     find_candidates,
-    firmness,
     point_position,
 )
 from softseam_services.fem.kernels.crushed import share_cells
@@ -123,7 +122,7 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
     search = True
     while True:
         if search:
-            count = find_candidates(x0, model, tools, contact0, reach, firmness(model, inertia), pace, work)
+            count = find_candidates(x0, model, tools, contact0, reach, inertia, pace, work)
             search = False
         status, iterations = newton(
             x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, work, memo

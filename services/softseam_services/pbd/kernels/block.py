@@ -23,6 +23,8 @@ mode) are tuples of scalars; stress goes by threes of rows, each with row c of P
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,9 +42,24 @@ MU, LAM, B, G, PAIR, SHEAR, TWIST, BOUND, PARAMETERS = 0, 1, 2, 5, 8, 17, 23, 26
 N_CONSTANTS = 33
 
 
+class Constants(NamedTuple):
+    """Of the blocks, for the kernels; the blocks of a batch are of one material."""
+
+    table: NDArray[np.float64]
+    """of each material, see `hourglass.block_constants` (m, N_CONSTANTS)"""
+    number: NDArray[np.int32]
+    """of each batch's material (b,)"""
+
+
 def new_workspace() -> NDArray[np.float64]:
     """Workspace of the block kernels (ROWS * LANES,)."""
     return aligned(ROWS * LANES)
+
+
+@lane_kernel
+def of_batch(constants, batch):
+    """The constants of a batch's material (N_CONSTANTS,)."""
+    return constants.table[constants.number[batch]]
 
 
 @lane_kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from .block import ENERGY, VOLUME, gather
+from .block import ENERGY, VOLUME, gather, of_batch
 from .lanes import LANES, move_four
 from .laws import write_energy
 
@@ -21,7 +21,7 @@ def cell_energies(ws, xw, nodes, volume, octant, constants, law, energy):
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        write_energy(ws, constants, law)
+        write_energy(ws, of_batch(constants, batch), law)
         for lane in range(LANES):
             if octant[batch, lane] >= 0:
                 energy[octant[batch, lane] // 8] += ws[LANES * ENERGY + lane]

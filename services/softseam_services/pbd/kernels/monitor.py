@@ -7,7 +7,7 @@ from numba import njit
 
 from softseam_services.body.materials.point import LINEAR
 
-from .block import MU, STRESS, VOLUME, WANTED, gather, hoist, load_stress, shape
+from .block import MU, STRESS, VOLUME, WANTED, gather, hoist, load_stress, of_batch, shape
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
 
@@ -31,13 +31,14 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
 
     The largest stretch is bounded by Gershgorin's rows of F^T F: exact at rest and along the axes, never too small.
     """
-    k = hoist(constants)
-    least = 2.0 * LEAST_STRAIN * constants[MU]
     for batch in range(first, end):
+        own = of_batch(constants, batch)
+        k = hoist(own)
+        least = 2.0 * LEAST_STRAIN * own[MU]
         gather(ws, xw, nodes, batch)
         load_stress(ws, stress, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        write_stress(ws, constants, law)
+        write_stress(ws, own, law)
         lag, size, stretch = 0.0, 0.0, 0.0
         for lane in range(LANES):
             if volume[batch, lane] == 0.0:

@@ -6,7 +6,7 @@ from numba import njit
 
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
 
-from .block import WANTED, gather
+from .block import WANTED, gather, of_batch
 from .general import cauchy_lanes_general
 from .lanes import LANES
 from .linear import cauchy_lanes_linear
@@ -22,12 +22,13 @@ def octant_stress(ws, xw, nodes, octant, constants, law, cauchy):
     """
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
+        k = of_batch(constants, batch)
         if law == NEO_HOOKEAN:
-            cauchy_lanes(ws, constants)
+            cauchy_lanes(ws, k)
         elif law == LINEAR:
-            cauchy_lanes_linear(ws, constants)
+            cauchy_lanes_linear(ws, k)
         else:
-            cauchy_lanes_general(ws, constants, law)
+            cauchy_lanes_general(ws, k, law)
         for lane in range(LANES):
             place = octant[batch, lane]
             if place >= 0:

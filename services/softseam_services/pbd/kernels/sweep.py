@@ -18,6 +18,7 @@ from .block import (
     hoist,
     load_stress,
     new_workspace,
+    of_batch,
     read_row,
     scatter,
     spread,
@@ -42,7 +43,8 @@ def sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, fir
     volume    (b, LANES)       fill times volume [m^3]
     softness  (b, LANES)       8 times the largest inverse mass of a block's nodes [1/kg]
     stress    (b, N_STRESS)    Lambda, row by row of LANES lanes, updated in place
-    law                        number of the material in `body.materials.point`
+    constants                  `block.Constants`
+    law                        number of the materials' kind in `body.materials.point`
     kappa, h                   under-relaxation of the local compliance [1], substep [s]
     """
     hh = h * h
@@ -51,12 +53,13 @@ def sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, fir
         load_stress(ws, stress, batch)
         move_four(ws, LANES * SOFTNESS, softness, LANES * batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
+        k = of_batch(constants, batch)
         if law == NEO_HOOKEAN:
-            project_lanes(ws, constants, kappa, hh)
+            project_lanes(ws, k, kappa, hh)
         elif law == LINEAR:
-            project_lanes_linear(ws, constants, kappa, hh)
+            project_lanes_linear(ws, k, kappa, hh)
         else:
-            project_lanes_general(ws, constants, law, kappa, hh)
+            project_lanes_general(ws, k, law, kappa, hh)
         store_stress(ws, STRESS, stress, batch)
         scatter(ws, xw, nodes, batch)
 
@@ -67,7 +70,7 @@ def exact_stress(ws, xw, nodes, volume, stress, constants, law):
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        write_stress(ws, constants, law)
+        write_stress(ws, of_batch(constants, batch), law)
         store_stress(ws, WANTED, stress, batch)
 
 
@@ -77,7 +80,7 @@ def block_forces(ws, nodes, stress, constants, force, first, end):
 
     The fourth column is not used.
     """
-    k = hoist(constants)
+    k = hoist(constants.table[0])  # edges alone count here, which all blocks have alike
     one = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     for batch in range(first, end):
         gather(ws, force, nodes, batch)
@@ -98,7 +101,7 @@ def batch_energies(ws, xw, nodes, volume, constants, law, first, end, energies):
     for batch in range(first, end):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        write_energy(ws, constants, law)
+        write_energy(ws, of_batch(constants, batch), law)
         total, least = 0.0, np.inf
         for lane in range(LANES):
             if volume[batch, lane] > 0.0:
