@@ -7,6 +7,8 @@ from typing import NamedTuple
 from softseam_services.body.body import Floats, Ints
 from softseam_services.by_reference import by_reference
 
+from .kernels.block import Constants
+
 
 @by_reference
 class BlockArrays(NamedTuple):
@@ -15,7 +17,7 @@ class BlockArrays(NamedTuple):
     nodes: Ints
     volume: Floats
     softness: Floats
-    constants: Floats
+    constants: Constants
     law: int
 
 

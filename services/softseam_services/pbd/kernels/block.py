@@ -28,6 +28,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_services.by_reference import by_reference
+
 from .lanes import LANES, aligned, lane_kernel, move_four, transpose_four
 
 # Rows of the workspace: positions (node, component), inverse masses, Lambda (P then T), 8 max w, volume; then what only
@@ -42,6 +44,7 @@ MU, LAM, B, G, PAIR, SHEAR, TWIST, BOUND, PARAMETERS = 0, 1, 2, 5, 8, 17, 23, 26
 N_CONSTANTS = 33
 
 
+@by_reference
 class Constants(NamedTuple):
     """Of the blocks, for the kernels; the blocks of a batch are of one material."""
 

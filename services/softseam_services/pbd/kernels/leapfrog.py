@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .block import VOLUME, WANTED, gather, hoist, node_softness, read_row, scatter, spread, store_stress
+from .block import VOLUME, WANTED, gather, hoist, node_softness, of_batch, read_row, scatter, spread, store_stress
 from .crew import done, first_share, next_share, wait_for
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
@@ -44,11 +44,12 @@ def kick(ws, place, speed, blocks, h, first, end):
     place  (n + 8, 4)  positions [m]; the fourth column is not used
     speed  (n + 8, 4)  velocities [m/s], updated in place, and inverse masses [1/kg]
     """
-    k = hoist(blocks.constants)
     for batch in range(first, end):
+        own = of_batch(blocks.constants, batch)
+        k = hoist(own)
         gather(ws, place, blocks.nodes, batch)
         move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
-        write_stress(ws, blocks.constants, blocks.law)
+        write_stress(ws, own, blocks.law)
         gather(ws, speed, blocks.nodes, batch)
         for lane in range(LANES):
             _push_lane(ws, lane, k, node_softness(ws, lane, h))
@@ -61,7 +62,7 @@ def note_stress(ws, place, blocks, stress, first, end):
     for batch in range(first, end):
         gather(ws, place, blocks.nodes, batch)
         move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
-        write_stress(ws, blocks.constants, blocks.law)
+        write_stress(ws, of_batch(blocks.constants, batch), blocks.law)
         store_stress(ws, WANTED, stress, batch)
 
 
