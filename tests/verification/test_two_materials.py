@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, get_args
 
 import numpy as np
@@ -40,7 +41,7 @@ def _moduli(young: float, poisson: float) -> tuple[float, float]:
 def _held_stress(young: float, poisson: float, stretch: float) -> float:
     """P_zz of the neo-Hookean law stretched along z with its sides held [Pa]."""
     mu, lam = _moduli(young, poisson)
-    return mu * (stretch - 1.0 / stretch) + lam * np.log(stretch) / stretch
+    return mu * (stretch - 1.0 / stretch) + lam * math.log(stretch) / stretch
 
 
 def _in_series(poisson: float, length: float, border: float) -> tuple[float, float, float]:
