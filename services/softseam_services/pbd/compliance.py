@@ -50,7 +50,8 @@ class SeamProbe:
         self._dt = dt
         self._model, self._ids, self._blocks = model, ids, blocks
         self._nodes = number[blocks.nodes]
-        padded = np.concatenate([model.inverse_mass[ids], np.zeros(8)])
+        self._inverse_mass = model.inverse_mass[ids]
+        padded = np.concatenate([self._inverse_mass, np.zeros(8)])
         self._softness = np.ascontiguousarray(8.0 * padded[self._nodes].max(axis=1))
         self._seam = number[region.seam]
         # Points that follow nodes of the probed blocks only.
@@ -100,6 +101,7 @@ class SeamProbe:
             self._xw,
             self._nodes,
             blocks.volume,
+            self._inverse_mass,
             self._softness,
             blocks.constants,
             blocks.law,

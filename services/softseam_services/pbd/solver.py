@@ -76,6 +76,9 @@ class PbdSolver:
             np.zeros((2, t, 12)),
             np.zeros(n),
             self._figures,
+            np.empty_like(model.softness),
+            np.zeros(n + 8, dtype=np.int32),
+            np.zeros(model.softness.size + 1, dtype=np.int32),
         )
         self._wrench = np.zeros((t, 6))
         self._margin = MARGIN * float(model.blocks.edges.min())
@@ -89,6 +92,7 @@ class PbdSolver:
             blocks.constants,
             blocks.law,
             region.mass,
+            model.inverse_mass,
             model.x_rest,
             body.gravity,
             region.cell_nodes,

@@ -29,6 +29,7 @@ from .pairs import (
     FORCE,
     GAP,
     GIVE,
+    HOLD,
     MEAN,
     MOMENT,
     SLIP_SINCE,
@@ -47,7 +48,7 @@ RELEASE = 0.005
 
 @lane_kernel
 def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh):
-    """Eq. (1) for one pair at this gap and normal: FORCE, SLIPPED, CHANGE and X are updated."""
+    """Eq. (1) for one pair at this gap and normal: FORCE, SLIPPED, CHANGE, HOLD and X are updated."""
     old_x, old_y, old_z = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
     x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
     c, per_c = row[lane + EIGHT * GIVE], row[lane + EIGHT * (GIVE + 1)]
@@ -81,6 +82,7 @@ def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh):
     row[lane + EIGHT * FORCE] = fx
     row[lane + EIGHT * (FORCE + 1)] = fy
     row[lane + EIGHT * (FORCE + 2)] = fz
+    row[lane + EIGHT * HOLD] = 0.0 if p == 0.0 else 3.0 if sticks and mu > 0.0 else 1.0
     row[lane + EIGHT * CHANGE] = dx
     row[lane + EIGHT * (CHANGE + 1)] = dy
     row[lane + EIGHT * (CHANGE + 2)] = dz

@@ -17,6 +17,7 @@ WORK        1  work of the tool [J]
 DEPTH       1  how deep the point was inside the tool at the start of the step [m]
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]
+HOLD        1  directions in which the tool holds the point: 0, 1 where it slides, 3 where it sticks
 `rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
 node, as on a block), DEEP 1 (some point was inside the tool). Groups start[t] .. start[t + 1] belong to tool t.
 """
@@ -33,8 +34,8 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 17, 20, 23
-WORK, DEPTH, GAP, CHANGE = 26, 27, 28, 32
-N_COLUMNS = 35
+WORK, DEPTH, GAP, CHANGE, HOLD = 26, 27, 28, 32, 35
+N_COLUMNS = 36
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP = 0, 8, 16, 17
 N_ROWS = 18

@@ -7,6 +7,7 @@ from numba import njit
 
 from .block import N_STRESS
 from .contact import begin_pairs
+from .hold import find_held_blocks
 from .pairs import N_ROWS, WIDTH, find_pairs, place_points
 from .relax import relax
 from .substep import finish, predict
@@ -21,6 +22,7 @@ def probe_seam(
     xw,
     nodes,
     volume,
+    inverse_mass,
     softness,
     constants,
     law,
@@ -83,6 +85,9 @@ def probe_seam(
         rows,
         pairs_start,
     )
+    held = np.zeros(n + 8, dtype=np.int32)
+    held_blocks = np.zeros(volume.size + 1, dtype=np.int32)
+    find_held_blocks(nodes, volume, indptr, node, weight, start, rows, held, held_blocks)
     pairs = np.empty_like(pairs_start)
     motion = np.zeros((2, len(kind), 12))
     tool_motions(position, orientation, position, orientation, motion)
@@ -126,6 +131,9 @@ def probe_seam(
                 start,
                 rows,
                 pairs,
+                inverse_mass,
+                held,
+                held_blocks,
                 n_sweeps,
                 kappa,
                 h,

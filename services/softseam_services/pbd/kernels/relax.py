@@ -6,6 +6,7 @@ from numba import njit
 
 from .contact import project_contacts
 from .crew import done, first_share, next_share, wait_for
+from .hold import soften_held_blocks
 from .sweep import sweep
 
 LEAST = 4
@@ -56,6 +57,9 @@ def relax(
     pair_start,
     pair_rows,
     pairs,
+    inverse_mass,
+    held,
+    held_blocks,
     n_sweeps,
     kappa,
     h,
@@ -68,8 +72,8 @@ def relax(
     """Move xw from the prediction to the end of the substep; arguments as in `sweep_together` and `project_contacts`.
 
     Contacts come first, because the carried contact force throws a point that has just stopped off its tool, and the
-    blocks would answer to that; and they come last, so that no point ends inside a tool. Returns before and
-    stretch as they are then.
+    blocks would answer to that; and they come last, so that no point ends inside a tool. The softness of blocks that
+    tools hold is updated in place, see `hold`. Returns before and stretch as they are then.
     """
     for round_ in range(n_sweeps + 1):
         if round_ > 0:
@@ -94,6 +98,10 @@ def relax(
                 pair_rows,
                 pairs,
             )
+            if round_ < n_sweeps:
+                soften_held_blocks(
+                    nodes, inverse_mass, indptr, node, weight, pair_start, pair_rows, pairs, held, held_blocks, softness
+                )
             done(crew, rank, 1)
         before += 1
     return before, stretch

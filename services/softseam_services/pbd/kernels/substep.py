@@ -14,6 +14,7 @@ from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs
 from .crew import done, first_share, next_share, wait_for
+from .hold import find_held_blocks
 from .monitor import batch_residuals, residual
 from .pairs import find_pairs, place_points, store_pairs
 from .relax import relax
@@ -81,10 +82,11 @@ def advance_step(
     # blocks and nodes
     nodes,
     volume,
-    softness,
+    softness_free,
     constants,
     law,
     mass,
+    inverse_mass,
     x_rest,
     gravity,
     cell_nodes,
@@ -121,6 +123,9 @@ def advance_step(
     motion,
     node_gap,
     figures,
+    softness,
+    held,
+    held_blocks,
     # results, overwritten
     force_mean,
     wrench,
@@ -189,6 +194,8 @@ def advance_step(
             pair_rows,
             pairs,
         )
+        softness[:] = softness_free
+        find_held_blocks(nodes, volume, indptr, node, weight, pair_start, pair_rows, held, held_blocks)
         tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
         done(crew, rank, 1)
     for part in range(len(parts) - 1):
@@ -253,6 +260,9 @@ def advance_step(
             pair_start,
             pair_rows,
             pairs,
+            inverse_mass,
+            held,
+            held_blocks,
             n_sweeps,
             kappa,
             h,

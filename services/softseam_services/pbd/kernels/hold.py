@@ -1,0 +1,83 @@
+"""Blocks whose nodes tools hold: less of their inverse mass counts in the blocks' local solve.
+
+A block's local solve counts with the compliance of its own nodes (`block.node_softness`). Nodes that a tool holds do
+not give way: where they count in full the solve takes too little of what is missing, D = 1/(1 + c k) of it, and stress
+lags behind shape. A force k x that lags so gives a slow motion the energy that it should take: its damping is
+(2 - 1/D) omega^2 h/2,                                                                              (1)
+which is implicit Euler's at D = 1 and negative below D = 1/2. So a node counts with `SHARE` of its inverse mass:
+what sticks is held in all directions; what slides is held in one of three by each tool.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from .lanes import LANES
+from .pairs import EIGHT, HOLD, POINT
+
+SHARE = (1.0, 0.874, 0.693, 0.0)
+"""of its inverse mass that a node counts with which is held in d = 0 .. 3 directions: (1 - d/3)^(1/3), by the spectral
+radius of a substep. With more of it substeps give energy, with 1 - d/3 and less they overshoot along the tool"""
+OWN = 0.5
+"""share of a surface point's place from which on it holds a node"""
+
+
+@njit(cache=True, error_model="numpy")
+def find_held_blocks(nodes, volume, indptr, node, weight, start, rows, held, blocks):
+    """The blocks with a node that may be held by a pair of this step, once a step.
+
+    nodes, volume  (b, 8, 4), (b, 4)  as in `sweep`
+    held           (n + 8,)           scratch, zero before and after
+    blocks         (4 b + 1,)         their count, then batch * 4 + lane of each; updated in place
+    """
+    blocks[0] = 0
+    n_groups = start[len(start) - 1]
+    if n_groups == 0:
+        return
+    _mark(indptr, node, weight, n_groups, rows, held, 1)
+    n_blocks = 0
+    for batch in range(len(nodes)):
+        for lane in range(LANES):
+            most = 0
+            for i in range(8):
+                most = max(most, held[nodes[batch, i, lane]])
+            if most > 0 and volume[batch, lane] > 0.0:
+                n_blocks += 1
+                blocks[n_blocks] = LANES * batch + lane
+    blocks[0] = n_blocks
+    _mark(indptr, node, weight, n_groups, rows, held, 0)
+
+
+@njit(cache=True, error_model="numpy")
+def _mark(indptr, node, weight, n_groups, rows, held, value):
+    """held <- value for the nodes that the points of the groups stand for."""
+    for group in range(n_groups):
+        for lane in range(EIGHT):
+            point = rows[group, POINT + lane]
+            if point >= 0:
+                for entry in range(indptr[point], indptr[point + 1]):
+                    if weight[entry] > OWN:
+                        held[node[entry]] = value
+
+
+@njit(cache=True, error_model="numpy")
+def soften_held_blocks(nodes, inverse_mass, indptr, node, weight, start, rows, pairs, held, blocks, softness):
+    """softness (b, 4) of the held blocks by the contacts as they are now: 8 max w_i `SHARE`, updated in place."""
+    if blocks[0] == 0:
+        return
+    n_groups = start[len(start) - 1]
+    for group in range(n_groups):
+        for lane in range(EIGHT):
+            hold, point = int(pairs[group, EIGHT * HOLD + lane]), rows[group, POINT + lane]
+            if point >= 0 and hold > 0:
+                for entry in range(indptr[point], indptr[point + 1]):
+                    if weight[entry] > OWN:
+                        held[node[entry]] = min(3, held[node[entry]] + hold)
+    for at in range(1, blocks[0] + 1):
+        batch, lane = blocks[at] // LANES, blocks[at] % LANES
+        most = 0.0
+        for i in range(8):
+            one = nodes[batch, i, lane]
+            most = max(most, inverse_mass[one] * SHARE[held[one]])
+        softness[batch, lane] = 8.0 * most
+    _mark(indptr, node, weight, n_groups, rows, held, 0)
