@@ -3,7 +3,7 @@
 A block's local solve counts with the compliance of its own nodes (`block.node_softness`). Nodes that a tool holds do
 not give way: where they count in full the solve takes too little of what is missing, D = 1/(1 + c k) of it, and stress
 lags behind shape. A force k x that lags so gives a slow motion the energy that it should take: its damping is
-(2 - 1/D) omega^2 h/2,                                                                              (1)
+(2 - 1/D) omega^2 h/2,                                                                                         (1)
 which is implicit Euler's at D = 1 and negative below D = 1/2. So a node counts with `SHARE` of its inverse mass:
 what sticks is held in all directions; what slides is held in one of three by each tool.
 """
