@@ -159,6 +159,16 @@ def test_probes_find_their_place() -> None:
     assert local_place(body, np.array([0.2, 0.0, 0.0])) is None
 
 
+def test_probes_find_their_place_in_long_cells() -> None:
+    """Of cells twelve times as high as wide, more than a dozen have middles closer to a point than its own cell has."""
+    body = built(mesh((10, 10, 2), (0.05, 0.05, 0.12)))
+    found = local_place(body, np.array([0.0, 0.001, 0.059]))
+    assert found is not None
+    cell, t = found
+    x = body.x_rest[body.cell_nodes[cell]]
+    np.testing.assert_allclose(x.mean(axis=0) + 0.5 * t * np.ptp(x, axis=0), [0.0, 0.001, 0.059], atol=1e-12)
+
+
 def test_viewers_get_octants_lines_and_volumes() -> None:
     body = built(mesh((2, 1, 1), (0.1, 0.05, 0.05), 0.04))
     surface = surface_mesh(HEADER, body, {})

@@ -11,18 +11,20 @@ from softseam_services.body.interpolate import hex27
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 
 _ROUNDS = 30
-_CANDIDATES = 12
 _REACH = 1e-6
+_BULGE = 0.25
+"""of a cell's extent, by which its curved faces may stand out beyond its nodes"""
 _FACE_MIDDLES = (12, 14, 10, 16, 4, 22)
 
 
 def local_place(body: Body, at: Floats) -> tuple[int, Floats] | None:
     """Cell that holds the point `at` (3,) [m] at rest, and its local coordinates there, by Newton's method; or None."""
-    centres = body.x_rest[body.cell_nodes[:, 13]]
-    nearest = np.argsort(np.linalg.norm(centres - at, axis=1), kind="stable")[:_CANDIDATES]
+    corners = body.x_rest[body.cell_nodes]  # (c, 27, 3)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    near = np.all((at >= low - _BULGE * (high - low)) & (at <= high + _BULGE * (high - low)), axis=1)
     value, slope = np.empty(27), np.empty((27, 3))
-    for cell in nearest:
-        x, local = body.x_rest[body.cell_nodes[cell]], np.zeros(3)
+    for cell in np.flatnonzero(near):
+        x, local = corners[cell], np.zeros(3)
         for _ in range(_ROUNDS):
             hex27(local, value, slope)
             step = np.linalg.solve(x.T @ slope, at - value @ x)

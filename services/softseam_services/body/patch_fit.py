@@ -5,8 +5,8 @@ place of nodes: every cell takes the samples of the cells that share a node with
 
     sigma*(x) = p(x) . a,   p = (1, r, r r^T),   a = (sum_q w_q p_q p_q^T)^-1 sum_q w_q p_q sigma_q               (1)
 
-with r the distance to the cell's middle in cell edges. `recover.nodal_recovery` fits linear polynomials around nodes,
-which is enough for read-out; to measure quadratic cells the recovered stress must be one order better than theirs.
+with r the distance to the cell's middle in cell edges. `recover.nodal_recovery` fits such polynomials around
+nodes, for read-out; to measure quadratic cells the recovered stress must be one order better than theirs inside, too.
 Where the samples cannot tell a slope or curvature (a body one cell thick), the least one is taken.
 """
 

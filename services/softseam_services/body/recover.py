@@ -1,13 +1,19 @@
 """Stress recovered at the nodes from the points where it is most accurate.
 
 Superconvergent patch recovery: O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth. Engng 33 (1992) 1331-1364. Around
-each node a linear polynomial is fitted, component by component, to the stresses at the sample points of the cells that
-share the node; its value there is the recovered stress. FEM samples at the 2 x 2 x 2 Gauss points, PBD at the centres
-of its blocks. Samples weigh as much as their octant is filled; empty octants have none.
+each node a quadratic polynomial, of the order of the cell's displacements, is fitted component by component to the
+stresses at the sample points of the cells that share the node; its value there is the recovered stress. FEM samples at
+the 2 x 2 x 2 Gauss points, PBD at the centres of its blocks. Samples weigh as much as their octant is filled; empty
+octants have none.
 
-    M_n = sum_q w_q p_q p_q^T,   p = (1, r_q),   sigma*_n = e_0^T M_n^-1 sum_q w_q p_q sigma_q                    (1)
+    sigma*_n = m + a . A^+ <r', sigma> + b . S^+ <s', sigma>,   A = <r', r'>,   S = <s', s'>                       (1)
 
-with r the distance to the node in cell edges. The fit depends on the rest state alone: a sparse matrix, built once.
+with r the distance to the node over its mean along each axis, r' = r - <r>/<1>, s' what of s = (r_x^2, r_y^2, r_z^2,
+r_x r_y, r_y r_z, r_z r_x) a constant and r' do not tell, <u, v> = sum_q w_q u_q v_q, m the mean, and a, b the values of
+r' and s' at the node: mean, slopes and curvatures, each fitted to what the ones before leave. The pseudo-inverses leave
+out what the samples do not tell: the two planes of samples in a single cell fix no curvature, and the fit is linear
+across that cell; a single octant's value is taken as it is.
+The fit depends on the rest state alone: a sparse matrix, built once.
 """
 
 from __future__ import annotations
@@ -15,40 +21,68 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array
 
-from softseam_services.body.body import Body, Floats
+from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
-from softseam_services.body.own_shapes import cell_volumes, sample_places
+from softseam_services.body.own_shapes import sample_places
 
 FEM_SAMPLE, PBD_SAMPLE = 1.0 / np.sqrt(3.0), 0.5
 """local coordinates of the samples are +- this"""
-RIDGE = 1e-9
-"""keeps the slope finite, and as small as can be, where the samples lie in a plane"""
+SEEN = 1e-6
+"""eigenvalue, over the sum of the weights, from which on the samples tell a slope or a curvature"""
 
 
-def nodal_recovery(body: Body, sample: Floats, material: int = 0) -> csr_array:
+def nodal_recovery(body: Body, sample: Floats, material: int = 0, nodes: Ints | None = None) -> csr_array:
     """Matrix (N, 8 C) that takes values at all octants, cell by cell, to the nodes.
 
     sample (C,) local coordinate of each cell's samples; material: only its octants count, as stress jumps where another
-    begins. Rows of nodes without such an octant in reach are zero.
+    begins; nodes: those wanted, all where None. Rows of other nodes, and of nodes without such an octant in reach, are
+    zero.
     """
-    place = LOCAL - 1.0
-    octant = place[OCTANT_NODES].sum(axis=1) / 4.0  # -1 or 1 along each axis
-    if body.boxes:
-        r = 0.5 * (sample[:, None, None, None] * octant[None, None] - place[None, :, None, :])  # (C, 27, 8, 3)
-    else:
-        r = sample_places(body, sample)[:, None] - body.x_rest[body.cell_nodes][:, :, None]
-        r /= np.cbrt(cell_volumes(body).mean())
-    p = np.concatenate([np.ones((*r.shape[:3], 1)), r], axis=3)
-    weighted = p * (body.fill * (body.octant_material == material))[:, None, :, None]
-    moments = np.zeros((body.n_nodes, 4, 4))
-    np.add.at(moments, body.cell_nodes, np.einsum("canq,canp->capq", weighted, p))
-    size = moments[:, 0, 0].copy()
-    found = size > 0.0
-    moments[:, 1:, 1:] += (RIDGE * size)[:, None, None] * np.eye(3)
-    moments[~found] = np.eye(4)
-    first = np.linalg.inv(moments)[:, 0] * found[:, None]
-    weight = np.einsum("caq,canq->can", first[body.cell_nodes], weighted)
-    row = np.broadcast_to(body.cell_nodes[:, :, None], weight.shape)
-    column = np.broadcast_to(np.arange(8 * body.n_cells).reshape(-1, 1, 8), weight.shape)
+    wanted = np.ones(body.n_nodes, dtype=np.bool_)
+    if nodes is not None:
+        wanted[:] = False
+        wanted[nodes] = True
+    cells = np.flatnonzero(wanted[body.cell_nodes].any(axis=1)).astype(np.int32)
+    cell_nodes = body.cell_nodes[cells]
+    r = _offsets(body, sample, cells)  # (c, 27, 8, 3)
+    square, count = np.zeros((body.n_nodes, 3)), np.bincount(cell_nodes.ravel(), minlength=body.n_nodes)
+    np.add.at(square, cell_nodes, (r * r).mean(axis=2))
+    r /= np.sqrt(square / np.maximum(count, 1)[:, None])[cell_nodes][:, :, None]
+    p = np.concatenate([np.ones((*r.shape[:3], 1)), r, r * r, r * np.roll(r, -1, axis=3)], axis=3)
+    weighted = p * (body.fill * (body.octant_material == material))[cells][:, None, :, None]
+    moments = np.zeros((body.n_nodes, 10, 10))
+    np.add.at(moments, cell_nodes, np.swapaxes(weighted, 2, 3) @ p)
+    found = np.flatnonzero(wanted & (moments[:, 0, 0] > 0.0))
+    total = moments[found, :1, 0]
+    mean = moments[found, 0] / total
+    centred = moments[found] - total[..., None] * mean[:, :, None] * mean[:, None, :]
+    slopes = _inverse(centred[:, 1:4, 1:4], SEEN * total)
+    told = slopes @ centred[:, 1:4, 4:]  # of s by r' (n, 3, 6)
+    left = centred[:, 4:, 4:] - np.swapaxes(centred[:, 1:4, 4:], 1, 2) @ told
+    at_node = np.einsum("nij,ni->nj", told, mean[:, 1:4]) - mean[:, 4:]
+    curved = (_inverse(left, SEEN * total) @ at_node[..., None])[..., 0]
+    fit = np.zeros((body.n_nodes, 10))
+    fit[found, 4:] = curved
+    fit[found, 1:4] = -((slopes @ mean[:, 1:4, None] + told @ curved[..., None])[..., 0])
+    fit[found, 0] = 1.0 / total[:, 0] - (fit[found, 1:] * mean[:, 1:]).sum(axis=1)
+    weight = np.einsum("caq,canq->can", fit[cell_nodes], weighted)
+    row = np.broadcast_to(cell_nodes[:, :, None], weight.shape)
+    column = np.broadcast_to((8 * cells[:, None] + np.arange(8))[:, None, :], weight.shape)
     entries = (weight.ravel(), (row.ravel(), column.ravel()))
     return csr_array(entries, shape=(body.n_nodes, 8 * body.n_cells))
+
+
+def _inverse(matrix: Floats, least: Floats) -> Floats:
+    """Pseudo-inverses of symmetric matrices (n, k, k), without the eigenvalues below `least` (n, 1)."""
+    value, vector = np.linalg.eigh(matrix)
+    scale = np.where(value > least, 1.0 / np.maximum(value, least), 0.0)
+    return np.asarray((vector * scale[:, None, :]) @ np.swapaxes(vector, 1, 2))
+
+
+def _offsets(body: Body, sample: Floats, cells: Ints) -> Floats:
+    """From every node of these cells to their samples (c, 27, 8, 3), in cell edges on boxes, else in metres."""
+    if not body.boxes:
+        return np.asarray(sample_places(body, sample)[cells, None] - body.x_rest[body.cell_nodes[cells]][:, :, None])
+    place = LOCAL - 1.0
+    octant = place[OCTANT_NODES].sum(axis=1) / 4.0  # -1 or 1 along each axis
+    return np.asarray(0.5 * (sample[cells, None, None, None] * octant - place[:, None, :]))

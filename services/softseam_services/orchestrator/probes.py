@@ -80,7 +80,9 @@ class Probes:
         for material in np.unique(self._material):
             mine = self._material == material
             entries = (self._weight[mine].ravel(), (rows[mine].ravel(), self._nodes[mine].ravel()))
-            parts.append(csr_array(entries, shape=shape) @ nodal_recovery(self._body, sample, int(material)))
+            parts.append(
+                csr_array(entries, shape=shape) @ nodal_recovery(self._body, sample, int(material), self._nodes[mine])
+            )
         return reduce(operator.add, parts)
 
 
