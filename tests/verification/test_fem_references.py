@@ -4,55 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from element_statics import Floats, Statics, lattice
-from scipy.sparse import diags_array
-from scipy.sparse.linalg import eigsh
+from reference_structures import AXIAL, COOK, FREQUENCIES, TORQUE, cook, frequencies, twist
 
-from softseam_coupling.mortar import TRACES
 from softseam_protocol.kinds import ElementKind
-from softseam_services.body.interpolate import FUNCTIONS
-
-# Cook's membrane, plane strain, nu 0.4999, a quarter of the full load: tip uy [m], dolfinx Q2/Q1 mixed, case 03_cook.
-COOK = 1.94546e-3
-# Prism 30 x 30 x 120 mm, E 50 kPa, nu 0.45, ends bonded, turned by 60 degrees: torque [N m] and axial force [N], case
-# 07_torsion (felupe, CalculiX).
-TORQUE, AXIAL = 0.0173590, -0.029303
-# Beam 0.1 x 0.02 x 0.02 m, E 100 kPa, nu 0.3, rho 1000, clamped at one end: frequencies [Hz], case
-# 04_cantilever_dynamic (felupe, CalculiX): two bendings, torsion, two bendings, stretching.
-FREQUENCIES = [3.16074, 3.16074, 14.28554, 17.04358, 17.04358, 25.13003]
-
-
-def _uniform_face(functions: str) -> Floats:
-    """Share of a uniform traction that each of a face's nodes a = i + 3 j takes (9,)."""
-    gauss, weight = np.polynomial.legendre.leggauss(60)
-    s, t = np.meshgrid(0.5 + 0.5 * gauss, 0.5 + 0.5 * gauss)
-    share = 0.25 * np.outer(weight, weight).ravel() @ TRACES[functions](s.ravel(), t.ravel())
-    return np.asarray(share)
-
-
-def _cook(element: ElementKind, n: int) -> float:
-    """Tip uy [m] on n x n x 1 general hexahedra."""
-    width, left, bottom, right, thick = 0.048, 0.044, 0.044, 0.016, 0.004
-
-    def shift(x: Floats) -> Floats:
-        along, up = x[:, 0] / width, x[:, 1] / left
-        y = (1.0 - along) * up * left + along * (bottom + up * right)
-        return np.stack([0.0 * y, y - x[:, 1], 0.0 * y], axis=1)
-
-    body = lattice((width, left, thick), (n, n, 1), shift, young=240565.0, poisson=0.4999)
-    case = Statics(body, element)
-    x = case.x_rest
-    held = np.zeros(x.shape, dtype=np.bool_)
-    held[:, 2] = True
-    held[x[:, 0] < 1e-9] = True
-    load = np.zeros(x.shape)
-    faces = body.cell_nodes.reshape(-1, 3, 3, 3)[:, :, :, 2].reshape(-1, 9)
-    faces = faces[x[faces[:, 4], 0] > width - 1e-9]
-    total = 0.25 * 6250.0 * right * thick
-    load[:, 1] = np.bincount(faces.ravel(), np.tile(total / n * _uniform_face(FUNCTIONS[element]), n), len(x))
-    x = case.solve(x, held, load)
-    tip = np.argmin(np.abs(case.x_rest - [width, bottom + right, 0.0]).sum(axis=1))
-    return float(x[tip, 1] - case.x_rest[tip, 1])
 
 
 @pytest.mark.parametrize(
@@ -61,49 +15,28 @@ def _cook(element: ElementKind, n: int) -> float:
 )
 def test_cook_s_membrane(element: ElementKind, limit: float) -> None:
     """On 8 x 8 cells; on 4 x 4 the error is more than twice as large."""
-    coarse, fine = _cook(element, 4) / COOK - 1.0, _cook(element, 8) / COOK - 1.0
+    coarse, fine = cook(element, 4) / COOK - 1.0, cook(element, 8) / COOK - 1.0
     assert abs(fine) < limit
     assert -coarse > 2.0 * abs(fine)
 
 
 @pytest.mark.parametrize(("element", "limit"), [("hex8_full", 0.6), ("tet4", 0.08), ("hex27_full", 0.05)])
 def test_cook_s_membrane_shows_who_locks(element: ElementKind, limit: float) -> None:
-    assert 1.0 - _cook(element, 8) / COOK > limit
+    assert 1.0 - cook(element, 8) / COOK > limit
 
 
 @pytest.mark.parametrize(
     ("element", "limit"), [("hex27", 0.005), ("hex27_full", 0.01), ("tet10", 0.02), ("hex8_bbar", 0.03), ("hex8", 0.06)]
 )
 def test_torsion(element: ElementKind, limit: float) -> None:
-    """3 x 3 x 12 cells turned by 60 degrees in three steps; hex8's hourglass stiffness resists warping."""
-    size, n_steps = (0.03, 0.03, 0.12), 3
-    case = Statics(lattice(size, (3, 3, 12), young=50e3, poisson=0.45), element)
-    X = case.x_rest - [0.015, 0.015, 0.0]
-    top = X[:, 2] > size[2] - 1e-9
-    held = np.repeat((top | (X[:, 2] < 1e-9))[:, None], 3, axis=1)
-
-    def turned(angle: Floats) -> Floats:
-        c, s = np.cos(angle), np.sin(angle)
-        return np.stack([c * X[:, 0] - s * X[:, 1], s * X[:, 0] + c * X[:, 1], X[:, 2]], axis=1)
-
-    x = X
-    for step in range(n_steps):
-        angle = np.deg2rad(60.0) * (step + 1) / n_steps
-        # the whole prism turns on with the plate, so that no cell is wrung alone
-        x = case.solve(turned(angle * X[:, 2] / size[2]), held)
-    f = case.forces(x)[top]
-    torque = float(np.sum(x[top, 0] * f[:, 1] - x[top, 1] * f[:, 0]))
+    """3 x 3 x 12 cells turned by 60 degrees; hex8's hourglass stiffness resists warping."""
+    torque, axial = twist(element, 3)
     assert abs(torque / TORQUE - 1.0) < limit
     if element == "hex27":
-        assert abs(float(f[:, 2].sum()) / AXIAL - 1.0) < 0.04  # second order in the angle, hence harder
+        assert abs(axial / AXIAL - 1.0) < 0.04  # second order in the angle, hence harder
 
 
 @pytest.mark.parametrize(("element", "limit"), [("hex27", 0.01), ("tet10", 0.025), ("hex8_bbar", 0.03), ("hex8", 0.09)])
 def test_natural_frequencies(element: ElementKind, limit: float) -> None:
-    """The six lowest on 8 x 2 x 2 cells, masses as the product lumps them."""
-    case = Statics(lattice((0.1, 0.02, 0.02), (8, 2, 2), young=1e5, poisson=0.3, density=1000.0), element)
-    free = np.flatnonzero(np.repeat(case.x_rest[:, 0] > 1e-9, 3))
-    stiffness = case.stiffness(case.x_rest)[free][:, free]
-    mass = diags_array(np.repeat(case.model.mass, 3)[free])
-    values = eigsh(stiffness, k=6, M=mass, sigma=0.0, return_eigenvectors=False)
-    np.testing.assert_allclose(np.sqrt(np.sort(values)) / (2.0 * np.pi), FREQUENCIES, rtol=limit)
+    """The six lowest on 8 x 2 x 2 cells."""
+    np.testing.assert_allclose(frequencies(element, 2), FREQUENCIES, rtol=limit)
