@@ -40,7 +40,7 @@ def simpson(x: Floats) -> Floats:
     share = np.zeros(len(x))
     for i in range(0, len(x) - 2, 2):
         share[i : i + 3] += (x[i + 2] - x[i]) * np.array([1.0, 4.0, 1.0]) / 6.0
-    return share / (x[-1] - x[0])
+    return np.asarray(share / (x[-1] - x[0]))
 
 
 def _uniform(run: FemRun) -> Floats:

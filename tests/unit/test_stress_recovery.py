@@ -104,7 +104,7 @@ def test_rows_of_the_nodes_wanted_are_those_of_all() -> None:
     body = build_body(_scene(2), {})
     sample = _samples(body)
     nodes = np.array([0, 7, 31], dtype=np.int32)
-    some, every = nodal_recovery(body, sample, nodes), nodal_recovery(body, sample)
+    some, every = nodal_recovery(body, sample, nodes=nodes), nodal_recovery(body, sample)
     assert_allclose(some[nodes].toarray(), every[nodes].toarray(), rtol=1e-12)
     assert np.count_nonzero(some.sum(axis=1)) == 3
 
