@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -14,8 +16,15 @@ from softseam.embedded import translated
 from softseam.errors import missing_extra
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
+
+_SWIFT = 4.0
+"""waves so many times as fast are worth a warning"""
+
+if TYPE_CHECKING:
+    from softseam_services.body.body import Body
+    from softseam_services.body.check import Part
 
 
 def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
@@ -44,6 +53,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         console.print(Text("the scene can be simulated", style="green"))
         return
     body = check_body(built)
+    assert isinstance(scene.body, BodySpec)  # it has cells
     table.add_row("size", " x ".join(f"{1e3 * side:.4g}" for side in body.size) + " mm")
     table.add_row("volume, mass", f"{1e6 * body.volume:.4g} cm^3, {1e3 * body.mass:.4g} g")
     edges = " x ".join(f"{1e3 * edge:.4g}" for edge in body.edges)
@@ -57,12 +67,38 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     table.add_row(
         "wave speed", f"{body.wave_speed:.3g} m/s: crosses a cell in {_crossing(body.edges, body.wave_speed)}"
     )
+    for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
+        table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
     table.add_row("steps", _steps(scene))
     console.print(table)
-    for warning in body.warnings:
+    for warning in (*body.warnings, *_stiff_for_pbd(scene, built)):
         console.print(Text(f"warning: {warning}", style="yellow"))
     console.print(Text("the scene can be simulated", style="green"))
+
+
+def _inclusion(kind: str, part: Part) -> str:
+    """What the cells make of an inclusion."""
+    size = f"{part.octants} octants of cells, {1e6 * part.volume:.4g} cm^3, {1e3 * part.density * part.volume:.4g} g"
+    return f"{kind}: {size}; E {1e-3 * part.young:.4g} kPa, nu {part.poisson:.3g}"
+
+
+def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
+    """That substeps follow an inclusion, where PBD has cells of one in which waves are much faster than around it."""
+    near, default = scene.regions.near, scene.regions.default
+    fast = np.array([material.wave_speed for material in body.materials]) / body.material.wave_speed
+    swift = (fast > _SWIFT)[body.octant_material].any(axis=1)
+    left = np.full(body.n_cells, "pbd" in (default, near.model if near else default))
+    if near is not None and near.model == "fem" and default == "pbd":
+        middle = body.x_rest[body.cell_nodes[:, 13]]
+        for box in near.boxes:
+            left &= ~((middle >= box.min) & (middle <= box.max)).all(axis=1)
+    if not (swift & left).any():
+        return []
+    return [
+        f"waves in an inclusion are {fast.max():.0f} times as fast as around it: where PBD has it, a step takes about "
+        "as many times more substeps; give it to fem by regions.near.boxes, or all cells by regions.default"
+    ]
 
 
 def _crossing(edges: Sequence[float], wave_speed: float) -> str:

@@ -12,6 +12,7 @@ import pytest
 from softseam_protocol.particle_bodies import RopeBody, SheetBody
 from softseam_protocol.scene import BodySpec
 from softseam_protocol.scene_file import load_scene, scene_from_bundle
+from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
 from softseam_services.body.particles import ParticleBody
@@ -19,8 +20,8 @@ from softseam_services.server import build_setup
 from softseam_services.tools.build import build_tools
 
 SCENES = Path(__file__).parents[2] / "scenes"
-CELLS = ["calamari", "cantilever", "dumpling", "sausage", "sausage_bend", "silken_tofu"]
-CELLS += ["tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab"]
+CELLS = ["calamari", "cantilever", "dumpling", "heavy_on_soft", "sausage", "sausage_bend", "silken_tofu"]
+CELLS += ["stiff_inclusion", "tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab"]
 PARTICLES = ["cloth_fold", "rope"]
 
 
@@ -47,7 +48,8 @@ def test_scene_builds(name: str) -> None:
     check = check_body(body)
     assert isinstance(scene.body, BodySpec)
     assert check.warnings == () or name == "dumpling"
-    assert check.mass == pytest.approx(scene.body.material.density * check.volume, rel=1e-12)
+    more = sum(part.volume * (part.density - scene.body.material.density) for part in check.parts)
+    assert check.mass == pytest.approx(scene.body.material.density * check.volume + more, rel=1e-12)
     assert tools.near.any() == bool(scene.motion)
 
 
@@ -77,6 +79,19 @@ def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach() -> None:
         clear = abs(tools.position[t, 0]) - tools.shape[t, 0] - 0.025
         assert near.within < clear < 0.016
         assert tools.position[t, 2] - tools.shape[t, 2] <= 0.0  # covers the lowest points, or they spread under it
+
+
+def test_the_heavy_layer_and_the_stiff_core_are_where_their_headers_say() -> None:
+    """A layer to the middle of the body, five times as heavy; a core of 32 octants, 4 % larger than its sphere."""
+    (layer,) = check_body(_body("heavy_on_soft")).parts
+    assert layer.volume == pytest.approx(0.06 * 0.04 * 0.02)
+    (core,) = check_body(_body("stiff_inclusion")).parts
+    assert core.octants == 32
+    assert core.volume == pytest.approx(4.0 / 3.0 * np.pi * 0.0125**3, rel=0.05)
+
+
+def _body(name: str) -> Body:
+    return build_body(scene_from_bundle(load_scene(SCENES / f"{name}.yaml").bundle), {})
 
 
 def test_cantilever_is_half_near() -> None:

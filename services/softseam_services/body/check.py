@@ -14,6 +14,7 @@ from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 _SLIVER = 0.02
 _STRETCHED = 3.0
 _INCOMPRESSIBLE = 0.495
+_COARSE = 8
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,14 @@ def check_body(body: Body) -> BodyCheck:
         warnings.append("one cell through the thickness: bending is coarse; make `cell` half as large")
     for each in body.materials:
         warnings += _doubts(each)
+    parts = _parts(body)
+    for number, part in enumerate(parts):
+        if 0 < part.octants < _COARSE:
+            warnings.append(
+                f"inclusion {number} is {part.octants} octants of cells, a coarse picture of it: make `cell` smaller"
+            )
+        if part.octants == 0:
+            warnings.append(f"inclusion {number} is hidden by later ones, or where the body is empty: leave it out")
     return BodyCheck(
         n_cells=body.n_cells,
         n_nodes=body.n_nodes,
@@ -105,7 +114,7 @@ def check_body(body: Body) -> BodyCheck:
         full_cells=int((body.fill == 1.0).all(axis=1).sum()),
         smallest_fill=float(fill.min()),
         slivers=slivers,
-        parts=_parts(body),
+        parts=parts,
         warnings=tuple(warnings),
     )
 
