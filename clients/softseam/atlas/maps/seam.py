@@ -1,7 +1,7 @@
 """Ratios across the seam against coupling scheme and integrator: an oscillator split in two, scanned and simulated.
 
-The body of a scene has one material, so unlike sides are shown where they can be made: on the coupling's own linear
-systems. The far side is implicit Euler, as XPBD is; `PositionConstant` is the scheme of the product.
+Unlike sides are shown where their ratio is all that counts: on the coupling's own linear systems. The far side is
+implicit Euler, as XPBD is; `PositionConstant` is the scheme of the product.
 """
 
 from __future__ import annotations
