@@ -33,6 +33,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.accelerations.memory import Memory
 from softseam_coupling.inverse import invert_definite
 from softseam_coupling.kernels.extrapolate import (
     FITTED,
@@ -107,6 +108,8 @@ class SeamState:
     """compliance of the seam spring in this step [m/N]"""
     predictor: int = -1
     """row of the way of predicting last used, -1 for none"""
+    memory: Memory = field(default_factory=lambda: Memory(np.zeros((0, 0)), np.zeros(0)))
+    """of an acceleration, where the sides give no compliance (`accelerated`)"""
     _work: Floats = field(default_factory=lambda: np.zeros((4, 0)), repr=False)
 
     @property
@@ -138,6 +141,8 @@ class SeamState:
             "weights": self.weights.copy(),
             "moments": self.moments.copy(),
             "numbers": np.array(numbers, dtype=np.float64),
+            "memory_vectors": self.memory.vectors.copy(),
+            "memory_numbers": self.memory.numbers.copy(),
         }
 
     @classmethod
@@ -158,6 +163,7 @@ class SeamState:
             rank=int(rank),
             spring=spring,
             predictor=int(predictor),
+            memory=Memory(np.array(arrays["memory_vectors"], order="C"), np.array(arrays["memory_numbers"])),
             _work=np.zeros((4, n)),
         )
 

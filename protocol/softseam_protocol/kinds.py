@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 ModelKind = Literal["fem", "pbd"]
+SeamAcceleration = Literal["exact", "iqn_ils", "aitken", "constant"]
 MaterialKind = Literal[
     "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
 ]

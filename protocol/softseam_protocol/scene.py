@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from softseam_protocol.kinds import ModelKind, integrator_problem
+from softseam_protocol.kinds import ModelKind, SeamAcceleration, integrator_problem
 from softseam_protocol.particle_bodies import RopeBody, SheetBody
 from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
 from softseam_protocol.scene_models import ModelsSpec
@@ -203,6 +203,11 @@ class SeamSpec(Spec):
         description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]",
     )
     exchanges: int = Field(default=16, ge=1, description="most exchanges a step")
+    acceleration: SeamAcceleration = Field(
+        default="exact",
+        description="how the multiplier is corrected: by both sides' exact compliance, or without one, as for "
+        "participants that cannot give it, by quasi-Newton of the rounds so far, Aitken's or constant relaxation",
+    )
 
 
 class BudgetSpec(Spec):

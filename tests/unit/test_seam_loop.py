@@ -61,7 +61,7 @@ def test_repeats_are_condensed_and_calm_steps_are_direct_again() -> None:
     """Jolts cost every direct step a second exchange, so the near side is soon asked once a step, the far side twice;
     once all is quiet one exchange of both is enough."""
     sides = {NEAR: Chain(4e3), FAR: Chain(3e3)}
-    loop = SeamLoop(SeamSolver(tolerance=TOLERANCE), identity_tie(1), 1, None, True, 16)
+    loop = SeamLoop(SeamSolver(tolerance=TOLERANCE), identity_tie(1), np.ones(3), None, True, 16)
     rng = np.random.default_rng(5)
     asks, gaps = [], []
     for step in range(130):
@@ -83,7 +83,7 @@ def test_repeats_are_condensed_and_calm_steps_are_direct_again() -> None:
 def test_what_repeats_before_the_first_touch_does_not_count() -> None:
     """Jolts in free flight leave both sides asked at once; two steps in contact later the near side is condensed."""
     sides = {NEAR: Chain(4e3), FAR: Chain(3e3)}
-    loop = SeamLoop(SeamSolver(tolerance=TOLERANCE), identity_tie(1), 1, None, True, 16)
+    loop = SeamLoop(SeamSolver(tolerance=TOLERANCE), identity_tie(1), np.ones(3), None, True, 16)
     rng = np.random.default_rng(5)
     asks = []
     for step in range(12):

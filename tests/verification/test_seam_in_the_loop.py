@@ -42,10 +42,13 @@ def couple(
     raise AssertionError("the seam did not close")
 
 
-def grid_bar(n_cells: int, cut: int, mass_ratio: float, substeps: int, step: float) -> tuple[Split, SplitState]:
+def grid_bar(
+    n_cells: int, cut: int, mass_ratio: float, substeps: int, step: float, stiffness_ratio: float = 1.0
+) -> tuple[Split, SplitState]:
     """A lattice of 2 x 2 chains of springs in three directions, clamped at one end, cut at a layer: 4 seam nodes.
 
-    mass_ratio: density of the near part over that of the far part. It starts with a uniform velocity.
+    mass_ratio: density of the near part over that of the far part; stiffness_ratio likewise.
+    It starts with a uniform velocity.
     """
 
     def part(layers: int, density: float) -> tuple[Floats, Floats]:
@@ -63,7 +66,10 @@ def grid_bar(n_cells: int, cut: int, mass_ratio: float, substeps: int, step: flo
 
     near_mass, near_stiffness = part(cut, mass_ratio)
     far_mass, far_stiffness = part(n_cells - cut, 1.0)
-    near_mass, near_stiffness = near_mass[12:, 12:], near_stiffness[12:, 12:]  # the first layer is clamped
+    near_mass, near_stiffness = (
+        near_mass[12:, 12:],
+        stiffness_ratio * near_stiffness[12:, 12:],
+    )  # the first layer is clamped
     n_near, n_far = len(near_mass), len(far_mass)
     near = LinearSide(near_mass, near_stiffness, np.eye(12, n_near, n_near - 12))
     far = LinearSide(far_mass, far_stiffness, -np.eye(12, n_far))

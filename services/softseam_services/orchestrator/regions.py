@@ -10,7 +10,6 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import (
     Advance,
     Advanced,
@@ -38,6 +37,7 @@ from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.parts import CutStep
 from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SeamUnsettled, SideRequest
+from softseam_services.orchestrator.seam_solvers import build_seam_solver, mobility
 from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
@@ -75,7 +75,8 @@ class Regions:
     ) -> None:
         self._scene, self._body, self._bundle = setup.scene, setup.body, bundle
         self._transport, self._clock, self._accounts, self._tell = transport, clock, accounts, tell
-        self._solver = SeamSolver(tolerance=self._scene.seam.tolerance * self._body.resolution)
+        seam = self._scene.seam
+        self._solver = build_seam_solver(seam.acceleration, seam.tolerance * self._body.resolution)
         self._loop: SeamLoop | None = None
         self._n_asked = -1  # exchanges of the tick at hand
         body = self._body
@@ -224,7 +225,8 @@ class Regions:
             if state is not None and cauchy is not None:
                 first = first_multiplier(body, sides, state, cauchy, tie, functions)
             condensable = sides.models[NEAR] == "fem"
-            self._loop = SeamLoop(self._solver, tie, len(sides.seam), first, condensable, max(scene.seam.exchanges, 1))
+            free = mobility(body, sides, tie)
+            self._loop = SeamLoop(self._solver, tie, free, first, condensable, max(scene.seam.exchanges, 1))
         return sum(reply.strain for reply in replies.values() if isinstance(reply, Configured))
 
     def close(self) -> None:

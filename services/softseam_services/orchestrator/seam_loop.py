@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.accelerated import AcceleratedSeam
 from softseam_coupling.kernels.stiffness import learn_stiffness
 from softseam_coupling.mortar import SeamTie, stiffness_of
 from softseam_coupling.seam import Outcome, SeamSolver, SeamState
@@ -119,20 +120,22 @@ class SeamUnsettled(RuntimeError):
 class SeamLoop:
     """Ties two sides for one epoch.
 
+    mobility     1/mass of the seam's nodes on both sides (3s,) [1/kg]: a guess where no compliance is to be asked for
     condensable  whether the near side takes the far side's stiffness into its own solve (FEM does)
     most         exchanges a step
     """
 
     def __init__(
-        self, solver: SeamSolver, tie: SeamTie, n_nodes: int, first: Floats | None, condensable: bool, most: int
+        self, solver: SeamSolver, tie: SeamTie, mobility: Floats, first: Floats | None, condensable: bool, most: int
     ):
-        self._solver, self._tie, self._most = solver, tie, most
-        self.state: SeamState = solver.init(n_nodes, first)
-        self._condensable = condensable
+        self._solver, self._tie, self._mobility, self._most = solver, tie, mobility, most
+        self.state: SeamState = solver.init(len(mobility) // 3, first)
+        self._blind = isinstance(solver, AcceleratedSeam)
+        self._condensable = condensable and not self._blind
         self._condensed = False
         self._wait = 0
         self._repeated = 0  # steps in a row that touched and took more than one exchange or, condensed, were calm
-        self._fresh = True
+        self._fresh = not self._blind
         self._stiffness: Floats | None = None
         self._base: Floats | None = None
         self._used: Floats | None = None
@@ -159,7 +162,9 @@ class SeamLoop:
         """
         self._may_cut = may_cut
         if dt != self._dt:
-            if self._dt > 0.0:
+            if isinstance(self._solver, AcceleratedSeam):
+                self._solver.guess(self.state, dt * dt * self._mobility)
+            elif self._dt > 0.0:
                 self._stale = self._condensed = True
                 self._wait = _PATIENCE
             self._dt = dt
@@ -198,6 +203,8 @@ class SeamLoop:
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
                 lambda_ = answer.lambda_
+        if may_cut and self._blind:
+            raise SeamUnsettled
         return self._agree(replies, lambda_, answer.gap, self._most, "the sides' exchanges did not converge")
 
     def _condense_on(self) -> None:

@@ -1,0 +1,39 @@
+"""The seam's solver that a scene asks for, and what of the seam can be told without asking the sides."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.accelerated import AcceleratedSeam
+from softseam_coupling.accelerations.aitken import Aitken
+from softseam_coupling.accelerations.constant import Constant
+from softseam_coupling.accelerations.iqn_ils import IqnIls
+from softseam_coupling.accelerations.memory import Acceleration
+from softseam_coupling.mortar import SeamTie
+from softseam_coupling.seam import SeamSolver
+from softseam_protocol.kinds import SeamAcceleration
+from softseam_services.body.body import Body
+from softseam_services.orchestrator.sides import FAR, NEAR, Sides, side_mass
+
+Floats = NDArray[np.float64]
+
+_ACCELERATIONS: dict[SeamAcceleration, type[Acceleration]] = {
+    "iqn_ils": IqnIls,
+    "aitken": Aitken,
+    "constant": Constant,
+}
+
+
+def build_seam_solver(acceleration: SeamAcceleration, tolerance: float) -> SeamSolver:
+    """With both sides' compliance, or with none; tolerance of the gap [m]."""
+    if acceleration == "exact":
+        return SeamSolver(tolerance=tolerance)
+    return AcceleratedSeam(tolerance=tolerance, acceleration=_ACCELERATIONS[acceleration]())
+
+
+def mobility(body: Body, sides: Sides, tie: SeamTie) -> Floats:
+    """1/mass of the seam's nodes on both sides (3s,) [1/kg]: times dt^2 the diagonal of the compliance, if nodes were
+    alone; stiff bodies yield less."""
+    near, far = (1.0 / side_mass(body, sides.cells[name])[sides.seam] for name in (NEAR, FAR))
+    return np.repeat(near + (far if tie.p is None else tie.p**2 @ far), 3)
