@@ -88,7 +88,7 @@ def _gaps(scheme: Scheme, n_steps: int) -> Floats:
     for i in range(n_steps):
         y = matrix @ y + share
         worst[i] = abs(y[0] - y[4])
-    return worst.reshape(10, -1).max(axis=1)
+    return np.asarray(worst.reshape(10, -1).max(axis=1))
 
 
 def test_the_gap_does_not_drift_in_a_hundred_thousand_steps() -> None:
