@@ -107,7 +107,17 @@ def _print(
     for name in ("substeps", "sweeps", "", "f [Hz]", "E [kPa]", "loss [%]", "ms a step"):
         table.add_column(name, justify="right", no_wrap=True)
     young = 1e-3 * wanted.young
-    table.add_row("", "", "wanted", f"{wanted.frequency:.4g}", f"{young:.4g}", "0", "", style="bold", end_section=True)
+    table.add_row(
+        "",
+        "",
+        "wanted",
+        f"{wanted.frequency:.4g}",
+        f"{young:.4g}",
+        f"{1e2 * wanted.loss:.2g}",
+        "",
+        style="bold",
+        end_section=True,
+    )
     for each in sorted(shown, key=lambda s: (s.sweeps, s.substeps)):
         remark = "recommended" if each is chosen else "auto" if each.auto else ""
         row = [str(each.substeps), str(each.sweeps), remark if each.stable else "unstable"]

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from softseam_protocol.kinds import ModelKind, SeamAcceleration, integrator_problem
 from softseam_protocol.particle_bodies import RopeBody, SheetBody
 from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
-from softseam_protocol.scene_models import ModelsSpec
+from softseam_protocol.scene_models import DampingSpec, ModelsSpec
 from softseam_protocol.scene_motion import (
     LARGEST_TURN,
     ClosePhase,
@@ -275,6 +275,10 @@ class Scene(Spec):
         have = f"a {kind} is made of particles, not cells"
         if self.models.pbd.method == "leapfrog":
             raise wrong(f"{have}: leapfrog moves cells, use xpbd", "models", "pbd", "method")
+        if self.models.pbd.residual is not None:
+            raise wrong(f"{have}: only blocks have a residual, leave it out", "models", "pbd", "residual")
+        if self.models.pbd.damping != DampingSpec():
+            raise wrong(f"{have}: say body.damping", "models", "pbd", "damping")
         if self.regions.default != "pbd":
             raise wrong(f"{have}: only pbd can simulate it", "regions", "default")
         if self.regions.near is not None:

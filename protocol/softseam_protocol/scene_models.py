@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from softseam_protocol.kinds import ElementKind, IntegratorKind
-from softseam_protocol.spec import Positive, Spec, wrong
+from softseam_protocol.spec import NonNegative, Positive, Spec, wrong
 
 
 class FemSpec(Spec):
@@ -65,6 +65,16 @@ class ClassicSpec(Spec):
     )
 
 
+class DampingSpec(Spec):
+    """Rayleigh's damping of cells: the ratio of an oscillation of omega is (mass/omega + stiffness omega)/2."""
+
+    mass: NonNegative = Field(default=0.0, description="force over mass and velocity, as of still air [1/s]")
+    stiffness: NonNegative = Field(
+        default=0.0,
+        description="stress over its own rate; implicit Euler's own damping, as of a substep's length, counts [s]",
+    )
+
+
 class PbdSpec(Spec):
     """Settings of the PBD participant."""
 
@@ -78,13 +88,24 @@ class PbdSpec(Spec):
         Annotated[int, Field(ge=1), Tag("a count")] | Annotated[Literal["auto"], Tag("automatic")],
         Discriminator(_substeps_tag),
     ] = Field(default="auto", description="substeps a step; auto: as many as its stiffest block needs")
-    sweeps: int = Field(default=1, ge=1, description="Gauss-Seidel sweeps a substep")
+    sweeps: int = Field(default=1, ge=1, description="Gauss-Seidel sweeps a substep; with residual the most of them")
+    residual: Positive | None = Field(
+        default=None,
+        lt=1.0,
+        description="sweeps end where the stress that blocks apply is so close to what their shapes ask for; default: "
+        "when all are done [1]",
+    )
+    damping: DampingSpec = Field(default=DampingSpec(), description="of bodies in cells")
     hourglass: Literal["physical", "fitted"] = "physical"
 
     @model_validator(mode="after")
     def _sweeps(self) -> PbdSpec:
         if self.method == "leapfrog" and self.sweeps > 1:
             raise wrong("leapfrog solves no equations and sweeps nothing: leave out sweeps", "sweeps")
+        if self.method == "leapfrog" and self.damping.stiffness > 0.0:
+            raise wrong("leapfrog's substep would shrink with it: leave it out, or use xpbd", "damping", "stiffness")
+        if self.residual is not None and (self.method == "leapfrog" or self.sweeps == 1):
+            raise wrong("a residual ends sweeps: allow several of xpbd's, e.g. sweeps: 8", "residual")
         return self
 
 

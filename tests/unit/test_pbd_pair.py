@@ -58,6 +58,22 @@ def test_two_threads_make_the_bits_of_one(monkeypatch: pytest.MonkeyPatch, reque
     np.testing.assert_array_equal(both.solver._result, one.solver._result)
 
 
+@pytest.mark.parametrize("residual", [None, 2e-3])
+def test_two_threads_damp_and_stop_as_one(residual: float | None, request: pytest.FixtureRequest) -> None:
+    def swing() -> tuple[PbdRun, list[int]]:
+        pbd = {"sweeps": 5, "residual": residual, "damping": {"mass": 1.0, "stiffness": 0.01}}
+        scene = block_scene((0.1, 0.075, 0.125), 0.025, pbd=pbd)
+        rest = PbdRun(scene).body.x_rest
+        run = PbdRun(scene, x=rest + 0.3 * rest[:, [1, 2, 0]])
+        return run, [run.step().iterations for _ in range(6)]
+
+    one, sweeps = swing()
+    request.getfixturevalue("two")
+    both, sweeps_of_two = swing()
+    assert sweeps == sweeps_of_two and (len(set(sweeps)) > 1) == (residual is not None)
+    assert both.solver.snapshot() == one.solver.snapshot()
+
+
 def test_two_threads_leap_as_one(request: pytest.FixtureRequest) -> None:
     def leap() -> PbdRun:
         scene = block_scene((0.1, 0.075, 0.125), 0.025, gravity=(0.0, 0.0, -9.81), pbd={"method": "leapfrog"})

@@ -14,8 +14,10 @@ from pbd_run import Energy, PbdRun, block_scene
 GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.6}
 
 
-@pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
-def test_one_cell_three_steps(kind: str) -> None:
+@pytest.mark.parametrize(
+    ("kind", "damping"), [("neo_hookean", {}), ("linear", {}), ("neo_hookean", {"mass": 1.0, "stiffness": 0.01})]
+)
+def test_one_cell_three_steps(kind: str, damping: dict[str, float]) -> None:
     """One cell falls on the ground: forces are gradients, momentum balances, nothing leaves the arrays."""
     scene = block_scene(
         cell=0.05,
@@ -23,7 +25,7 @@ def test_one_cell_three_steps(kind: str) -> None:
         gravity=(0.0, 0.0, -9.81),
         position=(0.0, 0.0, 1e-5),
         tools={"ground": GROUND},
-        pbd={"substeps": 3},
+        pbd={"substeps": 3, "damping": damping, **({"sweeps": 3, "residual": 0.05} if damping else {})},
     )
     run = PbdRun(scene)
     for _ in range(3):

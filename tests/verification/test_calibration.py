@@ -44,6 +44,17 @@ def test_what_is_shown_is_implicit_eulers(clamped: bool) -> None:
     assert shown.loss == pytest.approx(1.0 - np.exp(-np.pi * omega * 0.01 / 120), rel=0.05)
 
 
+def test_damping_is_wanted_and_shown() -> None:
+    """b = 2 ms and a = 4 1/s: the loss that the fit sees is that of zeta = (a/omega + b omega)/2."""
+    pbd = {"damping": {"mass": 4.0, "stiffness": 2e-3}}
+    bench = Bench(*_of(block_scene((0.05, 0.05, 0.025), 0.025, step=0.01, pbd=pbd)))
+    omega = 2.0 * np.pi * bench.wanted.blocks
+    ratio = 0.5 * (4.0 / omega + 2e-3 * omega)
+    assert bench.wanted.loss == pytest.approx(1.0 - np.exp(-2.0 * np.pi * ratio / np.sqrt(1.0 - ratio**2)))
+    shown = bench.show(20, 2)
+    assert shown.loss == pytest.approx(bench.wanted.loss, abs=5e-3) and shown.within(0.01)
+
+
 def test_leapfrog_loses_nothing_and_is_tried_from_its_own_plan_on() -> None:
     """No loss but what the fit leaves; the frequency to its dispersion, 1 + (omega h)^2/24."""
     scene = block_scene((0.05, 0.05, 0.025), 0.025, step=0.01, pbd={"method": "leapfrog"})

@@ -20,7 +20,8 @@ def scene_of(step: float = 0.005, substeps: int | str = "auto", **other: object)
     """A block of 2 x 1 x 1 cells, clamped at one end."""
     pbd = {"method": "leapfrog", "substeps": substeps}
     arguments: dict[str, object] = {"kind": "linear", "poisson": 0.3, "fixed": CLAMPED, "pbd": pbd, **other}
-    return block_scene((0.05, 0.025, 0.025), 0.025, step=step, **arguments)  # type: ignore[arg-type]
+    size, cell = arguments.pop("size", (0.05, 0.025, 0.025)), arguments.pop("cell", 0.025)
+    return block_scene(size, cell, step=step, **arguments)  # type: ignore[arg-type]
 
 
 def kicked(scene: Scene, share: float = 0.05) -> PbdRun:

@@ -12,6 +12,7 @@ from .kernels.block import new_workspace
 from .kernels.crew import new_crew
 from .kernels.probe import probe_seam
 from .model import KAPPA, PbdModel
+from .records import solve_arrays
 
 REACH = 0.45
 """blocks further from the seam than this share of a P wave's way in a step are held still: measured, what they would
@@ -26,7 +27,9 @@ class SeamProbe:
 
     def __init__(self, model: PbdModel, dt: float) -> None:
         region = model.region
-        way = dt * model.body.wave_speed / float(model.blocks.edges.min())
+        # Damping by stiffness spreads news within the step as a longer one would: sqrt(b dt) is how far, over c_p.
+        reached_in = np.sqrt(dt * (dt + model.spec.damping.stiffness))
+        way = reached_in * model.body.wave_speed / float(model.blocks.edges.min())
         layers = int(np.clip(np.ceil(REACH * way), LEAST_LAYERS, MOST_LAYERS))
         all_nodes = np.concatenate([model.blocks.nodes.transpose(0, 2, 1).reshape(-1, 8)])
         octants = model.blocks.octant.ravel()
@@ -71,6 +74,7 @@ class SeamProbe:
         self._xw[n:, :3] = blocks.padding_x
         self._ws = new_workspace()
         self._crew = new_crew(alone=True)
+        self._solve = solve_arrays(model, blocks, 0, 0.0)
 
     @property
     def dt(self) -> float:
@@ -117,6 +121,7 @@ class SeamProbe:
             motion.orientation,
             self._seam,
             probe,
+            self._solve,
             dt,
             self._model.substeps(dt),
             self._model.spec.sweeps,

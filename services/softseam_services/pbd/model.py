@@ -85,7 +85,9 @@ class PbdModel:
         limit = min(float(np.interp(0.5 * material.young / material.mu - 1.0, *table)) for material in here)
         if self.spec.sweeps > 1:
             limit *= TWO_SWEEPS
-        return max(1, int(np.ceil(dt * self.frequency / limit - 1e-9)))
+        # Sweeps on damped blocks see sqrt(b h) in place of h, see `kernels.damping`.
+        rate = self.frequency / limit
+        return max(1, int(np.ceil(dt * rate * max(1.0, rate * self.spec.damping.stiffness) - 1e-9)))
 
     @property
     def explicit(self) -> bool:

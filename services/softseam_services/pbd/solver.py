@@ -29,7 +29,7 @@ from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_en
 from .model import KAPPA, build_model
 from .model_error import ModelError
 from .pair import Pair
-from .records import BlockArrays, Leap
+from .records import Solve, block_arrays, leap_arrays, solve_arrays
 from .state import decode_state, encode_state, new_state
 
 MARGIN = 0.1
@@ -80,6 +80,7 @@ class PbdSolver:
             np.zeros(n + 8, dtype=np.int32),
             np.zeros(model.softness.size + 1, dtype=np.int32),
         )
+        self._solve = self._new_solve()
         self._wrench = np.zeros((t, 6))
         self._margin = MARGIN * float(model.blocks.edges.min())
         self._cell_distance = np.zeros(len(region.cells))
@@ -107,7 +108,7 @@ class PbdSolver:
             tools.near,
         )
         if model.explicit:
-            self._blocks, self._leap = self._explicit_arrays()
+            self._blocks, self._leap = block_arrays(model), leap_arrays(model, self._figures)
         self._start(state)
         if model.explicit:
             self._load_kernel()
@@ -118,15 +119,10 @@ class PbdSolver:
         self._leap_ahead(1e-9, 1)
         self._result[:] = 0.0
 
-    def _explicit_arrays(self) -> tuple[BlockArrays, Leap]:
-        """What leapfrog takes: the blocks, and scratch in which each node has a row of four."""
-        model, blocks, n = self.model, self.model.blocks, self.model.n_nodes
-        arrays = BlockArrays(blocks.nodes, blocks.volume, model.softness, blocks.constants, blocks.law)
-        leap = Leap(aligned(n + 8, 4), aligned(n + 8, 4), aligned(n, 4), aligned(n + 8, 4), self._figures)
-        leap.place[n:, :3] = blocks.padding_x
-        leap.speed[:n, 3] = model.inverse_mass
-        leap.push[model.inverse_mass > 0.0, :3] = model.body.gravity
-        return arrays, leap
+    def _new_solve(self) -> Solve:
+        """For as many substeps as the last repetition of a step takes."""
+        model = self.model
+        return solve_arrays(model, model.blocks, self._planned * 2**watch.RETRIES, model.spec.residual or 0.0)
 
     def _start(self, handed: BodyState | None) -> None:
         """Fill the committed state so that a body at rest in equilibrium stays exactly where it is."""
@@ -176,7 +172,7 @@ class PbdSolver:
         start = time.perf_counter()
         committed, work = self._committed, self._work
         result = self._result
-        iterations, notice = 0, ""
+        iterations, notice, unfinished = 0, "", 0
         fault = watch.Fault.ANCHOR if len(request.seam_anchor) else watch.Fault.INPUT
         if fault is watch.Fault.INPUT and _finite(request):
             if committed.monitor[watch.UNSHARED] != 0.0:
@@ -184,9 +180,10 @@ class PbdSolver:
             cause = ""
             for attempt in range(watch.RETRIES + 1):
                 n_substeps, n_sweeps = self._try(request, attempt)
-                iterations += n_substeps * max(n_sweeps, 1)
+                swept, unfinished = self._swept(n_substeps, n_sweeps)
+                iterations += swept
                 fault = watch.check(result, committed.monitor, self._floor)
-                notice = watch.alarm(cause, result, committed.monitor, attempt, n_substeps, n_sweeps)
+                notice = watch.alarm(cause, result, committed.monitor, attempt, n_substeps, n_sweeps, unfinished)
                 lagging = attempt == 0 and watch.grows(result, committed.monitor)
                 if fault is watch.Fault.NONE and not lagging:
                     break
@@ -259,6 +256,7 @@ class PbdSolver:
             work.x[:] += COLLAPSE_STEP * (self.model.x_rest - self.model.x_rest.mean(axis=0))
         if request.dt != self._dt:
             self._dt, self._planned = request.dt, self.model.substeps(request.dt)
+            self._solve = self._new_solve()
         n_substeps = self._planned * 2**attempt
         self._n_substeps = n_substeps
         if self.model.explicit:
@@ -271,6 +269,7 @@ class PbdSolver:
         n_sweeps = self.model.spec.sweeps + attempt
         if watch.needs_two_sweeps(work.monitor):
             n_sweeps = max(n_sweeps, 2)
+        self._solve.used[:] = 0
         self._pair.run(
             n_substeps * n_sweeps,
             advance_step,
@@ -297,8 +296,17 @@ class PbdSolver:
             n_sweeps,
             KAPPA,
             self._margin,
+            self._solve,
         )
         return n_substeps, n_sweeps
+
+    def _swept(self, n_substeps: int, n_sweeps: int) -> tuple[int, int]:
+        """Sweeps of the last try, and its substeps in which they did not bring the residual down far enough."""
+        if self._solve.tolerance == 0.0:
+            return n_substeps * max(n_sweeps, 1), 0
+        used = self._solve.used[:n_substeps]
+        unfinished = int((used == 0).sum())
+        return int(used.sum()) + unfinished * n_sweeps, unfinished
 
     def _leap_ahead(self, dt: float, n_substeps: int) -> None:
         """The explicit step, in the tentative state."""
@@ -307,7 +315,7 @@ class PbdSolver:
             n_substeps,
             advance_leapfrog,
             *(self._work, self._blocks, self._leap, model.region.mass, model.x_rest, model.body.gravity),
-            *(self._cell_distance, self._result, dt, n_substeps),
+            *(self._cell_distance, self._result, model.spec.damping.mass, dt, n_substeps),
         )
 
     def _compliance(self, request: Advance) -> Floats:

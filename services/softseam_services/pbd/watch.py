@@ -73,10 +73,12 @@ def grows(result: Floats, monitor: Floats) -> bool:
     return bool(result[k.RESIDUAL] > max(LAGGING, GROWTH * monitor[RESIDUAL]))
 
 
-def alarm(cause: str, result: Floats, monitor: Floats, attempt: int, n_substeps: int, n_sweeps: int) -> str:
+def alarm(
+    cause: str, result: Floats, monitor: Floats, attempt: int, n_substeps: int, n_sweeps: int, unfinished: int = 0
+) -> str:
     """What the monitor saw and did in a step from a state that left `monitor`, empty where that was nothing.
 
-    No sweeps: an explicit step.
+    No sweeps: an explicit step. unfinished: substeps whose sweeps ended before the scene's residual was reached.
     """
     parts = []
     if attempt > 0:
@@ -85,6 +87,8 @@ def alarm(cause: str, result: Floats, monitor: Floats, attempt: int, n_substeps:
         parts.append(f"{cause}: repeated with {n_substeps} substeps{swept}")
     elif n_sweeps and needs_two_sweeps(monitor):
         parts.append(f"crushed, torn or behind its shape: sweeps {n_sweeps}")
+    if unfinished:
+        parts.append(f"residual not reached in {unfinished} of {n_substeps} substeps with {n_sweeps} sweeps")
     if result[k.RESIDUAL] > LAGGING:
         parts.append(f"not converged, stress is {min(result[k.RESIDUAL], 99.0):.0%} off its shape")
     return "; ".join(parts)

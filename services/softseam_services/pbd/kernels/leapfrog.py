@@ -9,6 +9,10 @@ sin(omega' h/2) = omega h/2                                                     
 
 and  E - h^2/8 f^T M^-1 f,  E the energy and f all forces, is kept to rounding. It is stable while omega_max h < 2:
 while h^2/8 f^T M^-1 f of the blocks' forces is less than their strain energy, whatever the shape.
+Damping at the rate r per mass takes the velocity in the middle of a kick:
+
+(1 + r h/2) v_k+3/2 = (1 - r h/2) v_k+1/2 + h (A_k+1 + g)                                                      (3)
+
 Tools and seams are the sweeps': here nothing is solved for that could hold them.
 """
 
@@ -77,7 +81,15 @@ def drift(place, speed, push, gain, h, first, end):
 
 
 @njit(cache=True, error_model="numpy")
-def begin(state, leap, h):
+def drag(speed, kept, first, end):
+    """v *= kept for the nodes first .. end - 1."""
+    for i in range(first, end):
+        for c in range(3):
+            speed[i, c] *= kept
+
+
+@njit(cache=True, error_model="numpy")
+def begin(state, leap, h, half_drag):
     """Positions and v_1/2 of eq. (1) into the scratch; without g, which the first drift adds.
 
     Returns h^2/8 f^T M^-1 f of all forces [J].
@@ -87,7 +99,7 @@ def begin(state, leap, h):
         free = leap.speed[i, 3] > 0.0
         for c in range(3):
             leap.place[i, c] = state.x[i, c]
-            leap.speed[i, c] = state.v[i, c] + 0.5 * h * state.a[i, c] if free else 0.0
+            leap.speed[i, c] = (1.0 - half_drag) * state.v[i, c] + 0.5 * h * state.a[i, c] if free else 0.0
             if free:
                 total += (state.a[i, c] + leap.push[i, c]) ** 2 / leap.speed[i, 3]
         leap.place[i, 3] = 0.0
@@ -95,7 +107,7 @@ def begin(state, leap, h):
 
 
 @njit(cache=True, error_model="numpy")
-def end_step(state, leap, h):
+def end_step(state, leap, h, half_drag):
     """x, v and A at the end of the step into the state, from forces leap.pull (n + 8, 4) [N].
 
     Returns h^2/8 f^T M^-1 f of all forces, and of the blocks' [J].
@@ -109,28 +121,35 @@ def end_step(state, leap, h):
             if weight > 0.0:
                 total += (a + leap.push[i, c]) ** 2 / weight
             state.a[i, c] = a
-            state.v[i, c] = leap.speed[i, c] + 0.5 * h * (a + leap.push[i, c])
+            state.v[i, c] = (leap.speed[i, c] + 0.5 * h * (a + leap.push[i, c])) / (1.0 + half_drag)
             state.x[i, c] = leap.place[i, c]
     return 0.125 * h * h * total, 0.125 * h * h * own
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance_leapfrog(state, blocks, leap, mass, x_rest, gravity, cell_distance, result, dt, m, parts, crew, rank, ws):
+def advance_leapfrog(
+    state, blocks, leap, mass, x_rest, gravity, cell_distance, result, drag_rate, dt, m, parts, crew, rank, ws
+):
     """Advance the state by dt in m substeps; the results are those of `advance_step` for a body that nothing touches.
 
+    drag_rate [1/s] is eq. (3)'s r.
     Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
     """
     n, h = len(state.x), dt / m
+    half_drag = 0.5 * h * drag_rate
+    gain = h / (1.0 + half_drag)
     before, stretch = 1, 0
     apparent = 0.0
     if rank == 0:
-        apparent = begin(state, leap, h)
+        apparent = begin(state, leap, h, half_drag)
         cell_distance[:] = np.inf
         done(crew, rank, 1)
     for substep in range(m):
         first, end = first_share(crew, before, stretch, n, rank, LEAST)
         while first < end:
-            drift(leap.place, leap.speed, leap.push, h if substep > 0 else 0.5 * h, h, first, end)
+            drift(leap.place, leap.speed, leap.push, gain if substep > 0 else 0.5 * h, h, first, end)
+            if drag_rate > 0.0 and substep < m - 1:
+                drag(leap.speed, (1.0 - half_drag) / (1.0 + half_drag), first, end)
             first, end = next_share(crew, stretch, rank, end - first, LEAST)
         before, stretch = before + n, stretch + 1
         if substep == m - 1:
@@ -139,7 +158,7 @@ def advance_leapfrog(state, blocks, leap, mass, x_rest, gravity, cell_distance, 
             start, n_batches = parts[part], parts[part + 1] - parts[part]
             first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
             while first < end:
-                kick(ws, leap.place, leap.speed, blocks, h, start + first, start + end)
+                kick(ws, leap.place, leap.speed, blocks, gain, start + first, start + end)
                 first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
             before, stretch = before + n_batches, stretch + 1
     if rank == 0:
@@ -162,7 +181,7 @@ def advance_leapfrog(state, blocks, leap, mass, x_rest, gravity, cell_distance, 
     if rank > 0:
         return
     wait_for(crew, before)
-    total, own = end_step(state, leap, h)
+    total, own = end_step(state, leap, h, half_drag)
     result[:] = 0.0
     result[APPARENT], result[HASTE] = total - apparent, own
     summarise_motion(state.x, state.v, mass, x_rest, gravity, result)

@@ -7,6 +7,7 @@ from numba import njit
 
 from .block import N_STRESS
 from .contact import begin_pairs
+from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
 from .pairs import N_ROWS, WIDTH, find_pairs, place_points
 from .relax import relax
@@ -38,6 +39,7 @@ def probe_seam(
     orientation,
     seam,
     probe,
+    solve,
     dt,
     n_substeps,
     n_sweeps,
@@ -53,6 +55,7 @@ def probe_seam(
     n = len(x_start)
     n_points = len(force_start)
     h = dt / n_substeps
+    keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
     stress_start = np.zeros((len(nodes), N_STRESS))
     for i in range(n):
         for c in range(3):
@@ -109,7 +112,9 @@ def probe_seam(
             push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
         for _ in range(n_substeps):
             begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h, start, rows, pairs)
-            predict(xw, x_star, x, v, a, push, h, 0, n)
+            if share > 0.0:
+                note_shapes(ws, xw, nodes, volume, constants, law, solve.asked, solve.frame, 0, len(nodes))
+            predict(xw, x_star, x, v, a, push, keep, h, 0, n)
             relax(
                 ws,
                 xw,
@@ -134,6 +139,8 @@ def probe_seam(
                 inverse_mass,
                 held,
                 held_blocks,
+                solve,
+                0,
                 n_sweeps,
                 kappa,
                 h,

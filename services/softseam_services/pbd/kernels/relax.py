@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from .contact import project_contacts
 from .crew import done, first_share, next_share, wait_for
+from .damping import begin_damping, damping_share, end_damping
 from .hold import soften_held_blocks
+from .monitor import batch_residuals, residual
 from .sweep import sweep
 
 LEAST = 4
@@ -60,6 +63,8 @@ def relax(
     inverse_mass,
     held,
     held_blocks,
+    solve,
+    substep,
     n_sweeps,
     kappa,
     h,
@@ -72,14 +77,24 @@ def relax(
     """Move xw from the prediction to the end of the substep; arguments as in `sweep_together` and `project_contacts`.
 
     Contacts come first, because the carried contact force throws a point that has just stopped off its tool, and the
-    blocks would answer to that; and they come last, so that no point ends inside a tool. The softness of blocks that
-    tools hold is updated in place, see `hold`. Returns before and stretch as they are then.
+    blocks would answer to that; and they come last, so that no point ends inside a tool. Sweeps end when n_sweeps
+    are done, or where `solve` says so. The softness of blocks that tools hold is updated in place, see `hold`.
+    Returns before and stretch as they are then.
     """
+    share = damping_share(solve.stiffness_time, h)
+    blocks_h = h * np.sqrt(1.0 + share)
     for round_ in range(n_sweeps + 1):
         if round_ > 0:
             before, stretch = sweep_together(
-                ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, parts, rank, crew, before, stretch
+                *(ws, xw, nodes, volume, softness, stress, constants, law, kappa, blocks_h),
+                *(parts, rank, crew, before, stretch),
             )
+        elif share > 0.0:
+            first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST)
+            while first < end:
+                begin_damping(ws, xw, nodes, constants, law, share, solve.asked, solve.frame, stress, first, end)
+                first, end = next_share(crew, stretch, rank, end - first, LEAST)
+            before, stretch = before + len(nodes), stretch + 1
         if rank == 0:
             wait_for(crew, before)
             project_contacts(
@@ -104,4 +119,40 @@ def relax(
                 )
             done(crew, rank, 1)
         before += 1
+        if solve.tolerance > 0.0 and 0 < round_:
+            before, stretch = look_at_residual(
+                ws, xw, nodes, volume, stress, constants, law, solve, substep, round_, rank, crew, before, stretch
+            )
+            if solve.used[substep] == round_:
+                break
+    if share > 0.0:
+        first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST)
+        while first < end:
+            end_damping(share, solve.asked, stress, first, end)
+            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+        before, stretch = before + len(nodes), stretch + 1
+    return before, stretch
+
+
+@njit(cache=True, error_model="numpy")
+def look_at_residual(
+    ws, xw, nodes, volume, stress, constants, law, solve, substep, sweeps, rank, crew, before, stretch
+):
+    """Note in solve.used where the blocks' stress is close enough to what their shapes ask for after so many sweeps.
+
+    A thread that comes late finds what was noted for its substep, and stops after the same sweep. Returns before and
+    stretch as they are then.
+    """
+    first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST)
+    while first < end:
+        batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, solve.figures)
+        first, end = next_share(crew, stretch, rank, end - first, LEAST)
+    before, stretch = before + len(nodes), stretch + 1
+    wait_for(crew, before)
+    if rank == 0:
+        if residual(solve.figures)[0] <= solve.tolerance:
+            solve.used[substep] = sweeps
+        done(crew, rank, 1)
+    before += 1
+    wait_for(crew, before)
     return before, stretch

@@ -14,6 +14,7 @@ from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs
 from .crew import done, first_share, next_share, wait_for
+from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
 from .monitor import batch_residuals, residual
 from .pairs import find_pairs, place_points, store_pairs
@@ -45,14 +46,15 @@ def carried(xw, indptr, node, weight, force, pull, a):
 
 
 @njit(cache=True, error_model="numpy")
-def predict(xw, x_star, x, v, a, push, h, first, end):
+def predict(xw, x_star, x, v, a, push, keep, h, first, end):
     """x* of eq. (1) into xw and x_star for the nodes first .. end - 1; push (n, 3) = g + a_seam [m/s^2].
 
-    Clamped nodes have v = a = push = 0.
+    keep v in place of v: what mass-proportional damping of rate r leaves in a substep, exp(-r h). Clamped nodes have
+    v = a = push = 0.
     """
     for i in range(first, end):
         for c in range(3):
-            moved = x[i, c] + h * (v[i, c] + h * (push[i, c] + a[i, c]))
+            moved = x[i, c] + h * (keep * v[i, c] + h * (push[i, c] + a[i, c]))
             x_star[i, c] = moved
             xw[i, c] = moved
 
@@ -137,6 +139,7 @@ def advance_step(
     n_sweeps,
     kappa,
     margin,
+    solve,
     # two threads
     parts,
     crew,
@@ -149,6 +152,7 @@ def advance_step(
     """
     n = len(x)
     h = dt / n_substeps
+    keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
     before, stretch = 1, 0
     seam_work = 0.0
     if rank == 0:
@@ -234,9 +238,15 @@ def advance_step(
             )
             done(crew, rank, 1)
         before += 1
+        if share > 0.0:
+            first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
+            while first < end:
+                note_shapes(ws, xw, nodes, volume, constants, law, solve.asked, solve.frame, first, end)
+                first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+            before, stretch = before + len(nodes), stretch + 1
         first, end = first_share(crew, before, stretch, n, rank, LEAST)
         while first < end:
-            predict(xw, x_star, x, v, a, push, h, first, end)
+            predict(xw, x_star, x, v, a, push, keep, h, first, end)
             first, end = next_share(crew, stretch, rank, end - first, LEAST)
         before, stretch = before + n, stretch + 1
         before, stretch = relax(
@@ -263,6 +273,8 @@ def advance_step(
             inverse_mass,
             held,
             held_blocks,
+            solve,
+            substep,
             n_sweeps,
             kappa,
             h,
@@ -292,9 +304,10 @@ def advance_step(
                 pairs,
             )
     first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
+    applied = solve.asked if share > 0.0 else stress
     while first < end:
         batch_energies(ws, xw, nodes, volume, constants, law, first, end, figures)
-        batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, figures)
+        batch_residuals(ws, xw, nodes, volume, applied, constants, law, first, end, figures)
         first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
     before += len(nodes)
     if rank > 0:

@@ -1,0 +1,164 @@
+"""Rayleigh's damping of blocks against the ratio of a mode, free fall and spin; and sweeps that end on a residual."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pbd_run import Energy, PbdRun, cantilever, static_solution
+from test_pbd_dynamics import BODIES
+from test_pbd_leapfrog import kicked, modes, scene_of
+
+from softseam_protocol.scene import Scene
+from softseam_services.calibration.measure import oscillation
+
+Floats = NDArray[np.float64]
+
+
+@cache
+def slowest() -> tuple[float, Floats]:
+    """omega [rad/s] and the mode, largest displacement 0.1 mm, of the clamped block."""
+    frequencies, shapes = modes(PbdRun(scene_of()))
+    which = np.flatnonzero(frequencies > 1e-3 * frequencies[-1])[0]
+    return float(frequencies[which]), 1e-4 * shapes[which] / np.abs(shapes[which]).max()
+
+
+def damping_ratio(method: str, kind: str, mass: float, stiffness: float, substeps: int, sweeps: int = 1) -> float:
+    """zeta of the slowest mode, from a period in 40 steps of so many substeps."""
+    omega, mode = slowest()
+    step = 2.0 * np.pi / omega / 40
+    damping = {"mass": mass, "stiffness": stiffness}
+    pbd = {"method": method, "substeps": substeps, "sweeps": sweeps, "damping": damping}
+    scene = scene_of(step=step, kind=kind, pbd=pbd)
+    run = PbdRun(scene, x=PbdRun(scene).body.x_rest + mode)
+    q = []
+    for _ in range(44):
+        run.step()
+        q.append(float((run.region.mass[:, None] * mode * (run.solver.positions - run.body.x_rest)).sum()))
+    swing, decay = oscillation(np.array(q[2:]), step)
+    return decay / float(np.hypot(swing, decay))
+
+
+@pytest.mark.parametrize("kind", ["linear", "neo_hookean", "st_venant_kirchhoff"])
+@pytest.mark.parametrize(("mass", "stiffness"), [(0.0, 0.1), (0.1, 0.1), (0.0, 0.6)])
+def test_a_mode_is_damped_by_half_of_a_over_omega_and_b_omega(kind: str, mass: float, stiffness: float) -> None:
+    """zeta = (a/omega + b omega)/2, implicit Euler's own included, since the substep is shorter than b."""
+    omega = slowest()[0]
+    found = damping_ratio("xpbd", kind, mass * omega, stiffness / omega, 10, sweeps=4)
+    assert found == pytest.approx(0.5 * (mass + stiffness), abs=2e-4 + 5e-3 * stiffness)
+    assert damping_ratio("xpbd", kind, mass * omega, stiffness / omega, 40) == pytest.approx(found, abs=5e-3)
+
+
+def test_what_implicit_euler_damps_anyway_is_not_taken_away() -> None:
+    """b shorter than the substep: omega h/2 is left, as without any."""
+    omega = slowest()[0]
+    h = 2.0 * np.pi / omega / 400
+    for stiffness in (0.0, 0.5 * h, h):
+        assert damping_ratio("xpbd", "linear", 0.0, stiffness, 10, sweeps=4) == pytest.approx(0.5 * omega * h, rel=1e-3)
+    assert damping_ratio("xpbd", "linear", 0.0, 3.0 * h, 10, sweeps=4) == pytest.approx(1.5 * omega * h, rel=2e-3)
+
+
+def test_leapfrog_takes_what_is_proportional_to_mass() -> None:
+    omega = slowest()[0]
+    assert damping_ratio("leapfrog", "linear", 0.0, 0.0, 10) == pytest.approx(0.0, abs=1e-6)
+    assert damping_ratio("leapfrog", "neo_hookean", 0.3 * omega, 0.0, 10) == pytest.approx(0.15, abs=1e-4)
+
+
+@pytest.mark.parametrize(("method", "error"), [("xpbd", 3e-3), ("leapfrog", 1e-6)])
+def test_a_body_falls_as_in_air(method: str, error: float) -> None:
+    """v = g/r (1 - exp(-r t)): no strain, whatever the substep; XPBD's is of first order, leapfrog's of second."""
+    pbd = {"method": method, "damping": {"mass": 8.0}, "substeps": 20}
+    run = PbdRun(scene_of(fixed=(), gravity=(0.0, 0.0, -9.81), pbd=pbd))
+    last = run.run(0.25)[-1]
+    wanted = -9.81 / 8.0 * (1.0 - np.exp(-8.0 * 0.25)) * run.region.mass.sum()
+    assert last.momentum[2] == pytest.approx(wanted, rel=error)
+    assert abs(last.strain) < 1e-12
+
+
+def test_a_spin_is_not_damped_by_stiffness() -> None:
+    """A free body spins at 15 rad/s and so is under stress: P_n not turned along would take b w^2 = 4.5 a second."""
+    spin = []
+    for stiffness in (0.0, 0.02):
+        pbd = {"substeps": 80, "sweeps": 2, "damping": {"stiffness": stiffness}}
+        scene = scene_of(step=0.01, kind="neo_hookean", fixed=(), body={"spin": (0.0, 15.0, 0.0)}, pbd=pbd)
+        replies = PbdRun(scene).run(0.5)
+        spin.append(replies[-1].angular_momentum[1] / replies[0].angular_momentum[1])
+    assert 0.97 < spin[0] < 1.0 and spin[1] == pytest.approx(spin[0], abs=0.02)
+
+
+def test_statics_stay_exact() -> None:
+    """Where the blocks balance the load nothing moves, whatever the damping."""
+    pbd = {"damping": {"mass": 5.0, "stiffness": 0.02}}
+    run = PbdRun(cantilever((0.1, 0.05, 0.05), 0.05, 1e5, 0.3, pbd=pbd))
+    x = static_solution(run, run.region.mass[:, None] * run.body.gravity)
+    rested = PbdRun(run.scene, x=x)
+    rested.run(0.5)
+    np.testing.assert_allclose(rested.x, x, atol=1e-10)
+    assert np.abs(Energy(rested).force(x)).max() > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("stiffness", [1e-3, 0.1])
+def test_planned_substeps_are_stable_with_damping(body: tuple[object, ...], stiffness: float) -> None:
+    """Random kicks of 5 % of c_p: no step gains energy, as undamped, and none is repeated but at the kick."""
+    size, cell, poisson, clamped = body
+    fixed = ({"min": (-1.0, -1.0, -1.0), "max": (-size[0] / 2, 1.0, 1.0)},) if clamped else ()  # type: ignore[index]
+    law = {"size": size, "cell": cell, "poisson": poisson, "fixed": fixed, "pbd": {"damping": {"stiffness": stiffness}}}
+    plan = PbdRun(scene_of(**law))  # type: ignore[arg-type]
+    run = kicked(scene_of(step=50 * 0.005 / plan.solver.substeps, **law))  # type: ignore[arg-type]
+    replies = [run.step() for _ in range(40)]
+    energy = [reply.kinetic + reply.strain for reply in replies]
+    assert not any(reply.alarm for reply in replies[1:])
+    assert all(after < 1.05 * before for before, after in pairwise(energy))
+
+
+def test_what_damping_cannot_do_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="substep would shrink with it"):
+        scene_of(pbd={"method": "leapfrog", "damping": {"stiffness": 1e-3}})
+    sheet = {"kind": "sheet", "size": (0.1, 0.1), "divisions": (2, 2), "density": 0.3, "stretch": 100.0, "bending": 0.0}
+    scene = {**scene_of(pbd={}).model_dump(), "body": sheet}
+    with pytest.raises(ValueError, match=r"say body\.damping"):
+        Scene.model_validate({**scene, "models": {"pbd": {"damping": {"mass": 1.0}}}})
+    with pytest.raises(ValueError, match="only blocks have a residual"):
+        Scene.model_validate({**scene, "models": {"pbd": {"residual": 0.1, "sweeps": 4}}})
+    with pytest.raises(ValueError, match="allow several"):
+        scene_of(pbd={"residual": 0.1})
+
+
+def swing(residual: float | None, sweeps: int) -> tuple[PbdRun, list[int], list[float], list[str]]:
+    """A block kicked hard, 20 substeps a step near the limit: sweeps, residual and alarm of each of 20 steps."""
+    plan = PbdRun(scene_of(kind="neo_hookean", pbd={}))
+    pbd = {"substeps": 20, "sweeps": sweeps, "residual": residual}
+    run = kicked(scene_of(step=20 * 2.0 / plan.solver.model.frequency, kind="neo_hookean", pbd=pbd))
+    replies = [run.step() for _ in range(20)]
+    return (
+        run,
+        [reply.iterations for reply in replies],
+        [reply.residual for reply in replies],
+        [reply.alarm for reply in replies],
+    )
+
+
+def test_sweeps_end_on_the_residual_and_no_sooner() -> None:
+    """Every step ends within the residual; a looser one takes fewer sweeps; all are far from the most."""
+    counts = {}
+    for residual in (0.1, 0.01):
+        _, used, left, told = swing(residual, 40)
+        assert max(left) <= residual and not any(told)
+        assert all(20 <= n < 20 * 40 for n in used)
+        counts[residual] = sum(used)
+    fixed = swing(None, 40)
+    assert set(fixed[1]) == {20 * 40}
+    assert counts[0.1] < 0.8 * counts[0.01] < 0.8 * sum(fixed[1])
+    one = swing(None, 1)
+    assert max(one[2]) > 0.1
+
+
+def test_sweeps_that_do_not_reach_the_residual_are_told() -> None:
+    _, used, left, told = swing(1e-6, 3)
+    assert set(used) == {60} and max(left) > 1e-6
+    assert told[5] == "residual not reached in 20 of 20 substeps with 3 sweeps"
