@@ -1,12 +1,13 @@
 """Make the meshes of the food scenes: `python scenes/make_meshes.py` writes them beside it, in millimetres.
 
 sausage.obj and dumpling.obj are tubes of rings between two poles, closed and counter-clockwise from outside;
-calamari.vtk is a ring of quadratic hexahedra.
+calamari.vtk is a ring of quadratic hexahedra, pudding.vtk a stump of tetrahedra.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,25 @@ def calamari() -> tuple[Floats, NDArray[np.int64]]:
     return points, np.array(cells)
 
 
+def pudding() -> tuple[Floats, NDArray[np.int64]]:
+    """A pudding turned out of its mould, 64 mm wide below, 44 above, 40 high: points, and 6 tetrahedra a cube."""
+    n, tall = 6, 4
+    k, j, i = (each.ravel() for each in np.meshgrid(np.arange(tall + 1), *2 * [np.arange(n + 1)], indexing="ij"))
+    x, y, z = 2.0 * i / n - 1.0, 2.0 * j / n - 1.0, k / tall
+    # Between a square and a disc: a disc would flatten the tetrahedra at the square's corners.
+    round_x, round_y = x * np.sqrt(1.0 - 0.5 * y * y), y * np.sqrt(1.0 - 0.5 * x * x)
+    radius = 32.0 - 10.0 * z + 2.0 * np.sin(np.pi * z)
+    points = np.stack([radius * (0.25 * x + 0.75 * round_x), radius * (0.25 * y + 0.75 * round_y), 40.0 * z], axis=1)
+    corner = np.flatnonzero((i < n) & (j < n) & (k < tall))
+    step = np.array([1, n + 1, (n + 1) ** 2])
+    cells = []
+    for order in permutations(range(3)):  # Kuhn's: from one corner of a cube to the other along its edges
+        way = corner[:, None] + np.concatenate([[0], np.cumsum(step[list(order)])])
+        even = np.linalg.det(np.eye(3)[list(order)]) > 0.0
+        cells.append(way if even else way[:, [0, 2, 1, 3]])
+    return points, np.concatenate(cells)
+
+
 MESHES = {"sausage.obj": sausage, "dumpling.obj": dumpling}
 
 
@@ -105,19 +125,26 @@ def obj_text(name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def vtk_text() -> str:
-    """calamari.vtk in VTK's legacy format, coordinates to 0.1 um."""
-    points, cells = calamari()
+SOLIDS = {"calamari.vtk": (calamari, 29), "pudding.vtk": (pudding, 10)}
+"""and the numbers that VTK gives to their cells"""
+
+
+def vtk_text(name: str) -> str:
+    """One solid in VTK's legacy format, coordinates to 0.1 um."""
+    make, number = SOLIDS[name]
+    points, cells = make()
+    corners = cells.shape[1]
     lines = ["# vtk DataFile Version 3.0", "made by make_meshes.py, millimetres", "ASCII", "DATASET UNSTRUCTURED_GRID"]
     lines += [f"POINTS {len(points)} double"]
     lines += [f"{x:.4f} {y:.4f} {z:.4f}" for x, y, z in np.round(points, 4) + 0.0]
-    lines += [f"CELLS {len(cells)} {28 * len(cells)}"]
-    lines += ["27 " + " ".join(map(str, cell)) for cell in cells.tolist()]
-    lines += [f"CELL_TYPES {len(cells)}", *["29"] * len(cells)]
+    lines += [f"CELLS {len(cells)} {(corners + 1) * len(cells)}"]
+    lines += [f"{corners} " + " ".join(map(str, cell)) for cell in cells.tolist()]
+    lines += [f"CELL_TYPES {len(cells)}", *[str(number)] * len(cells)]
     return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
     for mesh_name in MESHES:
         (Path(__file__).parent / mesh_name).write_text(obj_text(mesh_name), encoding="ascii")
-    (Path(__file__).parent / "calamari.vtk").write_text(vtk_text(), encoding="ascii")
+    for mesh_name in SOLIDS:
+        (Path(__file__).parent / mesh_name).write_text(vtk_text(mesh_name), encoding="ascii")

@@ -245,10 +245,10 @@ class Advanced:
 
 @dataclass(frozen=True, slots=True)
 class ParticleReport:
-    """How well a sheet's or rope's constraints are met at the end of a step."""
+    """How well the constraints of a body of particles are met at the end of a step."""
 
     worst_stretch: float
-    """largest change of length of a spring, relative [1]"""
+    """largest change of length of a spring, relative, or largest strain of a tetrahedron [1]"""
     stretch_violation: float
     """farthest that a spring is from its own law, relative to its length [1]"""
     stretch_violation_mean: float

@@ -1,4 +1,4 @@
-"""Bodies of particles in a scene: sheets (cloth) and ropes, with stiffnesses in physical units; PBD moves them."""
+"""Bodies of particles in a scene: sheets (cloth), ropes, meshes of tetrahedra, in physical units; PBD moves them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Divisions = Annotated[int, Field(ge=1)]
 
 
 class _Particles(Spec):
-    """What sheets and ropes have alike."""
+    """What all have alike."""
 
     position: Vector = Field(default=(0.0, 0.0, 0.0), description="its middle [m]")
     rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn about its middle: axis times angle [rad]")
@@ -98,4 +98,16 @@ class RopeBody(_Particles):
         return self
 
 
-ParticleBodySpec = SheetBody | RopeBody
+class TetMeshBody(_Particles):
+    """A solid of tetrahedra from a file, a particle at each corner; St. Venant and Kirchhoff's material."""
+
+    kind: Literal["tet_mesh"]
+    path: str = Field(min_length=1, description="file of tetrahedra read through meshio, relative to the scene file")
+    scale: Positive = Field(default=1.0, description="metres per unit of the file")
+    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
+    density: Positive = Field(description="[kg/m^3]")
+    young: Positive = Field(description="Young's modulus [Pa]")
+    poisson: float = Field(gt=0.0, lt=0.5, description="Poisson's ratio [1]")
+
+
+ParticleBodySpec = SheetBody | RopeBody | TetMeshBody

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from softseam_protocol.kinds import ModelKind, SeamAcceleration, integrator_problem
-from softseam_protocol.particle_bodies import RopeBody, SheetBody
+from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
 from softseam_protocol.scene_models import DampingSpec, ModelsSpec
 from softseam_protocol.scene_motion import (
@@ -161,7 +161,10 @@ def _body_tag(value: Any) -> str:
 
 
 AnyBody = Annotated[
-    Annotated[BodySpec, Tag("cells")] | Annotated[SheetBody, Tag("sheet")] | Annotated[RopeBody, Tag("rope")],
+    Annotated[BodySpec, Tag("cells")]
+    | Annotated[SheetBody, Tag("sheet")]
+    | Annotated[RopeBody, Tag("rope")]
+    | Annotated[TetMeshBody, Tag("tet_mesh")],
     Discriminator(_body_tag),
 ]
 
@@ -263,16 +266,23 @@ class Scene(Spec):
         if isinstance(self.body, BodySpec):
             self._kinds_meet(self.body)
         else:
-            self._particles_alone(self.body.kind)
+            self._particles_alone(self.body)
         if self.duration is None and not self.motion:
             raise wrong("give a duration, or a motion whose end is the end of the run")
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
             raise wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
 
-    def _particles_alone(self, kind: str) -> None:
-        """Raise if the scene asks something of a sheet or rope that only a body in cells can do."""
-        have = f"a {kind} is made of particles, not cells"
+    def _particles_alone(self, body: ParticleBodySpec) -> None:
+        """Raise if the scene asks something of a body of particles that only one in cells can do."""
+        have = f"a {body.kind} is made of particles, not cells"
+        if isinstance(body, TetMeshBody):
+            if self.models.pbd.method == "pbd":
+                raise wrong("classic pbd has no Young's modulus: a tet_mesh needs xpbd", "models", "pbd", "method")
+            for i, phase in enumerate(self.motion):
+                if isinstance(phase, GripPhase | ReleasePhase):
+                    key = "grip" if isinstance(phase, GripPhase) else "release"
+                    raise wrong("a tet_mesh is held by friction: close two tools on it", "motion", i, key)
         if self.models.pbd.method == "leapfrog":
             raise wrong(f"{have}: leapfrog moves cells, use xpbd", "models", "pbd", "method")
         if self.models.pbd.residual is not None:

@@ -17,6 +17,7 @@ from pydantic_core import ErrorDetails
 from softseam_protocol import marked_yaml
 from softseam_protocol.marked_yaml import Mark, Marked
 from softseam_protocol.messages import Bundle
+from softseam_protocol.particle_bodies import TetMeshBody
 from softseam_protocol.scene import BodySpec, MeshShape, Scene
 from softseam_protocol.scene_keys import described, keys_allowed
 from softseam_protocol.scene_motion import PHASE_KEYS
@@ -108,6 +109,8 @@ def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:
     found: list[tuple[marked_yaml.Path, str]] = []
     if isinstance(scene.body, BodySpec) and isinstance(scene.body.shape, MeshShape):
         found.append((("body", "shape", "path"), scene.body.shape.path))
+    if isinstance(scene.body, TetMeshBody):
+        found.append((("body", "path"), scene.body.path))
     found += [(("tools", name, "path"), tool.path) for name, tool in scene.tools.items() if isinstance(tool, MeshTool)]
     return found
 

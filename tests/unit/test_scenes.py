@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from softseam_protocol.particle_bodies import RopeBody, SheetBody
+from softseam_protocol.particle_bodies import SheetBody, TetMeshBody
 from softseam_protocol.scene import BodySpec
 from softseam_protocol.scene_file import load_scene, scene_from_bundle
 from softseam_services.body.body import Body
@@ -22,7 +22,7 @@ from softseam_services.tools.build import build_tools
 SCENES = Path(__file__).parents[2] / "scenes"
 CELLS = ["calamari", "cantilever", "dumpling", "heavy_on_soft", "sausage", "sausage_bend", "silken_tofu"]
 CELLS += ["stiff_inclusion", "tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab"]
-PARTICLES = ["cloth_fold", "rope"]
+PARTICLES = ["cloth_fold", "pudding", "rope"]
 
 
 def maker() -> ModuleType:
@@ -59,8 +59,12 @@ def test_scene_of_particles_builds(name: str) -> None:
     loaded = load_scene(SCENES / f"{name}.yaml")
     setup = build_setup(loaded.bundle)
     spec, body = setup.scene.body, setup.body
-    assert isinstance(body, ParticleBody) and isinstance(spec, SheetBody | RopeBody)
-    size = np.prod(spec.size) if isinstance(spec, SheetBody) else spec.length
+    assert isinstance(body, ParticleBody) and not isinstance(spec, BodySpec)
+    if isinstance(spec, TetMeshBody):
+        corners = body.x_rest[body.skin.owner][body.skin.triangles]
+        size = np.linalg.det(corners).sum() / 6.0  # what its boundary encloses
+    else:
+        size = np.prod(spec.size) if isinstance(spec, SheetBody) else spec.length
     assert body.total_mass == pytest.approx(spec.density * size, rel=1e-12)
     if name == "cloth_fold":
         assert len(body.springs.rest) == 10_100
@@ -104,12 +108,12 @@ def test_cantilever_is_half_near() -> None:
     np.testing.assert_array_equal(body.fixed, body.x_rest[:, 0] == 0.0)
 
 
-@pytest.mark.parametrize("name", ["sausage.obj", "dumpling.obj", "calamari.vtk"])
+@pytest.mark.parametrize("name", ["sausage.obj", "dumpling.obj", "calamari.vtk", "pudding.vtk"])
 def test_meshes_are_what_the_script_makes(name: str) -> None:
     """To the last digit written, 0.1 um, whose rounding may differ between mathematical libraries."""
     committed = (SCENES / name).read_text(encoding="ascii").splitlines()
     script = maker()
-    made = (script.obj_text(name) if name.endswith(".obj") else script.vtk_text()).splitlines()
+    made = (script.obj_text(name) if name.endswith(".obj") else script.vtk_text(name)).splitlines()
     assert len(made) == len(committed)
     for a, b in zip(made, committed, strict=True):
         if "." in a and a[0] in "v-0123456789":

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.particle_bodies import TetMeshBody
 from softseam_protocol.scene import BlockShape, BodySpec, MeshShape, Scene
 from softseam_protocol.spec import BoxRegion
 from softseam_services.body.block import block_surface
@@ -22,6 +23,7 @@ from softseam_services.body.mass import lump_full
 from softseam_services.body.materials import build_material
 from softseam_services.body.mesh_io import RawHexahedra, read_hexahedra
 from softseam_services.body.particles import ParticleBody, build_particles
+from softseam_services.body.tet_mesh import build_tet_mesh
 
 _CLAMP_TOLERANCE = 1e-9
 
@@ -33,6 +35,8 @@ def build_any_body(scene: Scene, files: Mapping[str, bytes]) -> AnyBody:
     """Build the scene's body, in cells or of particles; see `build_body`."""
     if isinstance(scene.body, BodySpec):
         return build_body(scene, files)
+    if isinstance(scene.body, TetMeshBody):
+        return build_tet_mesh(scene, scene.body, files)
     return build_particles(scene, scene.body)
 
 

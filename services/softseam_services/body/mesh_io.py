@@ -73,6 +73,37 @@ def read_hexahedra(path: str, data: bytes) -> RawHexahedra:
     return RawHexahedra(points, tuple(part.reshape(cells.shape) for part, cells in zip(parts, blocks, strict=True)))
 
 
+@dataclass(frozen=True)
+class RawTetrahedra:
+    """Tetrahedra as a file gives them, none inside out or flat."""
+
+    points: Floats
+    """those that are corners (n, 3), in the file's units"""
+    cells: Ints
+    """corners, the last above the first three (m, 4)"""
+    triangles: Ints
+    """their boundary, counter-clockwise from outside (T, 3)"""
+
+
+def read_tetrahedra(path: str, data: bytes) -> RawTetrahedra:
+    """Read tetrahedra whose corners are to be particles; raises MeshError where the file has other solids, or none."""
+    mesh = _read(path, data)
+    points = _points(path, mesh)
+    solids = {block.type for block in mesh.cells} - _FACE_CELLS.keys() - _IGNORED_CELLS
+    if not solids or solids - _VOLUME_CELLS.keys():
+        found = ", ".join(sorted(solids - _VOLUME_CELLS.keys())) or "no solids"
+        raise MeshError(f"{path}: has {found}, but a tet_mesh is made of tetrahedra; mesh the solid with them alone")
+    tets = [np.asarray(block.data, dtype=np.int64)[:, :4] for block in mesh.cells if block.type in _VOLUME_CELLS]
+    points, solid = _weld(points, np.concatenate(tets))
+    used, solid = np.unique(solid, return_inverse=True)
+    points, solid = points[used], solid.reshape(-1, 4)
+    triangles, _ = _tet_boundary(path, points, solid)
+    spans = points[solid[:, 1:]] - points[solid[:, :1]]
+    if np.linalg.det(spans[:1])[0] < 0.0:  # all are, or `_tet_boundary` would have refused them
+        solid = solid[:, [0, 2, 1, 3]]
+    return RawTetrahedra(points, solid.astype(np.int32), triangles.astype(np.int32))
+
+
 def _points(path: str, mesh: meshio.Mesh) -> Floats:
     points = np.asarray(mesh.points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:

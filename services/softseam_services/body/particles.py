@@ -1,6 +1,6 @@
-"""Bodies of particles, sheets and ropes: what PBD moves and what a viewer draws, built once from a scene.
+"""Bodies of particles, sheets, ropes and meshes of tetrahedra: what PBD moves and a viewer draws, built from a scene.
 
-Elasticity is springs and bends between particles, as stiff as the continuum that the scene describes:
+Sheets and ropes are springs and bends between particles, as stiff as the continuum that the scene describes:
 
 sheet   A lattice of spacings a, b (diagonal L) with springs along x, y and both diagonals. A strain (e_x, e_y, g)
         gives a diagonal the strain (a^2 e_x + b^2 e_y +- a b g)/L^2, so the energy per area, 1/2 [k_x a/b e_x^2 + k_y
@@ -30,6 +30,7 @@ from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetB
 from softseam_protocol.scene import Scene
 from softseam_protocol.spec import BoxRegion
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.skin import Skin, rope_skin, sheet_skin
 
 _CLAMP_TOLERANCE = 1e-9
@@ -60,11 +61,22 @@ class Bends:
 
 
 @dataclass(frozen=True)
+class Solid:
+    """m tetrahedra of St. Venant and Kirchhoff's material."""
+
+    nodes: Ints
+    """corners, the last above the first three (m, 4)"""
+    elastic: ElasticConstants
+    wave_time: float
+    """a P wave's way over the least height of a tetrahedron [s]"""
+
+
+@dataclass(frozen=True)
 class ParticleBody:
     """N particles; P surface points around them. Has what `Body` has and cells do not matter for."""
 
     kind: str
-    """'sheet' or 'rope'"""
+    """'sheet', 'rope' or 'tet_mesh'"""
     x_rest: Floats
     """(N, 3) [m]"""
     mass: Floats
@@ -90,6 +102,8 @@ class ParticleBody:
     """(3,) [m/s^2]"""
     v_initial: Floats
     """(N, 3) [m/s]"""
+    solid: Solid | None = None
+    """the tetrahedra, where it has any"""
     notes: tuple[str, ...] = ()
 
     @property
@@ -116,7 +130,9 @@ class ParticleBody:
             "body": f"a {self.kind}, " + " x ".join(f"{1e3 * side:.4g}" for side in size) + " mm",
             "mass": f"{1e3 * self.total_mass:.4g} g",
             "particles": f"{self.n_nodes}, {int(self.fixed.sum())} of them clamped, {1e3 * self.spacing:.3g} mm apart",
-            "constraints": f"{len(self.springs.rest)} springs, {len(self.bends.stiffness)} bends",
+            "constraints": f"{len(self.springs.rest)} springs, {len(self.bends.stiffness)} bends"
+            if self.solid is None
+            else f"{len(self.solid.nodes)} tetrahedra of seven strains",
             "surface": f"{len(self.skin.triangles)} triangles; tools keep {1e3 * self.radius:.3g} mm from particles",
         }
 
@@ -126,7 +142,7 @@ class ParticleBody:
         return self.spacing
 
 
-def build_particles(scene: Scene, spec: ParticleBodySpec) -> ParticleBody:
+def build_particles(scene: Scene, spec: SheetBody | RopeBody) -> ParticleBody:
     """The sheet or rope of a scene; the same scene gives the same bits in every process."""
     if isinstance(spec, SheetBody):
         return _sheet(scene, spec)
@@ -138,7 +154,7 @@ def _sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
     a, b = (size / spec.divisions).tolist()
     number = np.arange((nx + 1) * (ny + 1), dtype=np.int32).reshape(ny + 1, nx + 1)
     at = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, nx + 1), np.linspace(-0.5, 0.5, ny + 1)), axis=-1).reshape(-1, 2)
-    x_rest = _placed(spec, np.concatenate([at * size, np.zeros((len(at), 1))], axis=1))
+    x_rest = placed(spec, np.concatenate([at * size, np.zeros((len(at), 1))], axis=1))
     shares = _line_shares(ny)[:, None] * _line_shares(nx)[None, :]
     shear = 0.375 * spec.stretch if spec.shear is None else spec.shear
     c11 = spec.axial(shear)
@@ -167,13 +183,13 @@ def _sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
     radius = 0.5 * (0.75 * min(a, b) if spec.thickness is None else spec.thickness)
     if spec.thickness is None and spec.self_contact:
         radius = max(radius, 0.375 * max(a, b))
-    return _assemble(
+    return assemble(
         scene,
         spec,
         x_rest=x_rest,
         mass=(spec.density * a * b * shares).ravel(),
-        springs=_springs(x_rest, nodes, np.concatenate(stiffness)),
-        bends=_bends(bends),
+        springs=springs_of(x_rest, nodes, np.concatenate(stiffness)),
+        bends=bends_of(bends),
         skin=sheet_skin(nx, ny, radius),
         spacing=min(a, b),
         reach=float(size.max()),
@@ -189,17 +205,17 @@ def _rope(scene: Scene, spec: RopeBody) -> ParticleBody:
     number = np.arange(n + 1, dtype=np.int32)
     x_rest = np.zeros((n + 1, 3))
     x_rest[:, 0] = np.linspace(-0.5, 0.5, n + 1) * spec.length
-    x_rest = _placed(spec, x_rest)
+    x_rest = placed(spec, x_rest)
     nodes = np.stack([number[:-1], number[1:]], axis=1)
     bends = [(_rows(number[None]), np.array([1.0, -2.0, 1.0, 0.0]), np.full(max(n - 1, 0), spec.bending / a**3))]
     radius = 0.25 * a if spec.radius is None else spec.radius
-    return _assemble(
+    return assemble(
         scene,
         spec,
         x_rest=x_rest,
         mass=spec.density * a * _line_shares(n),
-        springs=_springs(x_rest, nodes, np.full(n, spec.stretch / a)),
-        bends=_bends(bends),
+        springs=springs_of(x_rest, nodes, np.full(n, spec.stretch / a)),
+        bends=bends_of(bends),
         skin=rope_skin(n + 1, radius),
         spacing=a,
         reach=spec.length,
@@ -209,7 +225,7 @@ def _rope(scene: Scene, spec: RopeBody) -> ParticleBody:
     )
 
 
-def _assemble(
+def assemble(
     scene: Scene,
     spec: ParticleBodySpec,
     *,
@@ -223,8 +239,9 @@ def _assemble(
     radius: float,
     self_contact: bool,
     self_friction: float,
+    solid: Solid | None = None,
 ) -> ParticleBody:
-    """Add what sheets and ropes have alike."""
+    """Add what all have alike."""
     fixed = _clamped(x_rest, spec.fixed, reach)
     v_initial = np.tile(np.array(spec.velocity), (len(x_rest), 1))
     v_initial[fixed] = 0.0
@@ -245,15 +262,16 @@ def _assemble(
         restitution=spec.restitution,
         gravity=np.array(scene.gravity),
         v_initial=v_initial,
+        solid=solid,
     )
 
 
-def _springs(x_rest: Floats, nodes: Ints, stiffness: Floats) -> Springs:
+def springs_of(x_rest: Floats, nodes: Ints, stiffness: Floats) -> Springs:
     rest = np.linalg.norm(x_rest[nodes[:, 1]] - x_rest[nodes[:, 0]], axis=1)
     return Springs(nodes.astype(np.int32), rest, stiffness)
 
 
-def _bends(parts: list[tuple[Ints, Floats, Floats]]) -> Bends:
+def bends_of(parts: list[tuple[Ints, Floats, Floats]]) -> Bends:
     """Parts of (nodes (m, 4), coefficients (4,), stiffness (m,)) as one; none where nothing resists bending."""
     nodes = np.concatenate([part[0] for part in parts]).astype(np.int32)
     coefficient = np.concatenate([np.tile(part[1], (len(part[0]), 1)) for part in parts])
@@ -275,7 +293,7 @@ def _line_shares(n: int) -> Floats:
     return shares
 
 
-def _placed(spec: ParticleBodySpec, x: Floats) -> Floats:
+def placed(spec: ParticleBodySpec, x: Floats) -> Floats:
     """Points (N, 3) about the middle, turned and moved to where the scene wants them."""
     rotation = np.array(spec.rotation)
     angle = float(np.linalg.norm(rotation))

@@ -1,4 +1,4 @@
-"""The closed surface around particles that viewers draw: two layers of a sheet, a tube around a rope."""
+"""The closed surface that viewers draw: two layers around a sheet, a tube around a rope, a solid's own boundary."""
 
 from __future__ import annotations
 
@@ -24,12 +24,14 @@ class Skin:
     triangles: Ints
     """counter-clockwise from outside (T, 3)"""
     counts: tuple[int, int]
-    """particles along the two sides of a sheet, or (particles, 1) of a rope"""
+    """particles along the two sides of a sheet, (particles, 1) of a rope, (0, 0) where the points are particles"""
     radius: float
     """distance of the points from their particles [m]"""
 
     def points(self, x: Floats) -> Floats:
         """Points around particles x (N, 3) [m]; of a sheet the upper layer first (P, 3)."""
+        if self.counts[0] == 0:
+            return np.asarray(x[self.owner])
         if self.counts[1] > 1:
             normal = _normals(x.reshape(self.counts[1], self.counts[0], 3)).reshape(-1, 3)
             return np.concatenate([x + self.radius * normal, x - self.radius * normal])
@@ -63,6 +65,13 @@ def rope_skin(n: int, radius: float) -> Skin:
     owner = np.repeat(np.arange(n), RING)
     share = np.full(n * RING, 1.0 / RING)
     return Skin(owner.astype(np.int32), share, np.concatenate(triangles).astype(np.int32), (n, 1), radius)
+
+
+def solid_skin(triangles: Ints) -> Skin:
+    """Skin of a solid whose boundary (T, 3) is between particles."""
+    owner, corners = np.unique(triangles, return_inverse=True)
+    found = corners.reshape(-1, 3).astype(np.int32)
+    return Skin(owner.astype(np.int32), np.ones(len(owner)), found, (0, 0), 0.0)
 
 
 def _normals(x: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""What PBD needs of a sheet or rope, built once: constraints in batches, compliances, substeps a step."""
+"""What PBD needs of a body of particles, built once: constraints in batches, compliances, substeps a step."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ import numpy as np
 
 from softseam_protocol.scene_models import PbdSpec
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.tool_set import ToolSet
 
 from .batches import Batches, batches
+from .tetrahedra import Tetrahedra, build_tetrahedra
 
 SLACK = 0.005
 """strain of a body that hangs by its edge from sweeps that are not finished, which the automatic substeps allow"""
+COURANT = 0.25
+"""wave times of a tetrahedron that a substep with one sweep lasts; strains, whose multipliers begin at zero, are then
+1 % too soft"""
 FEWEST = 4
 """automatic substeps a step, at least"""
 APART = 1.5
@@ -40,6 +45,9 @@ class ParticleModel:
     """(c, 4, 8)"""
     bend_compliance: Floats
     """(c, 8) [m/N]"""
+    tetrahedra: Tetrahedra
+    strain_compliance: Floats
+    """of stretches, shears and the trace (d, 3, 8) [1/J]"""
 
     @property
     def classic(self) -> bool:
@@ -67,6 +75,8 @@ class ParticleModel:
         if self.spec.substeps != "auto":
             return self.spec.substeps
         body = self.body
+        if body.solid is not None:
+            return max(FEWEST, int(np.ceil(dt / (COURANT * np.sqrt(self.spec.sweeps) * body.solid.wave_time) - 1e-9)))
         gravity = float(np.linalg.norm(body.gravity))
         count = body.reach / body.spacing
         h = np.sqrt(SLACK * body.spacing / (2.0 * count * max(gravity, 1e-12))) * np.sqrt(self.spec.sweeps)
@@ -74,13 +84,16 @@ class ParticleModel:
 
 
 def build_model(body: ParticleBody, tools: ToolSet, spec: PbdSpec) -> ParticleModel:
-    """Everything of a sheet or rope that never changes."""
+    """Everything of a body that never changes."""
     weight = np.where(body.fixed, 0.0, 1.0 / body.mass)
     springs = batches(body.n_nodes, body.springs.nodes)
     keep = spec.method == "xpbd" or spec.classic.bending > 0.0
     nodes: Ints = body.bends.nodes if keep else body.bends.nodes[:0]
     coefficient, stiffness = body.bends.coefficient[: len(nodes)], body.bends.stiffness[: len(nodes)]
     bends = batches(body.n_nodes, nodes)
+    none = np.zeros((0, 4), dtype=np.int32)
+    tetrahedra = build_tetrahedra(body.x_rest, none if body.solid is None else body.solid.nodes)
+    elastic = ElasticConstants(1.0, 1.0) if body.solid is None else body.solid.elastic
     return ParticleModel(
         body=body,
         tools=tools,
@@ -92,4 +105,6 @@ def build_model(body: ParticleBody, tools: ToolSet, spec: PbdSpec) -> ParticleMo
         bends=bends,
         bend_coefficient=bends.lanes(coefficient),
         bend_compliance=bends.lanes(1.0 / stiffness, 1.0),
+        tetrahedra=tetrahedra,
+        strain_compliance=tetrahedra.strains(elastic, 1.0),
     )

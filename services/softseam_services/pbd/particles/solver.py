@@ -1,4 +1,4 @@
-"""The PBD participant's solver for a sheet or rope: tentative steps, grips, fields, snapshots."""
+"""The PBD participant's solver for a body of particles: tentative steps, grips, fields, snapshots."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from softseam_services.pbd.kernels.lanes import aligned
 from softseam_services.tools.kernels import all_finite
 from softseam_services.tools.tool_set import ToolSet
 
-from .kernels import bending, distance
+from .kernels import bending, distance, strain
 from .kernels import summary as k
 from .kernels.contact import N_PUSH
 from .kernels.grip import take_hold
@@ -39,7 +39,7 @@ class Fault(Enum):
 
 
 class ParticleSolver:
-    """PBD or XPBD on one sheet or rope. Implements `Solver`."""
+    """PBD or XPBD on one sheet, rope or mesh of tetrahedra. Implements `Solver`."""
 
     def __init__(self, scene: Scene, body: ParticleBody, tools: ToolSet, state: BodyState | None = None) -> None:
         self.model = model = build_model(body, tools, scene.models.pbd)
@@ -74,6 +74,16 @@ class ParticleSolver:
             np.zeros((len(bends.row), 3, 8)),
             np.zeros(len(bends.row), dtype=np.int64),
         )
+        tets = model.tetrahedra
+        self._solid = (
+            tets.batches.nodes,
+            tets.batches.row,
+            tets.inverse,
+            model.strain_compliance,
+            np.zeros_like(model.strain_compliance),
+            np.zeros((len(tets.batches.row), strain.N_STRAINS, 8)),
+        )
+        self._no_grip = np.zeros(t, dtype=np.int8)
         self._xw = aligned(n + 8, 4)
         self._work_arrays = (
             self._xw,
@@ -90,7 +100,7 @@ class ParticleSolver:
         self._poses = np.zeros((2, t, 3)), np.zeros((2, t, 4)), np.zeros((2, t, 12))
         self._mean, self._felt, self._wrench = np.zeros((n, 3)), np.zeros((n, t)), np.zeros((t, 6))
         self._outcome, self._result = np.zeros(N_OUTCOMES), np.zeros(k.N_RESULTS)
-        self._measure, self._strain = np.zeros((2, 5)), np.zeros(n + 8)
+        self._measure, self._strain = np.zeros((3, 5)), np.zeros(n + 8)
         self._layers = (APART * float(body.spacing) if body.self_contact else 0.0, float(body.self_friction))
         self._load_kernels()
         self._fill(start.x)
@@ -108,7 +118,15 @@ class ParticleSolver:
         self.substeps = 1
         self._advance(motion, 1e-6)
         self.substeps = substeps
-        for array in (self._mean, self._felt, self._wrench, self._result, self._springs[6], self._bends[6]):
+        for array in (
+            self._mean,
+            self._felt,
+            self._wrench,
+            self._result,
+            self._springs[6],
+            self._bends[6],
+            self._solid[5],
+        ):
             array[:] = 0.0
 
     @property
@@ -163,7 +181,13 @@ class ParticleSolver:
         model, body, tools, work = self.model, self.model.body, self.model.tools, self._work
         take_hold(
             *(work.x, work.v, body.mass, body.fixed, tools.kind, tools.shape, motion.position, motion.orientation),
-            *(motion.gripping, body.radius + body.spacing, work.held, work.local, work.grips),
+            *(
+                motion.gripping if body.solid is None else self._no_grip,
+                body.radius + body.spacing,
+                work.held,
+                work.local,
+                work.grips,
+            ),
         )
         stretch, bending_share = model.shares()
         count = advance_step(
@@ -178,6 +202,7 @@ class ParticleSolver:
             body.damping,
             self._springs,
             self._bends,
+            self._solid,
             tools.kind,
             tools.shape,
             tools.friction,
@@ -213,7 +238,7 @@ class ParticleSolver:
         return Fault.CROWDED if self._outcome[CROWDED] else Fault.NONE
 
     def _measure_all(self) -> None:
-        """Energies and violations of both families as particles and multipliers stand."""
+        """Energies and violations of all families as particles and multipliers stand."""
         nodes, row, rest, _, _, soft, lam, _ = self._springs
         h = self._dt / self.substeps
         self._strain[:] = 0.0
@@ -221,9 +246,12 @@ class ParticleSolver:
         nodes, row, coefficient, _, _, soft, lam_bends, _ = self._bends
         spacing = self.model.body.spacing
         bending.measure_bends(self._xw, nodes, row, coefficient, soft, lam_bends, h, spacing, self._measure[1])
+        nodes, row, inverse, _, soft, lam_strains = self._solid
+        strain.measure_strains(self._xw, nodes, row, inverse, soft, lam_strains, h, self._strain, self._measure[2])
 
     def _measures(self) -> ParticleReport:
-        (stretch, worst, total, most, count), (bend, off, off_total, _, n_bends) = self._measure.tolist()
+        springs, (bend, off, off_total, _, n_bends), strains = self._measure.tolist()
+        stretch, worst, total, most, count = springs if self.model.body.solid is None else strains
         return ParticleReport(
             worst_stretch=most,
             stretch_violation=worst,

@@ -9,6 +9,7 @@ f_b d_ka) with f_a the columns of F and d_k the rows of D_m^-1; that of x_0 is m
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from softseam_services.pbd.kernels.lanes import batch_kernel
 
@@ -24,6 +25,8 @@ def project_strains(xw, nodes, row, inverse, soft, share, lam):
 
     inverse (b, 9, 8) D_m^-1; soft (b, 3, 8) alpha/h^2 of stretches, shears and the trace; lam (b, 7, 8) in place
     """
+    if len(nodes) == 0:
+        return
     g = np.zeros((4, 3))
     for batch in range(len(nodes)):
         for lane in range(WIDTH):
@@ -71,3 +74,49 @@ def project_strains(xw, nodes, row, inverse, soft, share, lam):
                     node = nodes[batch, corner, lane]
                     for axis in range(3):
                         xw[node, axis] += xw[node, 3] * step * g[corner, axis]
+
+
+@njit(cache=True, error_model="numpy")
+def prepare_strains(compliance, h, soft):
+    """alpha/h^2 (b, 3, 8) from compliances alpha [1/J]; soft in place."""
+    for batch in range(len(compliance)):
+        for kind in range(3):
+            for lane in range(WIDTH):
+                soft[batch, kind, lane] = compliance[batch, kind, lane] / (h * h)
+
+
+@njit(cache=True, error_model="numpy")
+def measure_strains(xw, nodes, row, inverse, soft, lam, h, strain, result):
+    """How well strains are met: result (5,) in place, as of `distance.measure_distances`: a violation is |C + alpha~
+    lambda|, without unit as it is, and the largest strain is that of any component. strain (n,) [1] is raised."""
+    energy, worst, total, most, count = 0.0, 0.0, 0.0, 0.0, 0.0
+    for batch in range(len(nodes)):
+        for lane in range(WIDTH):
+            if row[batch, lane] < 0:
+                continue
+            i, j = nodes[batch, 0, lane], nodes[batch, 1, lane]
+            k, m = nodes[batch, 2, lane], nodes[batch, 3, lane]
+            f = deformation(xw, i, j, k, m, inverse, batch, lane)
+            xx = 0.5 * (f[0] * f[0] + f[3] * f[3] + f[6] * f[6] - 1.0)
+            yy = 0.5 * (f[1] * f[1] + f[4] * f[4] + f[7] * f[7] - 1.0)
+            zz = 0.5 * (f[2] * f[2] + f[5] * f[5] + f[8] * f[8] - 1.0)
+            xy = f[0] * f[1] + f[3] * f[4] + f[6] * f[7]
+            xz = f[0] * f[2] + f[3] * f[5] + f[6] * f[8]
+            yz = f[1] * f[2] + f[4] * f[5] + f[7] * f[8]
+            values = (xx, yy, zz, xy, xz, yz, xx + yy + zz)
+            held = xw[i, 3] + xw[j, 3] + xw[k, 3] + xw[m, 3] == 0.0
+            largest = 0.0
+            for number in range(N_STRAINS):
+                value, multiplier = values[number], lam[batch, number, lane]
+                energy -= 0.5 * value * multiplier / (h * h)
+                violation = 0.0 if held else abs(value + soft[batch, min(number // 3, 2), lane] * multiplier)
+                worst = max(worst, violation)
+                total += violation
+                if number < 6:
+                    largest = max(largest, abs(value) if number < 3 else 0.5 * abs(value))
+            most = max(most, largest)
+            for corner in range(4):
+                node = nodes[batch, corner, lane]
+                strain[node] = max(strain[node], largest)
+            count += N_STRAINS
+    result[0], result[1], result[2], result[3], result[4] = energy, worst, total, most, count

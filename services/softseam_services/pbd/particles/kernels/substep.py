@@ -1,7 +1,7 @@
-"""One step of a sheet or rope: substeps of prediction, sweeps, contact and velocities.
+"""One step of a body of particles: substeps of prediction, sweeps, contact and velocities.
 
 A substep of length h (Macklin et al. 2019, "Small steps in physics simulation"):
-    v <- v + h g,  x* = x + h v;  sweeps over springs, bends, tools, layers;  v = (x - x_n)/h/(1 + c h)
+    v <- v + h g,  x* = x + h v;  sweeps over springs, strains, bends, tools, layers;  v = (x - x_n)/h/(1 + c h)
 Multipliers begin at zero in each substep.
 """
 
@@ -18,6 +18,7 @@ from .contact import bounce, list_contacts, note_approach, project_contacts, set
 from .distance import add_distance_forces, prepare_distances, project_distances
 from .grip import carry, list_held, list_holding, settle_held
 from .self_contact import list_pairs, project_pairs
+from .strain import prepare_strains, project_strains
 
 CROWDED, TOOL_WORK, TOUCHING = 0, 1, 2
 N_OUTCOMES = 3
@@ -74,6 +75,7 @@ def advance_step(
     drag,
     springs,
     bends,
+    solid,
     kind,
     shape,
     friction,
@@ -105,6 +107,7 @@ def advance_step(
     weight          (n,)  inverse masses, 0 for clamped particles [1/kg]
     springs         nodes, row, rest, compliance, inverse, soft, lambda, which of `distance`
     bends           nodes, row, coefficient, compliance, inverse, soft, lambda, which of `bending`
+    solid           nodes, row, inverse, compliance, soft, lambda of `strain`
     layers          (apart, friction): pairs at least so far apart at rest keep 2 radius [m]; apart = 0 for none
     stretch_share, bending_share  stiffness of classic PBD, 0 for XPBD
     margin          way that a particle may make before contacts are listed anew [m]
@@ -126,6 +129,8 @@ def advance_step(
     s_nodes, s_row, s_rest, s_compliance, s_inverse, s_soft, s_lambda, s_which = springs
     b_nodes, b_row, b_coefficient, b_compliance, b_inverse, b_soft, b_lambda, b_which = bends
     prepare_distances(xw, s_nodes, s_compliance, h, stretch_share, s_inverse, s_soft)
+    t_nodes, t_row, t_inverse, t_compliance, t_soft, t_lambda = solid
+    prepare_strains(t_compliance, h, t_soft)
     prepare_bends(xw, b_nodes, b_coefficient, b_compliance, h, bending_share, b_inverse, b_soft)
     n_springs, n_bends = 0, 0
     if n_held > 0:
@@ -164,8 +169,10 @@ def advance_step(
         push[:count] = 0.0
         s_lambda[:] = 0.0
         b_lambda[:] = 0.0
+        t_lambda[:] = 0.0
         for _ in range(n_sweeps):
             project_distances(ws_springs, xw, s_nodes, s_rest, s_inverse, s_soft, s_lambda)
+            project_strains(xw, t_nodes, t_row, t_inverse, t_soft, 1.0, t_lambda)
             project_bends(ws_bends, xw, b_nodes, b_coefficient, b_inverse, b_soft, b_lambda)
             if n_pairs > 0:
                 outcome[TOUCHING] = project_pairs(xw, x_prev, n_pairs, first, second, 2.0 * radius, layers[1])

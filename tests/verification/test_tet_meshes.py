@@ -1,0 +1,136 @@
+"""Solids of tetrahedra in scenes, moved by XPBD alone, against closed forms of bars."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from particle_run import ParticleRun
+from tet_bar import bar, bar_run, vtk
+
+from softseam_protocol.messages import Bundle
+from softseam_protocol.scene_file import SceneError, parse_scene
+from softseam_services.body.errors import MeshError
+from softseam_services.server import build_setup
+
+LENGTH = 0.2
+SIZE = (LENGTH, 0.05, 0.05)
+
+
+def lowest(run: ParticleRun) -> float:
+    """How far the free end is from where it was, along the bar [m]."""
+    rest = run.body.x_rest
+    return float((run.x - rest)[rest[:, 0] > 0.5 * LENGTH - 1e-9, 0].mean())
+
+
+def hanging(young: float, gravity: float) -> float:
+    """Tip of a bar under its own weight: E (u' + 3/2 u'^2 + u'^3/2) = rho g (L - s), St. Venant and Kirchhoff's."""
+    load = 1000.0 * gravity * (np.arange(1000) + 0.5) / 1000.0 * LENGTH / young
+    slopes = [np.roots([0.5, 1.5, 1.0, -each]) for each in load]
+    return float(np.mean([root[np.abs(root).argmin()].real for root in slopes])) * LENGTH
+
+
+@pytest.mark.parametrize(("substeps", "sweeps", "error"), [("auto", 1, 0.012), ("auto", 2, 0.012), (40, 4, 4e-4)])
+def test_a_bar_hangs_as_its_closed_form(substeps: int | str, sweeps: int, error: float) -> None:
+    """Strains of 1 %: automatic substeps are within 1 %, many sweeps in short ones meet it."""
+    pbd = {"substeps": substeps, "sweeps": sweeps}
+    run = bar_run((8, 2, 2), SIZE, poisson=0.01, gravity=(0.981, 0.0, 0.0), damping=15.0, pbd=pbd)
+    last = run.run(1.4)
+    assert lowest(run) == pytest.approx(hanging(2e4, 0.981), rel=error)
+    assert last.particles is not None
+    assert last.kinetic < 1e-11 and last.particles.stretch_violation < 2e-3
+    stored = 0.5 * 0.981 * run.body.total_mass * lowest(run) * 2.0 / 3.0  # half the load's work
+    assert last.strain == pytest.approx(stored, rel=0.03)
+
+
+def test_a_bar_swings_at_c_over_four_lengths() -> None:
+    """Let go from the sine of its slowest mode, f = sqrt(E/rho)/(4 L); lumped masses of 8 cubes lack 0.2 %."""
+    run = bar_run((8, 1, 1), SIZE, poisson=0.01, pbd={"substeps": 80, "sweeps": 4})
+    along = (run.body.x_rest[:, 0] + 0.5 * LENGTH) / LENGTH
+    run.x[:, 0] += 1e-4 * np.sin(0.5 * np.pi * along)
+    frequency = np.sqrt(2e4 / 1000.0) / (4.0 * LENGTH)
+    q = []
+    for _ in range(20):
+        run.step()
+        q.append(lowest(run))
+    crossing = next(i for i in range(len(q)) if q[i] < 0.0)
+    quarter = 0.01 * (crossing + q[crossing - 1] / (q[crossing - 1] - q[crossing]))
+    assert quarter == pytest.approx(0.25 / frequency, rel=0.01)
+
+
+def test_a_free_solid_keeps_momentum_and_turns_freely() -> None:
+    run = bar_run((3, 1, 1), SIZE, clamped=False, rotation=(0.1, 0.2, 0.3), velocity=(0.1, 0.0, -0.2))
+    arm = run.body.x_rest - run.body.x_rest.mean(axis=0)
+    run.v[:] += np.cross([0.0, 0.0, 2.0], arm)
+    first, last = run.step(), run.run(0.3)
+    np.testing.assert_allclose(last.momentum, first.momentum, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(last.angular_momentum, first.angular_momentum, rtol=0.02, atol=1e-6)
+    assert last.particles is not None and last.particles.worst_stretch < 0.02
+
+
+def test_a_solid_comes_to_rest_on_the_ground() -> None:
+    """Dropped by 2 mm with drag: it bears its weight, and no corner is under the ground."""
+    ground = {"ground": {"kind": "plane", "point": (0.0, 0.0, -0.027), "friction": 0.5}}
+    run = bar_run((4, 2, 2), (0.1, 0.05, 0.05), clamped=False, gravity=(0, 0, -9.81), tools=ground, damping=20.0)
+    last = run.run(1.5)
+    assert last.wrench[0, 2] == pytest.approx(-9.81 * run.body.total_mass, rel=1e-3)
+    assert run.x[:, 2].min() > -0.027 - 1e-6 and last.kinetic < 1e-9
+
+
+def test_the_order_of_a_file_does_not_matter() -> None:
+    """Corners the other way round in all tetrahedra, or another order of tetrahedra: the same solid, bit by bit."""
+    points, cells = bar((3, 1, 1), SIZE)
+    scene = bar_run((3, 1, 1), SIZE, gravity=(1.0, 0.0, -1.0)).scene
+    found = []
+    for given in (cells, cells[::-1], cells[:, [0, 2, 1, 3]]):
+        run = ParticleRun(scene, {"bar.vtk": vtk(points, given)})
+        run.run(0.1)
+        found.append(run.x.copy())
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_allclose(found[2], found[0], atol=1e-12)
+
+
+def test_a_snapshot_goes_on_with_the_same_bits() -> None:
+    run = bar_run((3, 1, 1), SIZE, gravity=(0.0, 0.0, -3.0))
+    run.run(0.05)
+    taken = run.solver.snapshot()
+    run.run(0.05)
+    end = run.x.copy()
+    run.solver.restore(taken)
+    run.run(0.05)
+    np.testing.assert_array_equal(run.x, end)
+
+
+SCENE = """softseam: 1
+name: a
+duration: 1
+body: {kind: tet_mesh, path: bar.vtk, density: 1000, young: 1.0e+4, poisson: 0.3}
+"""
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        ("models: {pbd: {method: pbd}}\n", "needs xpbd"),
+        ("regions: {default: fem}\n", "only pbd can simulate it"),
+        (
+            "tools: {a: {kind: sphere, radius: 0.01, position: [0, 0, 1]}}\nmotion: [{tools: [a], grip: 0.1}]\n",
+            "held by friction",
+        ),
+    ],
+)
+def test_what_a_solid_of_particles_cannot_do_is_refused_by_name(extra: str, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        parse_scene(SCENE + extra)
+
+
+def test_files_without_tetrahedra_are_refused_by_name() -> None:
+    points, cells = bar((1, 1, 1), SIZE)
+    inverted = cells.copy()
+    inverted[0] = inverted[0, [1, 0, 2, 3]]
+    text = vtk(points, cells).decode()
+    quads = text.replace("\n10", "\n9")
+    files = {"inverted": vtk(points, inverted), "made of tetrahedra": quads.encode(), "is empty": b""}
+    bundle = parse_scene(SCENE).model_dump_json()
+    for words, data in files.items():
+        with pytest.raises(MeshError, match=words):
+            build_setup(Bundle(bundle, {"bar.vtk": data}))
