@@ -10,13 +10,16 @@ from test_fem_fronts import _dense
 
 from softseam_services.fem.dissection import Tree
 from softseam_services.fem.kernels.contact import (
+    HELD,
     OPEN,
     SLIP,
     STICK,
     add_contact_forces,
     add_contact_tangents,
+    any_held,
     evaluate_contacts,
     find_candidates,
+    hold_what_stuck,
 )
 from softseam_services.fem.model import FemModel, Tools, Work
 
@@ -112,3 +115,23 @@ def test_tools_that_carry_a_point_along_do_not_rub() -> None:
     evaluate_contacts(x @ turn.T + np.array([0.01, 0.0, 0.0]), model, tools, count, work)
     assert (work.state[:count] == STICK).all()
     assert np.abs(work.contact[:count, 9:12]).max() < 1e-16
+
+
+@pytest.mark.parametrize(("multiplier", "states"), [((0.1, 0.0, 1.0), (HELD, SLIP)), ((0.5, 0.0, 1.0), (SLIP, SLIP))])
+def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
+    multiplier: tuple[float, float, float], states: tuple[int, int]
+) -> None:
+    """A multiplier inside the cone stuck in the last step, one on the cone slipped."""
+    way = np.array([1e-3, -2e-3, 0.0])
+    model, _, work, tools, x, count = _problem(0.5, multiplier, start=(way[0], way[1], way[2]))
+    hold_what_stuck(count, work)
+    for state in states:
+        evaluate_contacts(x, model, tools, count, work)
+        assert (work.state[:count] == state).all()
+        assert any_held(count, work) == (state == HELD)
+        for row, pair in zip(work.contact[:count], work.pair[:count], strict=True):
+            if state == HELD:
+                stuck = np.array(multiplier) * [1.0, 1.0, 0.0] - model.point_stiffness[pair[0]] * way
+                np.testing.assert_allclose(row[5:8], stuck, rtol=1e-9)
+            else:
+                np.testing.assert_allclose(np.linalg.norm(row[5:8]), 0.5 * row[1], rtol=1e-12)

@@ -33,8 +33,12 @@ from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 from softseam_services.tools.tool_set import BOX
 
 OPEN, STICK, SLIP = 0, 1, 2
+TO_HOLD, HELD = 3, 4
+"""before an evaluation: what stuck in the last step shall stick once more; after it: it does, beyond its bound"""
 ALONE = -2
 """in model.point_face: a point that touches every tool; -1 a node of a face that has points of its own"""
+_STUCK = 0.999
+"""of the bound: a multiplier below that did not slip"""
 _BESIDE = 0.25
 """depth below a side of a box, in cell edges, at which a point that did not touch before came in beside that side"""
 # columns of work.contact
@@ -167,7 +171,11 @@ def evaluate_contacts(x, model, tools, count, work):
         size = np.sqrt(tx * tx + ty * ty + tz * tz)
         bound = tools.friction[tool] * pressure
         sticks = size <= bound
-        scale = 1.0 if sticks else bound / size
+        held = was == TO_HOLD and not sticks and along > 0.0
+        if held:
+            least = _STUCK * tools.friction[tool] * along
+            held = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] - along * along < least * least
+        scale = 1.0 if sticks or held else bound / size
         same_way = row[TRACTION] * tx + row[TRACTION + 1] * ty + row[TRACTION + 2] * tz > 0.0
         row[RELAXED] = 0.5 if (not sticks and was == SLIP and same_way) else 0.0
         row[PRESSURE] = pressure
@@ -175,9 +183,29 @@ def evaluate_contacts(x, model, tools, count, work):
         row[TRACTION], row[TRACTION + 1], row[TRACTION + 2] = scale * tx, scale * ty, scale * tz
         row[TRIAL] = size
         row[SLIDE], row[SLIDE + 1], row[SLIDE + 2] = dx, dy, dz
-        work.state[c] = STICK if sticks else SLIP
+        work.state[c] = HELD if held else (STICK if sticks else SLIP)
         missing += work.factored_state[point, tool] == OPEN
     return missing
+
+
+@njit(cache=True, error_model="numpy")
+def hold_what_stuck(count, work):
+    """Have points that stuck in the last step stick in the next evaluation, however far their tool has gone since.
+
+    Where tools start, stop or turn, all points seem to slip before the body has followed, and their force is bounded;
+    held, they take the body along in the first iteration, and slip after it where they must.
+    """
+    for c in range(count):
+        work.state[c] = TO_HOLD
+
+
+@njit(cache=True, error_model="numpy")
+def any_held(count, work):
+    """Whether a point sticks beyond its bound."""
+    for c in range(count):
+        if work.state[c] == HELD:
+            return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")

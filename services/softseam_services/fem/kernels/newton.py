@@ -17,9 +17,11 @@ from softseam_services.fem.kernels.contact import (
     RELAXED,
     add_contact_forces,
     add_contact_tangents,
+    any_held,
     evaluate_contacts,
     find_candidates,
     firm_way,
+    hold_what_stuck,
 )
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, seam_inverse, solve
@@ -245,15 +247,17 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
     """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
 
     The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
-    tool stopped or turned. The factor at hand is tried first, with Anderson acceleration; a new one is made where
-    contacts are missing in it or convergence is slow. careful: a new, positive semi-definite matrix every time, short
-    steps, and a line search along each.
+    tool stopped or turned. From x0, points that stuck are held once (`hold_what_stuck`). The factor at hand is tried
+    first, with Anderson acceleration; a new one is made where contacts are missing in it or convergence is slow.
+    careful: a new, positive semi-definite matrix every time, short steps, and a line search along each.
     """
     known, since, first = -1, 0, 0.0
     slope = -1.0
     guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
     closer = -np.inf if careful else _AHEAD * model.edge
+    if guessed < _FAR * model.edge and not careful:
+        hold_what_stuck(count, work)
     for iteration in range(1, most + 1):
         missing = residual(x, x0, model, tools, count, inertia, share, work, memo)
         if careful and slope > 0.0:
@@ -291,6 +295,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             for node in range(len(x)):
                 for i in range(3):
                     x[node, i] = x0[node, i]
+            hold_what_stuck(count, work)
             guessed = 0.0
             continue
         guessed = 0.0
@@ -305,6 +310,9 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         if careful:
             slope = dot(work.r, work.dx)
         _move(x, model.order, work.dx, 1.0)
+        if any_held(count, work):
+            since = 0  # what comes next are other forces
+            continue
         # one correction says nothing of how fast they shrink, so that one alone must be much smaller
         if largest <= (enough if since > 1 else _FIRST * enough) and moved <= enough:
             return CONVERGED, iteration
