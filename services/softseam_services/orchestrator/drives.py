@@ -8,7 +8,8 @@ the body is expected to resist more, and a damping c that keeps m from swinging 
 It is implicit in the resistance: while k is more than half of the true stiffness it is stable, and at rest f_0 = F
 whatever k is. Free tools (f_0 = 0) have c = k = 0. k begins as what the whole cross-section A = volume/width of the
 body can resist with, at once and at rest: k_0 = rho c_p A/dt + 2 (lambda + 2 mu) A/width; then it follows the ratio of
-the last changes of force and way, where these tell something, falling by no more than a fifth a step.
+the last changes of force and way, where these tell something, falling by no more than a fifth a step, and rising to no
+more than twice of it.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ Floats = NDArray[np.float64]
 SPEED, STIFFNESS, RESISTANCE, WAY, LARGEST = 0, 1, 2, 3, 4
 """columns of the state: [m/s], [N/m], resistance [N], way of the last step [m], resistance to the tool that feels most
 [N]; a force is held on average, so where one is, the third is the tools' mean, else it is the last"""
-_FALL = 0.8
+_FALL, _RISE = 0.8, 2.0
+"""of the stiffness that is expected, in a step: one small way beside a large change of force may be the body's own doing"""
 _LEAST = 0.02
 """of k_0: below it a resistance that does not grow is not believed"""
 _MOST = 4.0
@@ -133,7 +135,7 @@ class Drives:
             if resistance == 0.0:
                 k = drive.stiffness
             elif state[RESISTANCE] > 0.0 and moved != 0.0 and abs(change) > _TOLD * resistance:
-                k = min(_MOST * drive.stiffness, max(change / moved, _FALL * k, _LEAST * drive.stiffness))
+                k = min(_MOST * drive.stiffness, _RISE * k, max(change / moved, _FALL * k, _LEAST * drive.stiffness))
             state[:] = self._chosen[row], k, resistance, moved, largest
 
 
