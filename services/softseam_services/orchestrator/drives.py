@@ -35,7 +35,7 @@ SPEED, STIFFNESS, RESISTANCE, WAY, LARGEST = 0, 1, 2, 3, 4
 """columns of the state: [m/s], [N/m], resistance [N], way of the last step [m], resistance to the tool that feels most
 [N]; a force is held on average, so where one is, the third is the tools' mean, else it is the last"""
 _FALL, _RISE = 0.8, 2.0
-"""of the stiffness that is expected, in a step: one small way beside a large change of force may be the body's own doing"""
+"""of the stiffness expected, in a step: a small way beside a large change of force may be the body's own doing"""
 _LEAST = 0.02
 """of k_0: below it a resistance that does not grow is not believed"""
 _MOST = 4.0
