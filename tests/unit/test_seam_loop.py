@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from softseam_coupling.mortar import identity_tie
 from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header
-from softseam_services.orchestrator.seam_loop import SeamLoop, SideRequest
+from softseam_services.orchestrator.seam_answers import SideRequest
+from softseam_services.orchestrator.seam_loop import SeamLoop
 from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
 from softseam_protocol.messages import Advanced, Header, RegionReport, Reply, SeamReport, StepReport
-from softseam_services.orchestrator.seam_loop import SeamSolution, largest
+from softseam_services.orchestrator.seam_answers import SeamSolution, largest
 from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 
 from softseam_protocol.messages import Advanced, ToolMotion
 from softseam_services.orchestrator.pace import FINEST
-from softseam_services.orchestrator.seam_loop import SeamSolution
+from softseam_services.orchestrator.seam_answers import SeamSolution
 
 _POSES = ("position", "orientation", "position_next", "orientation_next")
 

@@ -36,7 +36,8 @@ from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.parts import CutStep
-from softseam_services.orchestrator.seam_loop import SeamDiverged, SeamLoop, SeamSolution, SeamUnsettled, SideRequest
+from softseam_services.orchestrator.seam_answers import SeamDiverged, SeamSolution, SeamUnsettled, SideRequest
+from softseam_services.orchestrator.seam_loop import SeamLoop
 from softseam_services.orchestrator.seam_solvers import build_seam_solver, mobility
 from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
 from softseam_services.orchestrator.tie import tie_sides

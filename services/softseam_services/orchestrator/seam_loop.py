@@ -18,7 +18,6 @@ two exchanges both sides twice, and the near side is the dearer: so in contact t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +29,14 @@ from softseam_coupling.mortar import SeamTie, stiffness_of
 from softseam_coupling.seam import Outcome, SeamSolver, SeamState
 from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.pace import Pace
+from softseam_services.orchestrator.seam_answers import (
+    Ask,
+    SeamDiverged,
+    SeamSolution,
+    SeamUnsettled,
+    SideRequest,
+    largest,
+)
 from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
@@ -60,35 +67,6 @@ anew [1]"""
 
 
 @dataclass(frozen=True, slots=True)
-class SideRequest:
-    """What one side is asked for in one exchange."""
-
-    force: Floats
-    compliance: bool = False
-    anchor: Floats | None = None
-    stiffness: Floats | None = None
-
-
-Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
-
-
-@dataclass(frozen=True, slots=True)
-class SeamSolution:
-    """The step that both sides agreed on."""
-
-    replies: dict[str, Advanced]
-    lambda_: Floats
-    """force on the near side (s, 3) [N]"""
-    gap: float
-    """[m]"""
-    exchanges: int
-    note: str
-    """'' or what fell short"""
-    parts: int = 1
-    """that the step was taken in"""
-
-
-@dataclass(frozen=True, slots=True)
 class _Round:
     """One condensed round: what the near side was given, what came out."""
 
@@ -100,21 +78,8 @@ class _Round:
     image: Floats
 
 
-def largest(vectors: Floats) -> float:
-    """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
-    return math.sqrt(np.einsum("si,si->s", vectors, vectors).max()) if len(vectors) else 0.0
-
-
 def _touches(replies: dict[str, Advanced]) -> bool:
     return replies[NEAR].n_contacts + replies[FAR].n_contacts > 0
-
-
-class SeamDiverged(RuntimeError):
-    """The sides' answers are not finite."""
-
-
-class SeamUnsettled(RuntimeError):
-    """The step would not converge; shorter ones may."""
 
 
 class SeamLoop:
@@ -157,16 +122,18 @@ class SeamLoop:
     def solve(self, ask: Ask, dt: float, may_cut: bool = False) -> SeamSolution:
         """Exchange until the gap is within the solver's tolerance. Raises SeamDiverged.
 
-        dt       length of the step [s]; where it is another than before, the far side's compliance is asked for again
+        dt       length of the step [s]; where it is another than before, compliances are asked for again
         may_cut  where a step will not converge, raise SeamUnsettled and commit nothing; else keep its best round
         """
         self._may_cut = may_cut
         if dt != self._dt:
             if isinstance(self._solver, AcceleratedSeam):
                 self._solver.guess(self.state, dt * dt * self._mobility)
-            elif self._dt > 0.0:
+            elif self._dt > 0.0 and self._condensable and self._stiffness is not None:
                 self._stale = self._condensed = True
                 self._wait = _PATIENCE
+            else:
+                self._fresh = True
             self._dt = dt
         lambda_ = self._solver.predict(self.state)
         if self._condensed and not self._fresh:
@@ -203,7 +170,7 @@ class SeamLoop:
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
                 lambda_ = answer.lambda_
-        if may_cut and self._blind:
+        if may_cut:
             raise SeamUnsettled
         return self._agree(replies, lambda_, answer.gap, self._most, "the sides' exchanges did not converge")
 
