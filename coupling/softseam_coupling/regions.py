@@ -1,9 +1,12 @@
-"""Which cells are near: distance to tools with hysteresis and patience, cleaned to whole patches.
+"""Which cells are near: distance to tools and urgency, with hysteresis and patience, cleaned to whole patches.
 
 A cell has a *reason* to be near when it lies in a static box, when a tool is (or, at its approach speed, soon will be)
-closer than `within`, or when it is near and a tool is closer than `release * within`. It stays near for `patience`
-steps after its last reason. Every switch rebuilds both regions: so cells are lowered in batches, at most once in
-`patience` steps; they are raised at once, but together with those that a tool will soon be close to.
+closer than `within`, or when it is near and a tool is closer than `release * within`; and where it is *urgent*: a
+measure of it, such as its stress over a threshold, exceeds 1, or, while it is near, `kept`. It stays near for
+`patience` steps after its last reason. Every switch rebuilds both regions: so cells are lowered in batches, at most
+once in `patience` steps; for a tool they are raised at once, together with those that it will soon be close to. For
+urgency they are raised a few at a time, the most urgent first: a switch changes the energy, and the next look at the
+body sees what the last one brought.
 
 `RegionRule` is the configuration, `CellGrid` the model, `RegionState` what evolves, `RegionChoice` the answer.
 Deterministic: no choice depends on anything but the arguments, ties go to the lower cell id.
@@ -91,8 +94,9 @@ class RegionState:
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[np.int32]]) -> RegionState:
-        return cls(arrays["near"].astype(np.bool_), np.array(arrays["idle"]), int(arrays["since_lowered"][0]))
+    def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> RegionState:
+        idle = arrays["idle"].astype(np.int32)
+        return cls(arrays["near"].astype(np.bool_), idle, int(arrays["since_lowered"].astype(np.int32)[0]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +132,10 @@ class RegionRule:
     """where a cell is raised, so are all up to batch * within, which a tool on its way would raise one step later"""
     max_cells: int | None = None
     """most cells raised in one switch, closest first, before patches are cleaned; None for all"""
+    kept: float = 0.3
+    """urgency that keeps a near cell near [1]"""
+    share: float = 0.05
+    """of all cells, that urgency raises in one switch at most, but at least `min_patch` cells"""
 
     def init(self, grid: CellGrid, distance: Floats) -> RegionState:
         """The state at the start, chosen without hysteresis.
@@ -141,25 +149,33 @@ class RegionRule:
         return state
 
     def choose(
-        self, state: RegionState, grid: CellGrid, distance: Floats, approach: Floats | None = None
+        self,
+        state: RegionState,
+        grid: CellGrid,
+        distance: Floats,
+        approach: Floats | None = None,
+        urgency: Mapping[str, Floats] | None = None,
     ) -> RegionChoice:
         """Say which cells should be near after this step; counts idle steps in `state`, and switches nothing.
 
         distance  (C,)  as in `init` [m]
         approach  (C,)  by how much the distance will shrink within the horizon that the caller has in mind [m]
+        urgency         measures (C,) by name [1]: see the module
         """
         ahead = distance if approach is None else distance - np.maximum(approach, 0.0)
+        urgent = self._urgent(state, grid, ahead, urgency or {})
         state.since_lowered += 1
         may_lower = state.since_lowered >= self.patience
         wanted, reason = np.empty((2, grid.n_cells), dtype=np.bool_)
         moves = count_reasons(
-            distance, ahead, grid.pinned, state.near, self.within, self.release * self.within, may_lower, self.patience,
-            state.idle, wanted, reason,
+            distance, ahead, urgent, self.kept, grid.pinned, state.near, self.within, self.release * self.within,
+            may_lower, self.patience, state.idle, wanted, reason,
         )  # fmt: skip
         if state.whole and not moves:
             return RegionChoice(state.near, 0, 0, 0, "")
         raised = wanted & ~state.near
-        if raised.any():
+        by_tool = raised & (ahead < self.within)
+        if by_tool.any():
             wanted |= ahead < min(self.batch, self.release) * self.within
             raised = wanted & ~state.near
         if self.max_cells is not None and np.count_nonzero(raised) > self.max_cells:
@@ -172,16 +188,43 @@ class RegionRule:
         state.whole = n_raised + n_lowered == 0
         parts = []
         if n_raised:
-            n_asked = int(np.count_nonzero(gained & wanted))
-            closest = f", closest {1e3 * float(ahead[gained].min()):.1f} mm" if n_asked else ""
-            parts.append(
-                f"{n_raised} cells raised ({n_asked} by a tool{closest}, {n_raised - n_asked} to mend patches)"
-            )
+            parts.append(f"{n_raised} cells raised ({self._causes(gained, wanted, ahead, urgent, urgency or {})})")
         if n_lowered:
             parts.append(f"{n_lowered} cells lowered (no reason for {int(state.idle[lost].min())} steps or more)")
         label, stack = np.empty((2, grid.n_cells), dtype=np.int32)
         n_patches = label_components(near, grid.neighbours, label, stack) if parts else 0
         return RegionChoice(near, n_raised, n_lowered, n_patches, "; ".join(parts))
+
+    def _urgent(self, state: RegionState, grid: CellGrid, ahead: Floats, urgency: Mapping[str, Floats]) -> Floats:
+        """The greatest urgency of each cell (C,); not above 1 where others are raised first: those beside near cells,
+        so that patches grow before islands come up, and then the most urgent."""
+        urgent = np.zeros(grid.n_cells)
+        for measure in urgency.values():
+            np.maximum(urgent, measure, out=urgent)
+        asked = np.flatnonzero((urgent > 1.0) & ~state.near & ~grid.pinned & ~(ahead < self.within))
+        most = max(self.min_patch, int(np.ceil(self.share * grid.n_cells)))
+        if len(asked) > most:
+            there = np.concatenate([state.near, [False]])  # the last is for neighbours that are none
+            apart = ~there[grid.neighbours[asked]].any(axis=1)
+            order = np.lexsort((-urgent[asked], apart))
+            urgent[asked[order[most:]]] = 1.0
+        return urgent
+
+    def _causes(self, gained: Mask, wanted: Mask, ahead: Floats, urgent: Floats, urgency: Mapping[str, Floats]) -> str:
+        """How many of the cells gained were raised by what."""
+        by_tool = gained & wanted & (ahead < self.batch * self.within)
+        rest = gained & ~by_tool & (urgent > 1.0)
+        parts = []
+        if by_tool.any() or not rest.any():
+            closest = f", closest {1e3 * float(ahead[by_tool].min()):.1f} mm" if by_tool.any() else ""
+            parts.append(f"{int(by_tool.sum())} by a tool{closest}")
+        for name, measure in urgency.items():
+            most = rest & (measure >= urgent)
+            if most.any():
+                parts.append(f"{int(most.sum())} by {name}, up to {float(measure[most].max()):.2g} of its bound")
+                rest &= ~most
+        n_mended = int(gained.sum()) - int((by_tool | (gained & (urgent > 1.0))).sum())
+        return ", ".join([*parts, f"{n_mended} to mend patches"])
 
     def accept(self, state: RegionState, choice: RegionChoice) -> None:
         """The switch was made: the choice's cells are near from now on."""

@@ -170,12 +170,25 @@ AnyBody = Annotated[
 
 
 class NearSpec(Spec):
-    """The near region: cells close to tools, or inside boxes, get a model (and participant) of their own."""
+    """The near region: cells close to tools, under stress, in error or in boxes get a participant of their own."""
 
     model: ModelKind = "fem"
     within: Positive | None = Field(default=None, description="distance to a tool that makes a cell near [m]")
     tools: tuple[str, ...] | None = Field(default=None, description="default: the tools that move")
     boxes: tuple[BoxRegion, ...] = Field(default=(), description="cells with their centre in a box are always near")
+    ahead: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=10.0,
+        description="a tool counts as closer by its approach in this time [s]; default: two steps",
+    )
+    stress: Positive | None = Field(
+        default=None, description="von Mises stress that makes a cell near; it stays so above 0.3 of that [Pa]"
+    )
+    error: Positive | None = Field(
+        default=None,
+        description="largest model error of pbd in the energy norm: cells with more than their share are near [1]",
+    )
     release: float = Field(default=1.5, ge=1.0, description="a near cell is released beyond release * within [1]")
     patience: int = Field(default=20, ge=1, description="steps a cell stays near after its last reason to be [1]")
     split: Literal["when_cheaper", "always"] = Field(
@@ -186,8 +199,8 @@ class NearSpec(Spec):
 
     @model_validator(mode="after")
     def _some(self) -> NearSpec:
-        if self.within is None and not self.boxes:
-            raise wrong("say which cells are near: within (a distance to tools) or boxes")
+        if self.within is None and self.stress is None and self.error is None and not self.boxes:
+            raise wrong("say which cells are near: within (a distance to tools), stress, error or boxes")
         return self
 
 
@@ -196,6 +209,14 @@ class RegionsSpec(Spec):
 
     default: ModelKind = Field(default="pbd", description="model of every cell that is not near")
     near: NearSpec | None = None
+
+    @model_validator(mode="after")
+    def _errs(self) -> RegionsSpec:
+        if self.near is not None and self.near.error is not None and (self.near.model, self.default) != ("fem", "pbd"):
+            raise wrong(
+                "an error of pbd makes cells near: it needs near cells of fem in a body of pbd", "near", "error"
+            )
+        return self
 
 
 class SeamSpec(Spec):

@@ -228,3 +228,39 @@ def test_state_survives_a_checkpoint() -> None:
         assert ours.reason == theirs.reason
         rule.accept(state, ours)
         rule.accept(copy, theirs)
+
+
+def test_urgency_raises_a_few_cells_at_a_time_and_lets_go_late() -> None:
+    """The most urgent 5 % first; kept above 0.3, let go `patience` steps after."""
+    _, grid = block(8, 5, 2)
+    rule = RegionRule(within=-np.inf, patience=5, min_patch=1)
+    nowhere = np.full(80, np.inf)
+    state = rule.init(grid, nowhere)
+    measure = np.zeros(80)
+    measure[:8] = [1.1, 1.8, 1.7, 1.6, 1.5, 1.2, 0.9, 0.5]
+
+    def go() -> tuple[int, str]:
+        choice = rule.choose(state, grid, nowhere, None, {"stress": measure, "other": 0.1 * measure})
+        if choice.switches:
+            rule.accept(state, choice)
+        return int(state.near.sum()), choice.reason
+
+    n_near, reason = go()
+    assert n_near == 4 and reason == "4 cells raised (4 by stress, up to 1.8 of its bound, 0 to mend patches)"
+    assert_array_equal(np.flatnonzero(state.near), [1, 2, 3, 4])
+    assert go()[0] == 6
+    assert go() == (6, ""), "0.9 and 0.5 of the bound are no reason"
+    measure[:8] = 0.31
+    assert [go()[0] for _ in range(30)] == [6] * 30
+    measure[:8] = 0.29
+    assert [go()[0] for _ in range(6)] == [6, 6, 6, 6, 0, 0]
+
+
+def test_tools_come_before_urgency_and_are_not_capped() -> None:
+    _, grid = block(40, 1, 1)
+    rule = RegionRule(within=1.0, min_patch=1)
+    state = rule.init(grid, np.full(40, 9.0))
+    distance = np.where(np.arange(40) < 6, 0.5, 9.0)
+    choice = rule.choose(state, grid, distance, None, {"model error": np.where(np.arange(40) > 10, 2.0, 0.0)})
+    assert choice.n_raised == 8
+    assert choice.reason.startswith("8 cells raised (6 by a tool, closest 500.0 mm, 2 by model error, up to 2")

@@ -15,12 +15,18 @@ from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
 
+SWITCH_LIMIT = 1e-2
+"""share of the energy that a switch may change [1]"""
+
 
 class Accounts:
-    """What a step did to the energy (see `softseam_coupling.ledger`), and where its wall time went."""
+    """What a step did to the energy (see `softseam_coupling.ledger`), and where its wall time went.
 
-    def __init__(self) -> None:
-        self._book = EnergyLedger()
+    standing  energy that the body has because it stands on its base [J]
+    """
+
+    def __init__(self, standing: float = 0.0) -> None:
+        self._book = EnergyLedger(switch_limit=SWITCH_LIMIT, standing=standing)
         self.reset()
 
     def reset(self) -> None:
@@ -134,6 +140,10 @@ class Accounts:
             command[:, 3:].copy(),
             gripping,
         )
+
+    def share_of_switch(self, change: float) -> float:
+        """A switch's change of energy [J] over the body's [1]; beyond `SWITCH_LIMIT` it is better not made."""
+        return self._book.share_of_switch(self.ledger, change)
 
     def switched(self, kinetic_change: float, strain: float) -> None:
         """Regions switched after the last step.

@@ -16,10 +16,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene_models import ModelsSpec, PbdSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.sides import Sides
+from softseam_services.pbd.model import EXPLICIT, STABLE, TOUCHED, TWO_SWEEPS
 
 CALL = 60.0
 """a call of a participant [us]"""
@@ -47,12 +50,12 @@ DENSE = 1.0 / 3.0 / 15e3
 """dense factor of n unknowns: DENSE n^3 [us], at 15 GFLOP/s"""
 BLOCK = 0.1
 """a block of PBD, sweep and substep [us]"""
-COURANT, LONGER = 0.9, 1.5
-"""c_p h / dx of a substep with one sweep; how much longer one is with more [1]"""
+SWING, PARTLY = 1.87, 1.15
+"""omega_max of blocks with edges l is SWING c_p |1/l|, and PARTLY times that where the body fills cells in part [1]"""
 
 
-def step_cost(body: Body, sides: Sides, models: ModelsSpec, dt: float) -> float:
-    """Cost of one step of length dt [s] cut like this [us]."""
+def step_cost(body: Body, sides: Sides, models: ModelsSpec, dt: float, touched: bool) -> float:
+    """Cost of one step of length dt [s] cut like this [us]; touched: tools with friction may touch the body."""
     force, matrix = DEARER[models.fem.element]
     seam = 3 * len(sides.seam)
     cost = 0.0
@@ -63,17 +66,25 @@ def step_cost(body: Body, sides: Sides, models: ModelsSpec, dt: float) -> float:
             cost += n_cells * (ITERATIONS * (ITERATION + force) + FACTORS * (ASSEMBLY + matrix))
             cost += FACTORS * (FACTOR * (3 * sides.n_nodes[name]) ** 1.95 + DENSE * seam**3)
         else:
-            cost += 8 * n_cells * BLOCK * models.pbd.sweeps * substeps(body, models.pbd, dt)
+            cost += 8 * n_cells * BLOCK * models.pbd.sweeps * substeps(body, models.pbd, dt, touched)
     return cost * (EXCHANGES if len(sides.models) > 1 else 1.0)
 
 
-def substeps(body: Body, spec: PbdSpec, dt: float) -> int:
-    """Substeps that PBD takes, as the scene has them or expected: h = COURANT dx / c_p, dx the least edge of a block.
+def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool) -> int:
+    """Substeps that PBD takes, as the scene has them or expected by PBD's own rule, omega_max h <= its limit.
 
-    PBD's own rule, omega_max h <= its stable limit, needs the blocks; on the scenes that come along, this is within a
-    quarter of it (the blocks of a body whose cells are cubes swing with omega_max = 2.6 to 3.7 c_p / dx).
+    omega_max takes the blocks of a region; here it is estimated from their size, so that the number is the same for
+    every cut. On the scenes that come along it is the same as PBD's or next to it.
     """
     if spec.substeps != "auto":
         return spec.substeps
-    courant = COURANT * (LONGER if spec.sweeps > 1 else 1.0)
-    return max(1, math.ceil(dt * body.wave_speed / (courant * 0.5 * float(body.edges.min()))))
+    if spec.method == "leapfrog":
+        limit = EXPLICIT
+    else:
+        table = TOUCHED if touched else STABLE
+        limit = min(float(np.interp(material.poisson, *table)) for material in body.materials)
+        limit *= TWO_SWEEPS if spec.sweeps > 1 else 1.0
+    frequency = SWING * body.wave_speed * float(np.linalg.norm(2.0 / body.edges))
+    if (body.fill < 1.0).any():
+        frequency *= PARTLY
+    return max(1, math.ceil(dt * frequency / limit))

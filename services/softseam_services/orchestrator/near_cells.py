@@ -1,7 +1,8 @@
-"""Which cells are near: the scene's rule, applied to the distances that the participants report.
+"""Which cells are near: the scene's rule, applied to what the participants report.
 
-Where the near model on the whole body costs no more than the cut that the rule asks for, the body is not cut: all of it
-is near as long as any cell is. That is as accurate as the near model, and has no seam.
+Distances to tools come with every step; stresses and model errors are looked at every few steps, where the scene has a
+bound for them. Where the near model on the whole body costs no more than the cut that the rule asks for, the body is
+not cut: all of it is near as long as any cell is. That is as accurate as the near model, and has no seam.
 """
 
 from __future__ import annotations
@@ -12,15 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
-from softseam_protocol.messages import Advanced
-from softseam_protocol.scene import Scene
+from softseam_protocol.messages import Advanced, Fields
+from softseam_protocol.scene import NearSpec, Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.cost import step_cost
 from softseam_services.orchestrator.sides import Sides, cut
+from softseam_services.orchestrator.urgency import Urgency
 from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.tool_set import ToolSet
 
+Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+LOOK_EVERY = 5
+"""steps between looks at stresses and model errors"""
+RETRY = 10
+"""steps after which a switch that was refused is tried again"""
+_STEPS_AHEAD = 2
+"""a tool that would be within reach after so many steps is: a switch takes effect in the next"""
 
 
 class NearCells:
@@ -31,15 +41,13 @@ class NearCells:
         near = scene.regions.near
         boxes = [] if near is None else [(box.min, box.max) for box in near.boxes]
         self._none = near is None
-        self._fixed = near is None or near.within is None
-        self._distance = np.empty(body.n_cells)
+        self._fixed = near is None or (near.within is None and near.stress is None and near.error is None)
         self._grid = CellGrid.build(
             body.cell_grid, body.x_rest[body.cell_nodes[:, 13]], np.asarray(boxes, dtype=np.float64).reshape(-1, 2, 3)
         )
-        if near is None or near.within is None:
-            self._rule = RegionRule(0.0, min_patch=1)  # boxes are taken at their word
-        else:
-            self._rule = RegionRule(near.within, near.release, near.patience)
+        self._rule = _rule(near, self._fixed)
+        self._horizon = _STEPS_AHEAD if near is None or near.ahead is None else near.ahead / scene.step
+        self._urgency = Urgency(body, near)
         self.model = "fem" if near is None else near.model
         """model of the near cells"""
         self._far_model, self._models, self._dt = scene.regions.default, scene.models, scene.step
@@ -64,6 +72,11 @@ class NearCells:
         self._state.whole = False
         self._cut = self._state.near
 
+    @property
+    def looks_for(self) -> tuple[bool, bool]:
+        """Whether the rule wants to look at the fields every `LOOK_EVERY` steps, and at their indicators."""
+        return self._urgency.wanted, self._urgency.wants_errors
+
     def reset(self) -> None:
         """The cells that are near at the start."""
         body, tools = self._body, self._tools
@@ -79,30 +92,51 @@ class NearCells:
             node_gap,
             distance,
         )
+        self._distance = distance
+        self._urgency.reset()
+        self._wait = 0
         self._state: RegionState = self._rule.init(self._grid, distance)
         if self._none:
             self._state.near[:] = False
         self._cut, _ = self._spare(self._state.near)
 
-    def follow(self, sides: Sides, replies: Mapping[str, Advanced]) -> str:
-        """Take over what the rule asks for after a step; why cells switched, or '' where none did."""
+    def follow(self, sides: Sides, replies: Mapping[str, Advanced], seen: Mapping[str, Fields] | None = None) -> str:
+        """Take over what the rule asks for after a step; why cells switched, or '' where none did.
+
+        seen  what a look at the fields found, see `looks_for`; None where nobody looked
+        """
         if self._fixed:
             return ""
-        distance = self._distance
-        if len(sides.names) == 1:
-            distance = replies[sides.names[0]].cell_distance
+        distance = np.empty(self._body.n_cells)
+        for name, cells in sides.cells.items():
+            distance[cells] = replies[name].cell_distance
+        with np.errstate(invalid="ignore"):
+            approach = np.nan_to_num(self._horizon * (self._distance - distance))  # no tool, no distance: inf - inf
+        self._distance = distance
+        measures = self._urgency.measures
+        if (
+            seen is None
+        ):  # an old look keeps cells near, and raises none: they would come before what it brought is seen
+            measures = {name: np.minimum(measure, 1.0) for name, measure in measures.items()}
         else:
-            for name, cells in sides.cells.items():
-                distance.put(cells, replies[name].cell_distance)
-        choice = self._rule.choose(self._state, self._grid, distance)
-        if not choice.switches:
+            self._urgency.look(sides, seen, self._cut)
+            measures = self._urgency.measures
+        choice = self._rule.choose(self._state, self._grid, distance, approach, measures)
+        self._wait = max(0, self._wait - 1)
+        if not choice.switches or self._wait:
             return ""
+        self._before = self._state.to_arrays(), self._cut
         self._rule.accept(self._state, choice)
-        before = self._cut
         self._cut, why = self._spare(choice.near)
-        if np.array_equal(before, self._cut):
+        if np.array_equal(self._before[1], self._cut):
             return ""
         return f"{choice.reason}; {why or f'{int(choice.near.sum())} of {self._body.n_cells} cells are near'}"
+
+    def refused(self) -> None:
+        """The switch that the last step asked for was taken back: ask again in `RETRY` steps."""
+        state, self._cut = self._before
+        self._state = RegionState.from_arrays(state)
+        self._wait = RETRY
 
     def _spare(self, near: Mask) -> tuple[Mask, str]:
         """The cut to make where the rule asks for `near` (C,), and why it is another."""
@@ -118,15 +152,30 @@ class NearCells:
     def _cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""
         sides = cut(self._body, near, self.model, self._far_model)
-        return step_cost(self._body, sides, self._models, self._dt)
+        return step_cost(self._body, sides, self._models, self._dt, touched=bool((self._tools.friction > 0.0).any()))
 
-    def to_arrays(self) -> dict[str, NDArray[np.int32]]:
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """What evolves, for a snapshot."""
-        return self._state.to_arrays() | {"cut": self._cut.astype(np.int32)}
+        return {
+            **self._state.to_arrays(),
+            **self._urgency.to_arrays(),
+            "cut": self._cut.astype(np.int32),
+            "distance": self._distance.copy(),
+            "wait": np.array([self._wait], dtype=np.int32),
+        }
 
-    def take(self, arrays: Mapping[str, NDArray[np.int32]]) -> None:
+    def take(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError, and has changed nothing, where these are others."""
-        state, cut = RegionState.from_arrays(arrays), arrays["cut"].astype(np.bool_)
-        if not len(state.near) == len(state.idle) == len(cut) == self._body.n_cells:
+        state = RegionState.from_arrays(arrays)
+        cut, distance = arrays["cut"].astype(np.bool_), arrays["distance"].astype(np.float64)
+        wait = int(arrays["wait"].astype(np.int32)[0])
+        if not len(state.near) == len(state.idle) == len(cut) == len(distance) == self._body.n_cells:
             raise ValueError(f"it is not of {self._body.n_cells} cells")
-        self._state, self._cut = state, cut
+        self._urgency.take(arrays)
+        self._state, self._cut, self._distance, self._wait = state, cut, distance, wait
+
+
+def _rule(near: NearSpec | None, fixed: bool) -> RegionRule:
+    if near is None or fixed:
+        return RegionRule(0.0, min_patch=1)  # boxes are taken at their word
+    return RegionRule(-np.inf if near.within is None else near.within, near.release, near.patience)

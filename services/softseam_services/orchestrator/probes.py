@@ -17,7 +17,7 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.own_shapes import local_place
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
-from softseam_services.orchestrator.quantities import von_mises
+from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
 _REACH = 1e-9

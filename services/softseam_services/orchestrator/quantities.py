@@ -13,19 +13,12 @@ from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.grip import along_axis
 from softseam_services.orchestrator.indicators import MEASURED, summarise
 from softseam_services.orchestrator.program import Program
+from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
 
 NEEDS_FIELDS = frozenset({"peak_von_mises", "tip_deflection"}) | MEASURED
 """quantities that cost a look at the fields"""
-
-
-def von_mises(cauchy: Floats) -> Floats:
-    """von Mises stress sqrt(3/2 s:s) of Cauchy stresses xx yy zz yz xz xy (..., 6) [Pa]."""
-    xx, yy, zz, yz, xz, xy = np.moveaxis(cauchy, -1, 0)
-    return np.asarray(
-        np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz * yz + xz * xz + xy * xy))
-    )
 
 
 class Quantities:

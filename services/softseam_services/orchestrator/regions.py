@@ -30,11 +30,11 @@ from softseam_protocol.messages import (
 )
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import model_functions
-from softseam_services.orchestrator.accounts import Accounts
+from softseam_services.orchestrator.accounts import SWITCH_LIMIT, Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.indicators import measure
-from softseam_services.orchestrator.near_cells import NearCells
+from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
 from softseam_services.orchestrator.parts import CutStep
 from softseam_services.orchestrator.seam_answers import SeamDiverged, SeamSolution, SeamUnsettled, SideRequest
 from softseam_services.orchestrator.seam_loop import SeamLoop
@@ -174,13 +174,29 @@ class Regions:
         self._configure(state, None)
 
     def follow(self, replies: Mapping[str, Advanced]) -> tuple[float, float] | None:
-        """Let the cut follow the tools after a step; what a switch did (see `switch`), None where there was none."""
-        reason = self.near.follow(self.sides, replies)
+        """Let the cut follow the scene's rule after a step; what a switch did (see `switch`), None where none was made.
+
+        A switch that would change the energy by more than its share is taken back, bit for bit, and tried again later.
+        """
+        looks, errors = self.near.looks_for
+        seen = self.observe(errors) if looks and self._clock.step % LOOK_EVERY == 0 else None
+        reason = self.near.follow(self.sides, replies, seen)
         if not reason:
             return None
+        seam, states = self.seam_arrays(), self.snapshot()
         done = self.switch()
-        self._tell("regions", reason)
-        return done
+        change = done[0] + done[1] - sum(reply.strain for reply in replies.values())
+        share = self._accounts.share_of_switch(change)
+        cost = f"{reason}; energy {change:+.2g} J, {100.0 * share:.2g} %"
+        if share <= SWITCH_LIMIT:
+            self._tell("regions", cost)
+            return done
+        tried = set(self.sides.names)
+        self.near.refused()
+        self.restore(seam, states)
+        self._release(tried - set(self.sides.names))
+        self._tell("refused", f"{cost} is too much for a switch; it is tried again in {RETRY} steps")
+        return None
 
     def switch(self) -> tuple[float, float]:
         """Cut the body anew; by how much that changed the kinetic energy, and the strain energy from now on [J]."""

@@ -40,7 +40,7 @@ class SavedState:
     drives: Floats
     gripping: NDArray[np.int8]
     """1 for tools that hold particles (t,)"""
-    cells: dict[str, Ints]
+    cells: dict[str, NDArray[np.generic]]
     """see `NearCells.to_arrays`"""
     seam: dict[str, Floats]
     """see `SeamLoop.to_arrays`; empty where there is no seam"""
@@ -87,7 +87,7 @@ class SavedState:
                 ledger=LedgerState.from_list(ledger) if ledger else None,
                 drives=entries["drives"].astype(np.float64),
                 gripping=entries["gripping"].astype(np.int8),
-                cells={name: array.astype(np.int32) for name, array in _named(entries, _CELLS)},
+                cells=dict(_named(entries, _CELLS)),
                 seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM)},
                 participants={name: entries[_PARTICIPANT + name].tobytes() for name in held},
             )

@@ -14,6 +14,7 @@ from softseam_protocol.kinds import element_warning
 from softseam_protocol.messages import Advanced, Bundle, Event, Frame, StepReport
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.clock import Clock
@@ -72,7 +73,7 @@ class Simulation:
         self._duration = self.scene.duration
         self._locks = _element_warning(self.scene)
         self._clock = Clock(session, self.scene.step)
-        self._accounts = Accounts()
+        self._accounts = Accounts(_standing(self.body))
         recovering = RecoveringTransport(transport, on_event=self._event)
         self._regions = Regions(bundle, setup, recovering, self._clock, self._accounts, self._event)
         self.events: list[Event] = []
@@ -327,6 +328,16 @@ class Simulation:
         self.events.append(event)
         if self._emit is not None:
             self._emit(event)
+
+
+def _standing(body: AnyBody) -> float:
+    """Weight of a body in cells times the height of its centre above its lowest node, against gravity, at rest [J]."""
+    if not isinstance(body, Body):
+        return 0.0
+    mass = np.zeros(body.n_nodes)
+    np.add.at(mass, body.cell_nodes, body.cell_mass)
+    height = -(body.x_rest @ body.gravity)
+    return float(mass @ (height - height.min()))
 
 
 def _element_warning(scene: Scene) -> str:

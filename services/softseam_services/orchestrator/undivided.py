@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages import Advanced, Fields
 from softseam_services.orchestrator.sides import Sides
 
 
@@ -15,6 +15,7 @@ class Undivided:
     """Stands for `NearCells` where there are no cells."""
 
     model = "pbd"
+    looks_for = (False, False)
     neighbours: NDArray[np.int32] = np.zeros((0, 6), dtype=np.int32)
 
     def __init__(self) -> None:
@@ -23,12 +24,15 @@ class Undivided:
     def reset(self) -> None:
         """Nothing evolves."""
 
-    def follow(self, sides: Sides, replies: Mapping[str, Advanced]) -> str:
+    def follow(self, sides: Sides, replies: Mapping[str, Advanced], seen: Mapping[str, Fields] | None = None) -> str:
         """Never a reason to switch."""
         return ""
 
-    def to_arrays(self) -> dict[str, NDArray[np.int32]]:
+    def refused(self) -> None:
+        """Nothing switches."""
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         return {"cut": np.zeros(0, dtype=np.int32)}
 
-    def take(self, arrays: Mapping[str, NDArray[np.int32]]) -> None:
+    def take(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         """Nothing evolves."""
