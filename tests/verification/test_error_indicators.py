@@ -223,3 +223,29 @@ def test_a_scene_that_does_not_ask_pays_nothing() -> None:
     assert simulation.frame().indicators is None
     assert not {"model_error", "mesh_error", "traction_jump"} & set(report.quantities)
     simulation.close()
+
+
+def test_two_materials_side_by_side_are_told_apart() -> None:
+    """A bar of a soft and a stiff half, pulled: stress is uniform though strain jumps, so the mesh does not err; and PBD's
+    error in a bar that hangs is still what FEM's energy has too much."""
+    half = {"kind": "box", "size": (0.04, 0.02, 0.02), "position": (0.02, 0.0, 0.01)}
+    inclusion = {"shape": half, "material": {"young": 2e5}}
+    body = {"inclusions": [inclusion], **CLAMP}
+    models = {"fem": {"integrator": "static", "element": "hex27_full", "tolerance": 1e-12}}
+    scene = block(
+        (0.08, 0.02, 0.02), 0.02, 5e4, 0.0, 1000.0, "linear", body=body, gravity=STILL, models=models, step=1.0
+    )
+    built = FemRun(scene).body
+    assert len(built.materials) == 2 and np.unique(built.octant_material).tolist() == [0, 1]
+    x = built.x_rest.copy()
+    x[:, 0] += np.where(x[:, 0] < 0.0, 0.04 * (x[:, 0] + 0.04), 0.04 * 0.04 + 0.01 * x[:, 0])
+    fields = FemRun(scene, state=state(built, x)).solver.fields(HEADER, True)
+    assert fields.mesh_error.sum() < 1e-12 * fields.cell_energy.sum()
+    scene = scene.model_copy(update={"gravity": (0.0, 0.0, -0.5)})
+    fem, pbd = FemRun(scene), PbdRun(scene)
+    reply = fem.step()
+    load = pbd.region.mass[:, None] * pbd.body.gravity
+    x = static_solution(pbd, load)
+    there = FemRun(scene, state=state(pbd.body, x)).solver
+    true = there.strain - float((load * (x - pbd.body.x_rest)).sum()) - (reply.strain + reply.gravity)
+    assert PbdRun(scene, x=x).solver.fields(HEADER, True).model_error.sum() == pytest.approx(true, rel=0.01)

@@ -55,7 +55,7 @@ SWING, PARTLY = 1.87, 1.15
 
 
 def step_cost(body: Body, sides: Sides, models: ModelsSpec, dt: float, touched: bool) -> float:
-    """Cost of one step of length dt [s] cut like this [us]; touched: tools with friction may touch the body."""
+    """Cost of one step of length dt [s] cut like this [us]; touched: there are tools."""
     force, matrix = DEARER[models.fem.element]
     seam = 3 * len(sides.seam)
     cost = 0.0
@@ -82,7 +82,7 @@ def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool) -> int:
         limit = EXPLICIT
     else:
         table = TOUCHED if touched else STABLE
-        limit = min(float(np.interp(material.poisson, *table)) for material in body.materials)
+        limit = min(float(np.interp(material.elastic.poisson, *table)) for material in body.materials)
         limit *= TWO_SWEEPS if spec.sweeps > 1 else 1.0
     frequency = SWING * body.wave_speed * float(np.linalg.norm(2.0 / body.edges))
     if (body.fill < 1.0).any():

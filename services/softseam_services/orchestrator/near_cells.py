@@ -152,7 +152,7 @@ class NearCells:
     def _cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""
         sides = cut(self._body, near, self.model, self._far_model)
-        return step_cost(self._body, sides, self._models, self._dt, touched=bool((self._tools.friction > 0.0).any()))
+        return step_cost(self._body, sides, self._models, self._dt, touched=len(self._tools.names) > 0)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """What evolves, for a snapshot."""

@@ -36,7 +36,7 @@ class Urgency:
         self._body = body
         bounds = {STRESS: near and near.stress, ERROR: near and near.error}
         self._bounds = {name: bound for name, bound in bounds.items() if bound}
-        self._recovery: tuple[Mask, csr_array] | None = None
+        self._recovery: tuple[Mask, list[csr_array]] | None = None
         self.reset()
 
     @property
@@ -61,8 +61,9 @@ class Urgency:
                 cauchy[sides.cells[name]] = side.cauchy
                 sample[sides.cells[name]] = FEM_SAMPLE if sides.models[name] == "fem" else PBD_SAMPLE
             if self._recovery is None or not np.array_equal(self._recovery[0], cut):
-                self._recovery = cut.copy(), nodal_recovery(body, sample)
-            nodal = von_mises(self._recovery[1] @ cauchy.reshape(-1, 6))
+                fits = [nodal_recovery(body, sample, number) for number in range(len(body.materials))]
+                self._recovery = cut.copy(), fits
+            nodal = np.max([von_mises(fit @ cauchy.reshape(-1, 6)) for fit in self._recovery[1]], axis=0)
             self.measures[STRESS] = nodal[body.cell_nodes].max(axis=1) / self._bounds[STRESS]
         if ERROR in self._bounds:
             error, strain = np.zeros(body.n_cells), 0.0

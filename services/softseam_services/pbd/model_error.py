@@ -24,6 +24,8 @@ import numpy as np
 from softseam_services.body.body import Body, Floats, Material, Region
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.kernels.cell_loads import cell_forces
+from softseam_services.body.materials.point import LINEAR
+from softseam_services.body.point_materials import point_parameters
 
 from .blocks import Blocks, build_blocks
 from .kernels.block import N_STRESS, new_workspace
@@ -39,13 +41,16 @@ class ModelError:
 
     def __init__(self, body: Body, region: Region, hourglass: str, blocks: Blocks | None = None) -> None:
         self._blocks = blocks = build_blocks(body, region, hourglass) if blocks is None else blocks
-        self._cell_nodes, self._material = region.cell_nodes, body.material
+        self._cell_nodes, self._law = region.cell_nodes, body.material.number
         local, share, weight = _points()
         self._gradient = np.ascontiguousarray(local * (2.0 / body.edges)[:, None])
         self._weight = body.edges.prod() * weight * (body.fill[region.cells] @ share.T)
         volume = body.edges.prod() * weight
-        self._stiffness = _stiffness(body.material, self._gradient, volume)
-        self._fill = body.fill[region.cells].mean(axis=1)
+        self._parameters = point_parameters(body, region.cells, share)
+        self._stiffness = np.array([_stiffness(material, self._gradient, volume) for material in body.materials])
+        octant = body.octant_material[region.cells]
+        filled = [(body.fill[region.cells] * (octant == number)).mean(axis=1) for number in range(len(body.materials))]
+        self._filled = np.ascontiguousarray(np.array(filled).T)
         self._held = region.fixed.copy()
         self._held[region.seam] = True
         place = np.rint(np.clip(region.point_local, -1.0, 1.0) + 1.0).astype(np.int64) @ np.array([1, 3, 9])
@@ -59,7 +64,7 @@ class ModelError:
 
         stress  (b, N_STRESS)  that the blocks apply; None for that of their shapes, in equilibrium with x
         """
-        blocks, material = self._blocks, self._material
+        blocks = self._blocks
         if stress is None:
             self._xw[: len(x), :3] = x
             stress = np.zeros((blocks.n_batches, N_STRESS))
@@ -67,7 +72,7 @@ class ModelError:
         pull = np.zeros((len(x) + 8, 4))
         block_forces(self._ws, blocks.nodes, stress, blocks.constants, pull, 0, blocks.n_batches)
         force = np.empty((*self._cell_nodes.shape, 3))
-        cell_forces(x, self._cell_nodes, self._gradient, self._weight, material.number, material.parameters, force)
+        cell_forces(x, self._cell_nodes, self._gradient, self._weight, self._law, self._parameters, force)
         r = pull[: len(x), :3].copy()  # the blocks pull with -f
         np.add.at(r, self._cell_nodes, force)
         return r
@@ -78,13 +83,13 @@ class ModelError:
         held = self._held.copy()
         held[self._point_node[contact_force.any(axis=1)]] = True
         turn = np.tile(np.eye(3), (len(self._cell_nodes), 1, 1))
-        if self._material.kind != "linear":
+        if self._law != LINEAR:
             middle = self._gradient[len(self._gradient) // 2]
             u, _, vt = np.linalg.svd(np.einsum("cai,ja->cij", x[self._cell_nodes], middle))
             turn = u @ vt
         energy = np.empty(len(self._cell_nodes))
         correct(
-            r, self._cell_nodes, turn, self._fill, self._stiffness, held, _TOLERANCE, _MOST, np.empty_like(r), energy,
+            r, self._cell_nodes, turn, self._filled, self._stiffness, held, _TOLERANCE, _MOST, np.empty_like(r), energy,
         )  # fmt: skip
         return energy
 

@@ -24,7 +24,7 @@ def stress_at_points(x, cell_nodes, nodes, gradient, shape, kind, parameters, ou
     """Cauchy stress xx yy zz yz xz xy of the b elements of each cell at their q points.
 
     x (n, 3) [m], cell_nodes (c, 27), nodes (b, m), gradient (t, b, q, 3, m) [1/m], shape (c,) which of the t each has
-    out (c, b q, 6) [Pa], updated in place
+    parameters (c, b q, 3) of the material at each point; out (c, b q, 6) [Pa], updated in place
     """
     F, sigma, xe = np.empty((3, 3)), np.empty((3, 3)), np.empty((27, 3))
     n_points = gradient.shape[2]
@@ -35,8 +35,9 @@ def stress_at_points(x, cell_nodes, nodes, gradient, shape, kind, parameters, ou
         for element in range(len(nodes)):
             for q in range(n_points):
                 _gradient(xe, nodes[element], gradient[shape[cell], element, q], F)
-                cauchy(kind, parameters, F, sigma)
-                row = out[cell, element * n_points + q]
+                at = element * n_points + q
+                cauchy(kind, parameters[cell, at], F, sigma)
+                row = out[cell, at]
                 row[0], row[1], row[2] = sigma[0, 0], sigma[1, 1], sigma[2, 2]
                 row[3], row[4], row[5] = sigma[1, 2], sigma[0, 2], sigma[0, 1]
 
@@ -46,7 +47,7 @@ def cell_forces(x, cell_nodes, gradient, weight, kind, parameters, out):
     """f_ai = sum_q w_q P_ij dN_a,j of each cell on its own nodes, dU/dx, not summed over cells.
 
     x (n, 3) [m], cell_nodes (c, 27), gradient (q, 3, 27) [1/m] of box cells, weight (c, q) [m^3]
-    out (c, 27, 3) [N], updated in place
+    parameters (c, q, 3) of the material at each point; out (c, 27, 3) [N], updated in place
     """
     F, P, xe = np.empty((3, 3)), np.empty((3, 3)), np.empty((27, 3))
     nodes = np.arange(27)
@@ -59,7 +60,7 @@ def cell_forces(x, cell_nodes, gradient, weight, kind, parameters, out):
             if weight[cell, q] == 0.0:
                 continue
             _gradient(xe, nodes, gradient[q], F)
-            stress(kind, parameters, F, P)
+            stress(kind, parameters[cell, q], F, P)
             for a in range(27):
                 for i in range(3):
                     pull = 0.0

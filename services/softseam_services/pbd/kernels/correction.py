@@ -17,10 +17,12 @@ def _apply(u, cell_nodes, turn, scale, stiffness, held, own, image, out):
             for i in range(3):
                 own[3 * a + i] = R[0, i] * u[node, 0] + R[1, i] * u[node, 1] + R[2, i] * u[node, 2]
         image[:] = 0.0
-        for column in range(81):
-            factor = scale[cell] * own[column]
-            for row in range(81):
-                image[row] += factor * stiffness[column, row]
+        for material in range(len(stiffness)):
+            if scale[cell, material] > 0.0:
+                for column in range(81):
+                    factor = scale[cell, material] * own[column]
+                    for row in range(81):
+                        image[row] += factor * stiffness[material, column, row]
         for a in range(27):
             node = cell_nodes[cell, a]
             if not held[node]:
@@ -33,7 +35,9 @@ def correct(r, cell_nodes, turn, scale, stiffness, held, tolerance, most, u, ene
     """Solve K u = r and write 1/2 u_e . K_e u_e of each cell into energy (c,) [J]; returns the iterations.
 
     r          (n, 3)    residual forces [N], overwritten; those on held nodes do not count
-    turn       (c, 3, 3) rotation of each cell; scale (c,) its filled share; stiffness (81, 81) of a full cell at rest
+    turn       (c, 3, 3) rotation of each cell
+    scale      (c, m)    share of the cell that each material fills
+    stiffness  (m, 81, 81) of a cell full of that material, at rest
     held       (n,)      nodes that keep their place
     tolerance            share of the energy 1/2 r . u that the last ten iterations together may add
     u          (n, 3)    updated in place
@@ -45,9 +49,10 @@ def correct(r, cell_nodes, turn, scale, stiffness, held, tolerance, most, u, ene
     own, image = np.empty(81), np.empty(81)
     diagonal, q, p = np.zeros(n), np.empty((n, 3)), np.zeros((n, 3))
     for cell in range(len(cell_nodes)):
-        for a in range(27):
-            mean = (stiffness[3 * a, 3 * a] + stiffness[3 * a + 1, 3 * a + 1] + stiffness[3 * a + 2, 3 * a + 2]) / 3.0
-            diagonal[cell_nodes[cell, a]] += scale[cell] * mean
+        for material in range(len(stiffness)):
+            for a in range(27):
+                for i in range(3 * a, 3 * a + 3):
+                    diagonal[cell_nodes[cell, a]] += scale[cell, material] * stiffness[material, i, i] / 3.0
     u[:] = 0.0
     before = 0.0
     for node in range(n):
@@ -92,7 +97,10 @@ def correct(r, cell_nodes, turn, scale, stiffness, held, tolerance, most, u, ene
             for i in range(3):
                 own[3 * a + i] = R[0, i] * u[node, 0] + R[1, i] * u[node, 1] + R[2, i] * u[node, 2]
         energy[cell] = 0.0
-        for column in range(81):
-            for row in range(81):
-                energy[cell] += 0.5 * scale[cell] * own[row] * stiffness[column, row] * own[column]
+        for material in range(len(stiffness)):
+            for column in range(81):
+                for row in range(81):
+                    energy[cell] += (
+                        0.5 * scale[cell, material] * own[row] * stiffness[material, column, row] * own[column]
+                    )
     return count
