@@ -51,7 +51,8 @@ def patch_fit(
     weighted = p * (weight[other] * np.where(cell == other, 1.0, NEIGHBOUR)[:, None])[..., None]
     moments = np.zeros((n_cells, N_TERMS, N_TERMS))
     np.add.at(moments, cell, np.einsum("ksp,ksq->kpq", weighted, p))
-    total = np.maximum(moments[:, 0, 0], 1e-300)
+    total = moments[:, 0, 0].copy()
+    moments[total == 0.0] = np.eye(N_TERMS)  # no samples in reach: coefficients zero
     moments += (RIDGE * total)[:, None, None] * np.diag(np.arange(N_TERMS) > 0)
     fit = np.einsum("kpq,ksq->kps", np.linalg.inv(moments)[cell], weighted)
     row = N_TERMS * cell[:, None, None] + np.arange(N_TERMS)[None, :, None]
