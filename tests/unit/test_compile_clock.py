@@ -1,0 +1,32 @@
+"""Compiling is left out of what is measured, by the wall clock and by processor time."""
+
+from __future__ import annotations
+
+from time import perf_counter, process_time
+
+from numba import njit
+
+from softseam_services.compile_clock import CompileClock
+
+
+def test_what_is_compiled_is_counted_once_in_both_times() -> None:
+    @njit(error_model="numpy")
+    def inner(x: float) -> float:
+        return x * x
+
+    @njit(error_model="numpy")
+    def outer(x: float) -> float:
+        return inner(x) + 1.0
+
+    with CompileClock() as clock:
+        began = perf_counter(), process_time()
+        assert outer(2.0) == 5.0
+        wall, cpu = perf_counter() - began[0], process_time() - began[1]
+        # the inner kernel is compiled within the outer one: counted twice, it would exceed the whole
+        assert 0.5 * wall < clock.wall <= wall
+        assert 0.5 * cpu < clock.cpu <= cpu
+        before = clock.wall, clock.cpu
+        outer(3.0)
+        assert (clock.wall, clock.cpu) == before, "nothing was compiled"
+    outer(1)  # an integer: compiled after the context
+    assert (clock.wall, clock.cpu) == before
