@@ -14,6 +14,7 @@ from pathlib import Path
 from rich.console import Console
 
 from softseam.chart.command import Wishes, chart
+from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
 from softseam.chart.reference import Reference, in_words
 from softseam.chart.table import Row, busy
@@ -126,7 +127,7 @@ def main() -> None:
 def section(one: Charted) -> str:
     """What is to be said of a scene."""
     truth, counted = one.reference.truth, one.reference.counted
-    left_out = "".join(f"Not counted: {label(n)}, which {t.left_out}. " for n, t in truth.items() if t.left_out)
+    left_out = f"Not counted: {told}. " if (told := not_counted(truth)) else ""
     text = SECTION.format(
         scene=one.scene,
         counted=", ".join(label(name) for name in counted),

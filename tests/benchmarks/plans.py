@@ -19,6 +19,7 @@ from rich.console import Console
 
 from softseam.chart.command import quantity_names
 from softseam.chart.configurations import Configuration, configurations, frame_of
+from softseam.chart.errors import not_counted
 from softseam.chart.measure import Outcome, Told
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Ladder, Reference, climb, in_words
@@ -184,12 +185,11 @@ def page(found: Sequence[Judged], minutes: float) -> str:
     for scene in found:
         for plan in scene.plans:
             lines.append(f"| {scene.name} | {100 * plan.tolerance:g} % | {' | '.join(plan.cells)} |")
-        left = "; ".join(
-            f"{label(name)} {true.left_out}" for name, true in scene.reference.truth.items() if true.left_out
-        )
         done = sum(row.error is not None for row in scene.rows)
         known = in_words(scene.reference.uncertainty)
-        scenes.append(f"| {scene.name} | {known} | {done} of {len(scene.rows)} | {left} |")
+        scenes.append(
+            f"| {scene.name} | {known} | {done} of {len(scene.rows)} | {not_counted(scene.reference.truth)} |"
+        )
     for i, tolerance in enumerate(TOLERANCES):
         these = [scene.plans[i] for scene in found]
         made, met, cheap = (sum(getattr(one, what) for one in these) for what in ("made", "met", "cheap"))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam.chart.errors import Error, Truth, errors, is_nothing, rms, scale_of, worst
+from softseam.chart.errors import Error, Truth, errors, is_nothing, not_counted, rms, scale_of, worst
 from softseam.chart.pareto import pareto_front
 from softseam.chart.richardson import FASTEST, SLOWEST, limit, observed_order
 from softseam.chart.series import Series
@@ -118,10 +118,13 @@ def test_what_a_run_lacks_is_infinitely_wrong() -> None:
 
 
 def test_the_worst_counts_and_what_is_left_out_does_not() -> None:
-    true = {"force": truth(TRUE), "sag": truth(TRUE), "stress": truth(TRUE, 0.3, "has no limit")}
+    true = {"force": truth(TRUE), "sag": truth(TRUE), "stress": truth(TRUE, 0.3, "no limit")}
     run = series(TIME, force=1.01 * TRUE, sag=1.02 * TRUE, stress=2.0 * TRUE)
     found = errors(run, TIME, true)
     assert worst(found, true).value == pytest.approx(0.02)
+    assert not_counted(true) == "stress (no limit)"
+    true |= {"slip": truth(TRUE, 0.3, "known to 30 % only"), "tip_deflection": truth(TRUE, 0.3, "no limit")}
+    assert not_counted(true) == "stress, tip deflection (no limit); slip (known to 30 % only)"
 
 
 def test_slip_is_measured_by_the_tools_way() -> None:

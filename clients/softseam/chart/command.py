@@ -10,6 +10,7 @@ from time import perf_counter
 from rich.console import Console
 
 from softseam.chart.configurations import METHODS, configurations, frame_of
+from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Ladder, Reference, climb, described, in_words
@@ -155,9 +156,8 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
             console.print(Text(line, style="yellow"), soft_wrap=True)
         if len(these) > 4:
             console.print(Text(f"{text}: {len(these) - 4} more, see chart.csv", style="yellow"))
-    for name, true in reference.truth.items():
-        if true.left_out:
-            console.print(Text(f"not counted: {label(name)} {true.left_out}", style="dim"), soft_wrap=True)
+    if left_out := not_counted(reference.truth):
+        console.print(Text(f"not counted: {left_out}", style="dim"), soft_wrap=True)
     known = f"the reference is known to {in_words(reference.uncertainty)}"
     if not reference.complete:
         known += ", not to 1 %: the budget ended first (give more --minutes)"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from matplotlib.transforms import Bbox
 
 from softseam.chart.configurations import METHODS
+from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import Landmark
 from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
 from softseam.chart.reference import Reference, in_words
@@ -23,6 +25,8 @@ from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
 
 WIDTH, HEIGHT = 12.6, 8.2
 """of the picture [inch]"""
+ABOVE, BELOW = 132, 168
+"""characters in a line of the heading, and of the note below the axes"""
 WORST = 1.0
 """error at the chart's upper edge, where runs that are farther off or failed are drawn [1]"""
 
@@ -38,9 +42,14 @@ def draw_chart(
 ) -> Path:
     """Write the picture; returns its path."""
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=150, facecolor=PAPER)
-    heading(figure, f"Accuracy against speed: {title}", subtitle(reference, machine, rows))
+    told = _wrapped(subtitle(reference, machine, rows), ABOVE)
+    heading(figure, f"Accuracy against speed: {title}", told)
+    below = _wrapped(f"not counted: {left_out}" if (left_out := not_counted(reference.truth)) else "", BELOW)
+    figure.text(0.93, 0.012, below, fontsize=8.5, color=SOFT, ha="right", va="bottom", multialignment="left")
+    # lines of text move the axes
+    down, up = 0.21 * max(0, told.count("\n") - 1), 0.15 * below.count("\n")
     axes = figure.subplots()
-    figure.subplots_adjust(left=0.068, right=0.93, top=1.0 - 1.72 / HEIGHT, bottom=0.80 / HEIGHT)
+    figure.subplots_adjust(left=0.068, right=0.93, top=1.0 - (1.72 + down) / HEIGHT, bottom=(0.80 + up) / HEIGHT)
     plain(axes, "")
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -52,8 +61,7 @@ def draw_chart(
         _marks(axes, [row for row in rows if row.configuration.method == method], TONES[method])
     _landmarks(axes, asked, ASKED, "D", 34.0)
     _landmarks(axes, rivals, RIVAL, "s", 34.0)
-    _legend(figure, rows, asked, rivals)
-    _left_out(figure, reference)
+    _legend(figure, rows, asked, rivals, down)
     figure.draw_without_rendering()
     _label(figure, axes, rows, [*asked, *rivals], reference)
     return write(figure, path)
@@ -69,12 +77,9 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     return text + ("" if reference.complete else "\nthe budget ended before the reference was known to 1 %")
 
 
-def _left_out(figure: Figure, reference: Reference) -> None:
-    """Below the chart: what does not count, and why."""
-    left_out = [f"{colors.label(name)} {true.left_out}" for name, true in reference.truth.items() if true.left_out]
-    if left_out:
-        text = f"not counted: {'; '.join(left_out)}"
-        figure.text(0.93, 0.012, text, fontsize=8.5, color=SOFT, ha="right", va="bottom")
+def _wrapped(text: str, width: int) -> str:
+    """Lines of at most so many characters, those that are there kept apart."""
+    return "\n".join(fill(line, width) for line in text.splitlines())
 
 
 def placed(row: Row) -> tuple[float, float, bool] | None:
@@ -182,7 +187,11 @@ def _landmarks(axes: Axes, marks: Sequence[Landmark], tone: str, marker: str, si
         )
 
 
-def _legend(figure: Figure, rows: Sequence[Row], asked: Sequence[Landmark], rivals: Sequence[Landmark]) -> None:
+def _legend(
+    figure: Figure, rows: Sequence[Row], asked: Sequence[Landmark], rivals: Sequence[Landmark], lower: float
+) -> None:
+    """Below the heading, `lower` by so much [inch]."""
+
     def mark(text: str, tone: str, marker: str, hollow: bool = False) -> Line2D:
         face = "none" if hollow else tone
         return Line2D(
@@ -202,7 +211,7 @@ def _legend(figure: Figure, rows: Sequence[Row], asked: Sequence[Landmark], riva
         below.append(mark("failed, at the speed it had", SOFT, "x"))
     if any((place := placed(row)) and place[2] and row.error is not None for row in rows):
         below.append(mark("off by more than 100 %", SOFT, "^"))
-    for entries, down in ((above, 1.04), (below, 1.29)):
+    for entries, down in ((above, 1.04 + lower), (below, 1.29 + lower)):
         figure.legend(
             handles=entries,
             loc="upper left",

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from softseam.chart.series import Series
 from softseam.columns import unit_of
+from softseam.view.colors import label
 
 Floats = NDArray[np.float64]
 
@@ -88,3 +89,16 @@ def worst(found: Mapping[str, Error], truth: Mapping[str, Truth]) -> Error:
     """The largest error of the quantities that count; of equal ones, the one that is no mere bound."""
     counted = [error for name, error in found.items() if not truth[name].left_out]
     return max(counted, key=lambda error: (error.value, not error.bound))
+
+
+def not_counted(truth: Mapping[str, Truth]) -> str:
+    """What does not count, and why: quantities of one reason together; '' where all count."""
+    return uncounted({name: true.left_out for name, true in truth.items() if true.left_out})
+
+
+def uncounted(reasons: Mapping[str, str]) -> str:
+    """The same of quantities and their reasons."""
+    groups: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        groups.setdefault(why, []).append(label(name))
+    return "; ".join(f"{', '.join(names)} ({why})" for why, names in groups.items())

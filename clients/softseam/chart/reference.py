@@ -268,9 +268,9 @@ def assemble(
         uncertainty = part.uncertainty_cells + part.uncertainty_steps
         why = ""
         if not by_cell.converges and part.uncertainty_cells > target:
-            why = "has no limit: finer cells change it by as much as coarser ones did"
+            why = "no limit: finer cells change it by as much as coarser ones did"
         elif uncertainty > known:
-            why = f"its reference is known to {in_words(uncertainty)} only"
+            why = f"known to {in_words(uncertainty)} only" if uncertainty < 1.0 else "not known: its levels disagree"
         truth[name], parts[name] = Truth(values, scale, uncertainty, why), part
     if not truth:
         raise SoftseamError("every quantity of the scene is zero: there is nothing to compare")

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from softseam.chart.command import quantity_names
 from softseam.chart.configurations import Configuration, Frame, configurations, frame_of
+from softseam.chart.errors import uncounted
 from softseam.chart.measure import Outcome, measure
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Ladder, Reference, Watch, cache_folder, climb
@@ -176,8 +177,8 @@ def show(found: Plan, console: Console) -> None:
         f"({label(choice.decided_by)}), what is true being known to {100 * found.uncertainty:.2g} %"
     )
     console.print(Text(text), soft_wrap=True)
-    for name, why in found.left_out.items():
-        console.print(Text(f"not counted: {label(name)} {why}", style="yellow"), soft_wrap=True)
+    if found.left_out:
+        console.print(Text(f"not counted: {uncounted(found.left_out)}", style="yellow"), soft_wrap=True)
     console.print(Text(" ".join(f"--set '{setting}'" for setting in choice.settings), style="dim"), soft_wrap=True)
 
 
