@@ -108,12 +108,13 @@ def main() -> None:
     known_or_none = known if known.exists() else None
     text = "measured rows of other simulators (JSON), as rivals.py writes them; default: out/rivals.json, if any"
     parser.add_argument("--rivals", type=Path, default=known_or_none, help=text)
+    parser.add_argument("--minutes", type=float, default=10.0, help="most for a scene; kept runs cost none of them")
     parser.add_argument("--fresh", action="store_true", help="measure everything anew")
     given = parser.parse_args()
     charts = []
     for scene, minutes in SCENES.items():
         folder = ROOT / "out" / f"chart-{scene}"
-        wishes = Wishes(scene, out=folder, minutes=minutes, rivals=given.rivals, fresh=given.fresh)
+        wishes = Wishes(scene, out=folder, minutes=min(minutes, given.minutes), rivals=given.rivals, fresh=given.fresh)
         rows, reference = chart(wishes, Console())
         shutil.copyfile(folder / "chart.png", ROOT / "docs" / "pictures" / f"chart_{scene}.png")
         rivals = [] if given.rivals is None else read_rivals(given.rivals, scene)

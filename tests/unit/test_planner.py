@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,3 +129,18 @@ def test_what_is_decided_refines_nothing() -> None:
 
     bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.03)})
     assert choose(Goal(0.05), reference(), WANTED, bench, refine).choice.label == "middle"
+
+
+def test_the_reference_is_refined_for_a_quantity_that_nearly_counts() -> None:
+    """The cheap run is 30 % off in sag, which the first reference knows to 12 % and leaves out."""
+    runs = {"cheap": outcome(0.1, 0.01, sag=0.3), "middle": outcome(1.0, 0.01)}
+
+    def first(uncertainty: float) -> Reference:
+        found = reference()
+        truth = dict(found.truth) | {"sag": Truth(FLAT, 1.0, uncertainty, "known to so much only")}
+        return replace(found, truth=truth)
+
+    better = iter([reference()])
+    assert choose(Goal(0.05), first(0.12), WANTED, Bench(runs), lambda: next(better, None)).choice.label == "middle"
+    plan = choose(Goal(0.05), first(0.5), WANTED, Bench(runs), iter([]).__next__)
+    assert plan.choice.label == "cheap", "what is out of reach is not waited for"

@@ -39,6 +39,8 @@ STEPS_AT = 3
 """cells along the shortest edge at which the step is refined"""
 HALVINGS = 5
 """most halvings of the step"""
+CLEAR = 4
+"""levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
 TARGET = 0.005
 """refined until the cells and the step each leave less than this uncertain: together less than 1 % [1]"""
 GROWTH = (1.2, 2.4)
@@ -219,7 +221,7 @@ def climb(
             enough = False
             break
         cells.append(across)
-        if len(cells) > 2 and _fine(_limits(ladder, frame, [(a, step) for a in cells]), target):
+        if len(cells) > 2 and _fine(_limits(ladder, frame, [(a, step) for a in cells]), target, len(cells)):
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
@@ -230,7 +232,7 @@ def climb(
             enough = False
             break
         steps.append(step / 2**halving)
-        if len(steps) > 2 and _fine(_limits(ladder, frame, [(at, s) for s in steps]), target):
+        if len(steps) > 2 and _fine(_limits(ladder, frame, [(at, s) for s in steps]), target, len(steps)):
             break
     return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough, target, known)
 
@@ -296,14 +298,15 @@ def _limits(
     }
 
 
-def _fine(limits: Mapping[str, Limit], target: float) -> bool:
-    """Whether every quantity that has a limit is known to the target.
+def _fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
+    """Whether every quantity that has a limit is known to the target, and it is clear which have.
 
     Slip is not waited for: its scale, the tools' way, is not known here, and it hardly ever decides.
     """
     for name, found in limits.items():
         size = float(np.sqrt(np.mean(found.value**2)))
-        if name != "slip" and found.converges and not is_nothing(name, size) and found.uncertainty > target * size:
+        waited = name != "slip" and not is_nothing(name, size) and (found.converges or n_levels < CLEAR)
+        if waited and found.uncertainty > target * size:
             return False
     return True
 

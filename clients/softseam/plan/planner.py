@@ -28,6 +28,8 @@ HOPE = 1.5
 """a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""
 
 
+REACH = 3.0
+"""the reference is refined while a quantity that does not count is known this many times too little [1]"""
 FASTER = 1.2
 """the reference is refined while a run this many times as fast as the best one may be accurate enough [1]"""
 
@@ -122,7 +124,7 @@ def choose(
     """The fastest configuration that is accurate enough.
 
     Where a faster one, or any at all, is neither accurate enough nor too far off for all that is known of the truth,
-    the reference is refined and every run is judged anew.
+    or where a quantity does not count that nearly does, the reference is refined and every run is judged anew.
 
     measure  called at most once for each configuration
     refine   a reference that is known better than the last, or None where there is none
@@ -144,7 +146,7 @@ def choose(
             why = error
         least = 0.0 if plan is None else FASTER * plan.choice.rtf
         open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal.tolerance))
-        vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance
+        vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance or _in_reach(reference, goal.tolerance)
         better = refine() if vague or any(open_ones) else None
         if better is not None:
             reference = better
@@ -179,6 +181,15 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
         raise NoPlan(_nearest(goal, best, tried))
     left_out = {name: true.left_out for name, true in reference.truth.items() if true.left_out}
     return Plan(goal, best, tuple(tried), reference.uncertainty, left_out)
+
+
+def _in_reach(reference: Reference, tolerance: float) -> bool:
+    """Whether a quantity does not count that would if it were known a little better."""
+    return any(
+        true.left_out and true.uncertainty < REACH * counts_to(tolerance)
+        for name, true in reference.truth.items()
+        if np.isfinite(reference.parts[name].order_cells)  # it has a limit
+    )
 
 
 def _undecided(outcome: Outcome, reference: Reference, tolerance: float) -> bool:
