@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,8 @@ from hypothesis import strategies as st
 
 from softseam.chart.errors import Error, Truth, errors, is_nothing, not_counted, rms, scale_of, worst
 from softseam.chart.pareto import pareto_front
-from softseam.chart.richardson import FASTEST, SLOWEST, limit, observed_order
+from softseam.chart.reference import fine
+from softseam.chart.richardson import FASTEST, SLOWEST, Limit, limit, observed_order
 from softseam.chart.series import Series
 
 TIME = np.linspace(0.0, 2.0, 401)
@@ -125,6 +128,15 @@ def test_the_worst_counts_and_what_is_left_out_does_not() -> None:
     assert not_counted(true) == "stress (no limit)"
     true |= {"slip": truth(TRUE, 0.3, "known to 30 % only"), "tip_deflection": truth(TRUE, 0.3, "no limit")}
     assert not_counted(true) == "stress, tip deflection (no limit); slip (known to 30 % only)"
+
+
+def test_what_seems_to_have_no_limit_is_waited_for_on_coarse_levels() -> None:
+    """Three coarse levels of a quantity may scatter that converges later; four that do are believed."""
+    known, scatters = Limit(TRUE, 0.001 * rms(TRUE, TIME), 1.0, True), Limit(TRUE, rms(TRUE, TIME), np.nan, False)
+    assert fine({"force": known}, 0.01, 3)
+    assert not fine({"force": known, "sag": scatters}, 0.01, 3)
+    assert fine({"force": known, "sag": scatters}, 0.01, 4)
+    assert not fine({"force": replace(known, uncertainty=scatters.uncertainty)}, 0.01, 9)
 
 
 def test_slip_is_measured_by_the_tools_way() -> None:

@@ -221,7 +221,7 @@ def climb(
             enough = False
             break
         cells.append(across)
-        if len(cells) > 2 and _fine(_limits(ladder, frame, [(a, step) for a in cells]), target, len(cells)):
+        if len(cells) > 2 and fine(_limits(ladder, frame, [(a, step) for a in cells]), target, len(cells)):
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
@@ -232,7 +232,7 @@ def climb(
             enough = False
             break
         steps.append(step / 2**halving)
-        if len(steps) > 2 and _fine(_limits(ladder, frame, [(at, s) for s in steps]), target, len(steps)):
+        if len(steps) > 2 and fine(_limits(ladder, frame, [(at, s) for s in steps]), target, len(steps)):
             break
     return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough, target, known)
 
@@ -298,7 +298,7 @@ def _limits(
     }
 
 
-def _fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
+def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
     """Whether every quantity that has a limit is known to the target, and it is clear which have.
 
     Slip is not waited for: its scale, the tools' way, is not known here, and it hardly ever decides.
