@@ -160,7 +160,7 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
         console.print(Text(f"not counted: {left_out}", style="dim"), soft_wrap=True)
     known = f"the reference is known to {in_words(reference.uncertainty)}"
     if not reference.complete:
-        known += ", not to 1 %: the budget ended first (give more --minutes)"
+        known += "; the budget ended before every quantity was known to 1 % (give more --minutes)"
     console.print(Text(known, style="dim" if reference.complete else "yellow"))
     n_done = sum(row.error is not None for row in rows)
     text = f"{n_done} of {len(rows)} configurations of {len(METHODS)} methods in {seconds:.0f} s"

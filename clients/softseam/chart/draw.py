@@ -25,7 +25,7 @@ from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
 
 WIDTH, HEIGHT = 12.6, 8.2
 """of the picture [inch]"""
-ABOVE, BELOW = 132, 168
+ABOVE, BELOW = 152, 180
 """characters in a line of the heading, and of the note below the axes"""
 WORST = 1.0
 """error at the chart's upper edge, where runs that are farther off or failed are drawn [1]"""
@@ -74,7 +74,7 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     worst = "the worst of " if len(reference.counted) > 1 else ""
     text = f"error: {worst}{names}, in L2 over time, against FEM refined until known to {known}\n"
     text += f"{machine}, one process; compiling and setting up left out{busy(rows)}"
-    return text + ("" if reference.complete else "\nthe budget ended before the reference was known to 1 %")
+    return text + ("" if reference.complete else "\nthe budget ended before every quantity was known to 1 %")
 
 
 def _wrapped(text: str, width: int) -> str:
