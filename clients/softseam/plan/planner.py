@@ -2,7 +2,8 @@
 
 Nothing is guessed. The reference is FEM alone, refined until it is known to a fraction of the tolerance (the chart's
 reference.py); the configurations are tried cheapest first, each once, until those left cannot be faster than the best
-one found. What counts as an error is what a run differs from the reference by, plus what the reference may be off by.
+one found. What counts as an error is what a run differs from the reference by, and what the reference may be off by, as
+errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from softseam.chart.configurations import Configuration
-from softseam.chart.errors import KNOWN, errors
+from softseam.chart.errors import KNOWN, Error, errors
 from softseam.chart.measure import Outcome
 from softseam.chart.reference import Reference, in_words
 from softseam.chart.sweep import learn
@@ -69,7 +70,7 @@ class Tried:
     settings: tuple[str, ...]
     rtf: float
     error: float
-    """bound of its worst error: infinite where it failed [1]"""
+    """its worst error, the reference's counted in: infinite where it failed [1]"""
     decided_by: str
     """the quantity that is worst, or why it failed"""
 
@@ -199,22 +200,24 @@ def _undecided(outcome: Outcome, reference: Reference, tolerance: float) -> bool
     found = errors(outcome.series, reference.time, reference.truth)
     vague = {name: reference.truth[name].uncertainty for name in reference.counted}
     may_be = all(found[name].bound or found[name].value - vague[name] <= tolerance for name in vague)
-    is_so = all(found[name].value + (not found[name].bound) * vague[name] <= tolerance for name in vague)
+    is_so = all(_with(found[name], vague[name]) <= tolerance for name in vague)
     return may_be and not is_so
 
 
 def judged(configuration: Configuration, outcome: Outcome, reference: Reference) -> Tried:
-    """The bound of a run's worst error: what it differs by, plus what the reference may be off by."""
+    """A run's worst error: what it differs from the reference by, and what that may be off by."""
     label, settings = configuration.label, configuration.settings
     if outcome.status != "done" or outcome.series is None:
         return Tried(label, settings, 0.0, float("inf"), f"{outcome.status}: {outcome.reason}")
     found = errors(outcome.series, reference.time, reference.truth)
-    bounds = {
-        name: found[name].value + (0.0 if found[name].bound else reference.truth[name].uncertainty)
-        for name in reference.counted
-    }
+    bounds = {name: _with(found[name], reference.truth[name].uncertainty) for name in reference.counted}
     decisive = max(bounds, key=lambda name: bounds[name])
     return Tried(label, settings, outcome.rtf, bounds[decisive], decisive)
+
+
+def _with(error: Error, uncertainty: float) -> float:
+    """An error together with the reference's; where it cannot be told from that, it is that."""
+    return error.value if error.bound else float(np.hypot(error.value, uncertainty))
 
 
 def _nearest(goal: Goal, best: Tried | None, tried: Sequence[Tried]) -> str:
