@@ -56,8 +56,8 @@ SECTION = """
 
 ![every configuration of {scene}: error against real-time factor](pictures/chart_{scene}.png)
 
-Error: the worst of {counted}. The reference comes from {levels} runs and is known to {known}. {left_out}Nothing is both
-faster and more accurate than:
+Error: {counted}. The reference comes from {levels} runs and is known to {known}. {left_out}Nothing is both faster and
+more accurate than:
 
 | configuration | real-time factor | error [%] | {names} |
 |---|---|---|{rules}|
@@ -131,7 +131,7 @@ def section(one: Charted) -> str:
     left_out = f"Not counted: {told}. " if (told := not_counted(truth)) else ""
     text = SECTION.format(
         scene=one.scene,
-        counted=", ".join(label(name) for name in counted),
+        counted=("the worst of " if len(counted) > 1 else "") + ", ".join(label(name) for name in counted),
         levels=len(one.reference.levels),
         known=in_words(one.reference.uncertainty),
         left_out=left_out,
@@ -180,12 +180,17 @@ def asked(front: Sequence[Row]) -> list[str]:
 
 def beside(mark: Landmark, front: Sequence[Row]) -> str:
     """A rival, and the fastest of ours that is no less accurate."""
-    start = f"| {mark.label} | {mark.rtf:.3g} | {100 * mark.error:.2g} | "
+    start = f"| {mark.label} | {mark.rtf:.3g} | {short(100 * mark.error)} | "
     ours = next((row for row in front if row.error is not None and row.error.value <= mark.error), None)
     if ours is None:
         return f"{start}**none** | | | {mark.source} |"
     rtf = ours.outcome.rtf
-    return f"{start}{ours.configuration.label} | {rtf:.3g} | {rtf / mark.rtf:.2g} | {mark.source} |"
+    return f"{start}{ours.configuration.label} | {rtf:.3g} | {short(rtf / mark.rtf)} | {mark.source} |"
+
+
+def short(value: float) -> str:
+    """Two digits, or all before the point."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def local(name: str, one: Charted) -> str:

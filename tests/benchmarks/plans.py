@@ -47,6 +47,8 @@ SCENES = (
     "sausage",
     "sausage_bend",
     "dumpling",
+    "heavy_on_soft",
+    "stiff_inclusion",
 )
 """the suite, but for bodies of particles, which have no reference, and calamari, whose cells are its file's"""
 TOLERANCES = (0.2, 0.1, 0.05, 0.02)

@@ -59,6 +59,12 @@ def grid(
         fix_left=fixed,
         particle_radius=RADIUS,
     )
+    # Newton gives every particle the mass of a whole cell, too much at the surface: a tetrahedron's, shared by its four
+    x, tets = np.array(builder.particle_q), np.array(builder.tet_indices).reshape(-1, 4)
+    volume = np.linalg.det(x[tets[:, 1:]] - x[tets[:, :1]]) / 6.0
+    mass = np.bincount(tets.ravel(), np.repeat(0.25 * density * volume, 4), minlength=len(x))
+    held = np.array(builder.particle_mass) == 0.0
+    builder.particle_mass = np.where(held, 0.0, mass).tolist()
     return builder
 
 
