@@ -63,12 +63,17 @@ class ParticleRun:
     def v(self) -> Floats:
         return self.solver._committed.v
 
-    def step(self) -> Advanced:
+    def request(self) -> Advance:
         motion = tool_motion(self.tools, self.position, self.orientation, self.velocity, self.scene.step)
         motion.gripping.resize(len(self.gripping), refcheck=False)
         motion.gripping[:] = self.gripping
         header = Header(SCHEMA_VERSION, "test", "far", 0, self.n, 0, self.n * self.scene.step)
-        reply = self.solver.advance(Advance(header, self.scene.step, np.zeros((0, 3)), motion))
+        return Advance(header, self.scene.step, np.zeros((0, 3)), motion)
+
+    def step(self) -> Advanced:
+        request = self.request()
+        motion = request.tools
+        reply = self.solver.advance(request)
         assert reply.status == "converged", reply.status
         self.solver.commit()
         self.position, self.orientation = motion.position_next, motion.orientation_next

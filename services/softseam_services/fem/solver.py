@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 import numpy as np
@@ -35,7 +34,7 @@ from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
 from softseam_services.pbd.model_error import ModelError
-from softseam_services.tools.kernels import all_finite
+from softseam_services.request_check import problem_of
 from softseam_services.tools.tool_set import ToolSet
 
 _FAILURES = {
@@ -275,20 +274,10 @@ class FemSolver:
 
     def _refuse(self, request: Advance) -> str:
         """What makes the request impossible to serve, or ''."""
-        motion, force, anchor = request.tools, request.seam_force, request.seam_anchor
-        n_tools, n_seam = self._n_tools, self._n_seam
-        if not (math.isfinite(request.dt) and request.dt > 0.0):
-            return f"the time step is {request.dt}: it must be finite and > 0 s"
-        if force.shape != (n_seam, 3):
-            return f"the seam force has shape {force.shape}, this region's seam needs ({n_seam}, 3)"
-        poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
-        for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
-            if pose.shape != (n_tools, width):
-                return f"tool poses must be finite, of shape ({n_tools}, {width}): got {pose.shape}"
-        if not all_finite(*poses, force):
-            if not np.isfinite(force).all():
-                return "the seam force is not finite: the seam solver must send finite multipliers"
-            return f"tool poses must be finite, of shape ({n_tools}, 3) and ({n_tools}, 4): they hold NaN or infinity"
+        anchor, n_seam = request.seam_anchor, self._n_seam
+        problem = problem_of(request, self._n_tools, n_seam)
+        if problem:
+            return problem
         if len(anchor):
             shape = request.seam_stiffness.shape
             if anchor.shape != (n_seam, 3) or shape not in ((3 * n_seam, 3 * n_seam), (0, 0)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.tools.kernels import all_finite
+from softseam_services.request_check import problem_of
 from softseam_services.tools.tool_set import ToolSet
 
 from . import watch
@@ -174,7 +173,8 @@ class PbdSolver:
         result = self._result
         iterations, notice, unfinished = 0, "", 0
         fault = watch.Fault.ANCHOR if len(request.seam_anchor) else watch.Fault.INPUT
-        if fault is watch.Fault.INPUT and _finite(request):
+        wrong = problem_of(request, self.model.n_tools, len(self.model.region.seam))
+        if fault is watch.Fault.INPUT and not wrong:
             if committed.monitor[watch.UNSHARED] != 0.0:
                 self._share_out(request)
             cause = ""
@@ -202,7 +202,7 @@ class PbdSolver:
         numbers = result.tolist()
         return Advanced(
             request.header,
-            fault.value,
+            wrong or fault.value,
             work.x.take(self.model.region.seam, axis=0),
             compliance,
             self._wrench.copy(),
@@ -380,9 +380,3 @@ class PbdSolver:
         """Take over a snapshot of the same region; a tentative step is dropped."""
         decode_state(state, self._committed)
         self._tentative = False
-
-
-def _finite(request: Advance) -> bool:
-    motion = request.tools
-    poses = motion.position, motion.orientation, motion.position_next, motion.orientation_next
-    return request.dt > 0.0 and math.isfinite(request.dt) and bool(all_finite(*poses, request.seam_force))

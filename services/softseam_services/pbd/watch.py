@@ -33,7 +33,7 @@ class Fault(Enum):
     """Outcome of a step; the text names the remedy."""
 
     NONE = "converged"
-    INPUT = "a tool pose, the seam force or dt is not finite or not positive: check the request"
+    INPUT = "the request cannot be served"
     ANCHOR = "PBD takes a seam force that is constant over the step: leave seam_anchor empty on this side"
     DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
     HASTE = "leapfrog's substep is beyond its limit: take more substeps, or method: xpbd"

@@ -12,7 +12,7 @@ from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Hea
 from softseam_protocol.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.kernels.lanes import aligned
-from softseam_services.tools.kernels import all_finite
+from softseam_services.request_check import problem_of
 from softseam_services.tools.tool_set import ToolSet
 
 from .kernels import bending, distance, strain
@@ -33,7 +33,7 @@ class Fault(Enum):
     """Outcome of a step; the text names the remedy."""
 
     NONE = "converged"
-    INPUT = "a tool pose or dt is not finite or not positive: check the request"
+    INPUT = "the request cannot be served"
     DIVERGED = "the particles diverged: take a shorter step or more substeps"
     CROWDED = "more layers touch than are followed: some may cross; use fewer divisions or a smaller thickness"
 
@@ -138,10 +138,11 @@ class ParticleSolver:
         began = time.perf_counter()
         model, work = self.model, self._work
         np.copyto(work.buffer, self._committed.buffer)
-        if request.dt != self._dt:
+        wrong = problem_of(request, len(model.tools.names), 0)
+        if request.dt != self._dt and not wrong:
             self._dt, self.substeps = request.dt, model.substeps(request.dt)
         fault, sweeps = Fault.INPUT, self.substeps * model.spec.sweeps
-        if _finite(request):
+        if not wrong:
             fault = self._advance(request.tools, request.dt)
         if fault in (Fault.INPUT, Fault.DIVERGED):
             np.copyto(work.buffer, self._committed.buffer)
@@ -155,7 +156,7 @@ class ParticleSolver:
         result = self._result
         return Advanced(
             header=request.header,
-            status=fault.value,
+            status=wrong or fault.value,
             seam_x=np.zeros((0, 3)),
             compliance=np.zeros((0, 0)),
             wrench=self._wrench.copy(),
@@ -318,9 +319,3 @@ def _pair_room(n: int) -> tuple[np.ndarray, ...]:
         np.zeros(PAIRS * n, dtype=np.int32),
         np.zeros(PAIRS * n, dtype=np.int32),
     )
-
-
-def _finite(request: Advance) -> bool:
-    motion = request.tools
-    poses = motion.position, motion.orientation, motion.position_next, motion.orientation_next
-    return request.dt > 0.0 and math.isfinite(request.dt) and bool(all_finite(*poses, request.seam_force))

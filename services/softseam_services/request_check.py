@@ -1,0 +1,28 @@
+"""What makes a request impossible to serve: the same words from every participant, before a kernel reads it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from softseam_protocol.messages import Advance
+from softseam_services.tools.kernels import all_finite
+
+
+def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
+    """What is wrong with the step's length, the tools' poses or the seam force; '' where nothing is."""
+    motion, force = request.tools, request.seam_force
+    if not (math.isfinite(request.dt) and request.dt > 0.0):
+        return f"the time step is {request.dt} s: not finite, or not positive"
+    if force.shape != (n_seam, 3):
+        return f"the seam force has shape {force.shape}, this region's seam needs ({n_seam}, 3)"
+    poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
+    for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
+        if pose.shape != (n_tools, width):
+            return f"tool poses of {n_tools} tools have shape ({n_tools}, {width}), not {pose.shape}"
+    if not all_finite(*poses, force):
+        if not np.isfinite(force).all():
+            return "the seam force is not finite: the seam solver must send finite multipliers"
+        return "tool poses are not finite: they hold NaN or infinity"
+    return ""
