@@ -597,6 +597,10 @@ class SurfaceMesh:
     """ends of the lines along cells' edges on the surface, as surface points (L, 2); empty where cells are boxes"""
     cell_volume: Scalars = field(default_factory=_NO_SCALARS)
     """(C,) [m^3]; empty where cells are boxes"""
+    octant_material: OctantIds = field(default_factory=_no_octants)
+    """number of each octant's material, 0 the body's own (C, 8); empty where there is but one"""
+    border_lines: Lines = field(default_factory=_no_lines)
+    """ends of the lines along borders of materials, as nodes (L, 2)"""
 
 
 @dataclass(frozen=True, slots=True)

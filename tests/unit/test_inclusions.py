@@ -11,13 +11,17 @@ from fem_run import block
 from numpy.typing import NDArray
 from solids import obj, sphere
 
+from softseam.view.surface import DisplaySurface
+from softseam_protocol.messages import SCHEMA_VERSION, Header
 from softseam_protocol.scene import BodySpec
 from softseam_protocol.scene_file import SceneError, parse_scene
+from softseam_services.body.borders import border_lines
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.inclusions import holds, part_volume
 from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery
+from softseam_services.recorder.begin import surface_mesh
 
 Floats = NDArray[np.float64]
 CORE = {"shape": {"kind": "box", "position": (0.0, 0.0, 0.025), "size": (0.025, 0.025, 0.025)}}
@@ -124,3 +128,30 @@ def test_recovered_stress_does_not_cross_a_border() -> None:
     assert border.sum() == 98
     for material, value in ((0, 1.0), (1, 7.0)):
         np.testing.assert_allclose((nodal_recovery(body, sample, material) @ values)[border], value, rtol=1e-9)
+
+
+def test_borders_are_drawn_where_they_bend_or_end() -> None:
+    """The rim of a layer, sixteen octants around; the twelve edges of a core two octants wide; no others."""
+    layer = {"shape": {"kind": "box", "position": (0, 0, 0), "size": (1, 1, 0.05)}, "material": {"density": 900.0}}
+    body = build_body(block(body={"inclusions": [layer]}), {})
+    ends = body.x_rest[border_lines(body)]
+    assert len(ends) == 16
+    np.testing.assert_allclose(ends[..., 2], 0.025)
+    assert np.isclose(np.abs(ends[..., :2]).max(axis=2), 0.025).all()
+    body = build_body(block(body={"inclusions": [{**CORE, "material": {"young": 1e6}}]}), {})
+    ends = body.x_rest[border_lines(body)] - np.array([0.0, 0.0, 0.025])
+    assert len(ends) == 24
+    assert (np.isclose(np.abs(ends), 0.0125).all(axis=1).sum(axis=1) == 2).all()
+    assert len(border_lines(build_body(block(), {}))) == 0
+
+
+def test_stress_on_the_surface_is_of_one_material() -> None:
+    """What a viewer shows: no point has a mean of the two values on either side of a border."""
+    layer = {"shape": {"kind": "box", "position": (0, 0, 0), "size": (1, 1, 0.05)}, "material": {"young": 1e6}}
+    body = build_body(block(body={"inclusions": [layer]}), {})
+    mesh = surface_mesh(Header(SCHEMA_VERSION, "local", "", 0, 0, 0, 0.0), body, {})
+    shown = DisplaySurface(mesh).at_points(np.where(body.octant_material == 1, 7.0, 1.0))
+    z = mesh.point_rest[:, 2]
+    np.testing.assert_allclose(shown[z < 0.024], 7.0)
+    np.testing.assert_allclose(shown[z > 0.026], 1.0)
+    assert set(np.round(shown, 9)) == {1.0, 7.0}

@@ -26,7 +26,8 @@ def layout(
     planes = [f"+ {paths.TOOLS}/{name}/**" for name, tool in scene.tools.items() if isinstance(tool, PlaneTool)]
     load = surface.load_label.partition(" [")[0]
     camera = _Camera(scales, surface.extent, grid=not ground)
-    body = [f"+ {paths.NEAR}", f"+ {paths.FAR}", f"+ {paths.GRID}", f"+ {paths.TOOLS}/**"]
+    edges.append(f"+ {paths.INCLUSIONS}")
+    body = [f"+ {paths.NEAR}", f"+ {paths.FAR}", f"+ {paths.GRID}", f"+ {paths.INCLUSIONS}", f"+ {paths.TOOLS}/**"]
     models = camera.view("Models: coral near, blue far", body)
     stress = camera.view(load, [f"+ {paths.STRESS}", *edges, *planes])
     density = colors.engineering(scales.energy, "J/m³")

@@ -120,6 +120,12 @@ class World:
                 paths.GRID, rr.LineStrips3D(strips, colors=(20, 24, 34, 150), radii=rr.Radius.ui_points(0.6))
             )
 
+        if len(self._surface.border_lines):
+            strips = frame.x[self._surface.border_lines].astype(np.float32)
+            self._stream.log(
+                paths.INCLUSIONS, rr.LineStrips3D(strips, colors=colors.BORDER, radii=rr.Radius.ui_points(1.2))
+            )
+
     def _log_tools(self, frame: Frame) -> None:
         for tool, at, turn in zip(self._tools, frame.tool_position, frame.tool_orientation, strict=True):
             pose = rr.Transform3D(translation=at, quaternion=rr.Quaternion(xyzw=turn[[1, 2, 3, 0]]))

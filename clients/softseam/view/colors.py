@@ -11,6 +11,8 @@ NEAR = (232, 121, 74)
 """warm coral: the near region (usually FEM)"""
 FAR = (108, 148, 196)
 """slate blue: the far region (usually PBD)"""
+BORDER = (255, 255, 255)
+"""white: where an inclusion begins"""
 TOOL = (166, 172, 184)
 GROUND = (52, 56, 66)
 CONTACT = (255, 209, 92)

@@ -59,7 +59,7 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
             axes[row, column].set_axis_off()
         time = frame.header.time + recording.scene.step
         axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
-    _legend(figure, builder, tall)
+    _legend(figure, builder, tall, outlined=len(surface.border_lines) > 0)
     _scale(figure, 0.60, 0.37 if not errors else 0.17, tall, top * surface.load_factor, surface.load_label)
     if errors:
         _scale(figure, 0.80, 0.17, tall, wrong, "energy of the error [J/m³]")
@@ -138,6 +138,8 @@ def _draw(
     canvas.mesh(vertices, surface.normals(vertices), surface.triangles, paint)
     if len(surface.cell_lines):
         canvas.lines(frame.point_x[surface.cell_lines], _CELL_LINE, alpha=0.45, layer=0)
+    if len(surface.border_lines):  # seen through the body
+        canvas.lines(frame.x[surface.border_lines], np.array(colors.BORDER) / 255.0, width=1.6, alpha=0.85, lift=1.0)
     for tool, corners, normals, at, turn in posed:
         if tool.kind != "plane":
             canvas.mesh(corners, normals, tool.triangles, np.tile(_GLASS, (len(tool.triangles), 3, layers)), alpha=0.16)
@@ -146,7 +148,7 @@ def _draw(
     return [canvas.image(layer) for layer in range(layers)]
 
 
-def _legend(figure: Figure, builder: ReportBuilder, tall: float) -> None:
+def _legend(figure: Figure, builder: ReportBuilder, tall: float, *, outlined: bool) -> None:
     """What the colours mean, below the rows."""
     models = builder.columns.models
     patches = [
@@ -155,11 +157,14 @@ def _legend(figure: Figure, builder: ReportBuilder, tall: float) -> None:
         if name in models
     ]
     patches.append(Patch(color=(0.78, 0.80, 0.83), label="tools"))
+    if outlined:
+        white = (colors.BORDER[0] / 255.0, colors.BORDER[1] / 255.0, colors.BORDER[2] / 255.0)
+        patches.append(Patch(facecolor=white, edgecolor=INK, linewidth=0.6, label="outline of inclusions"))
     figure.legend(
         handles=patches,
         loc="lower left",
         bbox_to_anchor=(0.012, 0.14 / tall),
-        ncols=3,
+        ncols=len(patches),
         frameon=False,
         fontsize=10,
         labelcolor=INK,

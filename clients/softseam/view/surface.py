@@ -25,10 +25,12 @@ class DisplaySurface:
         triangles = mesh.triangles.astype(np.int64)
         self.vertex_point, self.triangles = _split_creases(mesh.point_rest, triangles)
         """surface point of each display vertex (V,); corners as display vertices (T, 3)"""
-        self._octant_ids, self._octant_weights = _octant_stencil(mesh)
+        self._octant_ids, self._octant_weights = _in_one_material(mesh, *_octant_stencil(mesh))
         self._triangle_cell = _cells_of(mesh, mesh.point_rest[triangles].mean(axis=1))
         self.cell_lines = _cell_lines(mesh, triangles)
         """ends of the lines where cells' faces meet a flat surface, as surface points (L, 2)"""
+        self.border_lines = mesh.border_lines.astype(np.int64)
+        """ends of the lines along borders of materials, as nodes (B, 2)"""
         self.extent = float(np.ptp(mesh.point_rest, axis=0).max()) if len(mesh.point_rest) else 1.0
         """longest side of the bounding box at rest [m]"""
         boxes = mesh.fill.mean(axis=1) * float(np.prod(mesh.edges))
@@ -155,6 +157,16 @@ def _octant_stencil(mesh: SurfaceMesh) -> tuple[Ints, Floats]:
     weights = np.where(ids >= 0, np.maximum(weights, 1e-9), 0.0)
     total = weights.sum(axis=1, keepdims=True)
     return np.maximum(ids, 0), weights / np.where(total > 0.0, total, 1.0)
+
+
+def _in_one_material(mesh: SurfaceMesh, ids: Ints, weights: Floats) -> tuple[Ints, Floats]:
+    """The stencil without octants of another material than the nearest one's: stress jumps where materials meet."""
+    if not len(mesh.octant_material):
+        return ids, weights
+    material = mesh.octant_material.reshape(-1)[ids]
+    nearest = np.take_along_axis(material, weights.argmax(axis=1)[:, None], axis=1)
+    weights = np.where(material == nearest, weights, 0.0)
+    return ids, weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
 
 
 def _cell_lines(mesh: SurfaceMesh, triangles: Ints) -> Ints:

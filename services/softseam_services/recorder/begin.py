@@ -9,6 +9,7 @@ import numpy as np
 
 from softseam_protocol.facts import facts
 from softseam_protocol.messages import SCHEMA_VERSION, Begin, Bundle, Header, SurfaceMesh, ToolSurface
+from softseam_services.body.borders import border_lines
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.own_shapes import cell_lines, cell_volumes, point_octants
@@ -38,6 +39,8 @@ def surface_mesh(header: Header, body: AnyBody, tools: Mapping[str, ToolSurface]
         fill=body.fill,
         tools=dict(tools),
     )
+    if len(body.materials) > 1:
+        mesh = replace(mesh, octant_material=body.octant_material, border_lines=border_lines(body))
     if body.boxes:
         return mesh
     return replace(mesh, point_octants=point_octants(body), cell_lines=cell_lines(body), cell_volume=cell_volumes(body))
