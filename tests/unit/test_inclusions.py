@@ -19,7 +19,7 @@ from softseam_services.body.borders import border_lines
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
 from softseam_services.body.errors import MeshError
-from softseam_services.body.inclusions import holds, part_volume
+from softseam_services.body.inclusions import holds, octant_centres, part_volume
 from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery
 from softseam_services.recorder.begin import surface_mesh
 
@@ -128,6 +128,23 @@ def test_recovered_stress_does_not_cross_a_border() -> None:
     assert border.sum() == 98
     for material, value in ((0, 1.0), (1, 7.0)):
         np.testing.assert_allclose((nodal_recovery(body, sample, material) @ values)[border], value, rtol=1e-9)
+
+
+def test_recovery_beside_a_border_is_linear_and_does_not_overshoot() -> None:
+    """Linear fields on each side to rounding; amid a core of 32 octants the mean, where a curvature would overshoot."""
+    core = {"kind": "sphere", "position": (0.0, 0.0, 0.025), "radius": 0.0125}
+    body = build_body(block(cell=0.0125, body={"inclusions": [{"shape": core, "material": {"young": 1e6}}]}), {})
+    sample = np.full(body.n_cells, FEM_SAMPLE)
+    middle = body.x_rest[body.cell_nodes[:, 13]]
+    at = octant_centres(middle, 2.0 * FEM_SAMPLE * body.edges).reshape(-1, 3)
+    slope = np.array([3.0, -2.0, 5.0])
+    for material in (0, 1):
+        matrix = nodal_recovery(body, sample, material)
+        whole = np.unique(body.cell_nodes[(body.octant_material == material).sum(axis=1) > 3])
+        np.testing.assert_allclose((matrix @ (at @ slope))[whole], body.x_rest[whole] @ slope, atol=1e-9)
+    centre = np.argmin(np.linalg.norm(body.x_rest - np.array([0.0, 0.0, 0.025]), axis=1))
+    weights = matrix[[centre]].toarray().ravel()
+    np.testing.assert_allclose(weights, np.where(body.octant_material.ravel() == 1, 1.0 / 32.0, 0.0), atol=1e-12)
 
 
 def test_borders_are_drawn_where_they_bend_or_end() -> None:

@@ -12,13 +12,15 @@ with r the distance to the node over its mean along each axis, r' = r - <r>/<1>,
 r_x r_y, r_y r_z, r_z r_x) a constant and r' do not tell, <u, v> = sum_q w_q u_q v_q, m the mean, and a, b the values of
 r' and s' at the node: mean, slopes and curvatures, each fitted to what the ones before leave. The pseudo-inverses leave
 out what the samples do not tell: the two planes of samples in a single cell fix no curvature, and the fit is linear
-across that cell; a single octant's value is taken as it is.
+across that cell; a single octant's value is taken as it is. Where another material is in reach the fit is linear, too:
+stress is singular at the edges of borders, and a curvature fitted to that overshoots.
 The fit depends on the rest state alone: a sparse matrix, built once.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_services.body.body import Body, Floats, Ints
@@ -61,6 +63,7 @@ def nodal_recovery(body: Body, sample: Floats, material: int = 0, nodes: Ints | 
     left = centred[:, 4:, 4:] - np.swapaxes(centred[:, 1:4, 4:], 1, 2) @ told
     at_node = np.einsum("nij,ni->nj", told, mean[:, 1:4]) - mean[:, 4:]
     curved = (_inverse(left, SEEN * total) @ at_node[..., None])[..., 0]
+    curved[_beside_another(body, material, cells)[found]] = 0.0
     fit = np.zeros((body.n_nodes, 10))
     fit[found, 4:] = curved
     fit[found, 1:4] = -((slopes @ mean[:, 1:4, None] + told @ curved[..., None])[..., 0])
@@ -70,6 +73,14 @@ def nodal_recovery(body: Body, sample: Floats, material: int = 0, nodes: Ints | 
     column = np.broadcast_to((8 * cells[:, None] + np.arange(8))[:, None, :], weight.shape)
     entries = (weight.ravel(), (row.ravel(), column.ravel()))
     return csr_array(entries, shape=(body.n_nodes, 8 * body.n_cells))
+
+
+def _beside_another(body: Body, material: int, cells: Ints) -> NDArray[np.bool_]:
+    """Nodes with a filled octant of another material in one of their cells (N,)."""
+    mixed = ((body.octant_material != material) & (body.fill > 0.0))[cells].any(axis=1)
+    beside = np.zeros(body.n_nodes, dtype=np.bool_)
+    beside[body.cell_nodes[cells[mixed]]] = True
+    return beside
 
 
 def _inverse(matrix: Floats, least: Floats) -> Floats:
