@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
@@ -17,6 +18,12 @@ from scipy.optimize import brentq
 import softseam
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene import RegionsSpec, Scene
+from softseam_services.body.region import build_region
+from softseam_services.fem.kernels.elements import cauchy_stress
+from softseam_services.fem.mesh_error import MeshError
+from softseam_services.fem.model import build_model, build_work
+from softseam_services.pbd.blocks import build_blocks
+from softseam_services.pbd.model_error import ModelError
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +105,35 @@ def test_blocks_in_series_are_exact(border: float) -> None:
     run = PbdRun(scene)
     f = -Energy(run).force(_layered(run.body.x_rest, border, below, beyond))
     _in_balance(f, run.body.x_rest, 0.03, stress)
+
+
+def test_error_indicators_see_no_error_where_there_is_none() -> None:
+    """In that state, with all outer nodes held: a jump of stress at a border is no error of the cells or of PBD. Each
+    is less than a millionth of the strain energy, and a thousandth of it or more if the border is not known."""
+    below, beyond, _ = _in_series(0.3, 0.04, 0.02)
+    outer = [_slab(axis, at) for axis, at in ((0, -0.02), (0, 0.02), (1, -0.02), (1, 0.02), (2, 0.0), (2, 0.04))]
+    scene = block_scene((0.04, 0.04, 0.04), 0.01, young=SOFT, poisson=0.3, body=_end(0.02), fixed=outer)
+    run = PbdRun(scene)
+    x = _layered(run.body.x_rest, 0.02, below, beyond)
+    energy = Energy(run).value(x)
+    unknown = replace(run.body, octant_material=np.zeros_like(run.body.octant_material))
+    for body, low, high in ((run.body, 0.0, 1e-6 * energy), (unknown, 1e-3 * energy, np.inf)):
+        mesh = MeshError(body, run.region, "hex27")
+        stress = np.empty((body.n_cells, 8, 6))
+        region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
+        model, tree = build_model(run.body, region)
+        cauchy_stress(x, model, build_work(model, tree, 0), stress)
+        assert low <= mesh.measure(x, stress).sum() < high
+        blocks = build_blocks(run.body, run.region, "physical")
+        found = ModelError(body, run.region, "physical", blocks).measure(x, np.zeros((len(run.region.points), 3)))
+        assert low <= found.sum() < high
+
+
+def _slab(axis: int, at: float) -> dict[str, Vector]:
+    """A thin box around a plane."""
+    low, high = [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]
+    low[axis], high[axis] = at - 1e-6, at + 1e-6
+    return {"min": (low[0], low[1], low[2]), "max": (high[0], high[1], high[2])}
 
 
 @pytest.mark.parametrize("element", [*ELEMENTS, "blocks"])
