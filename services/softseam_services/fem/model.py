@@ -245,13 +245,13 @@ def build_model(
     crushable = element == "hex27" and body.material.kind != "linear"
     # the fast path needs no table of points but that of crushed cells
     table = ELEMENTS["hex27_full" if crushable else element](x, poisson)
-    full = build_rule(table, fill, shape, materials, number)
+    full = build_rule(table, fill, shape, body, region.cells)
     mean_gradient = (
         np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
     )
     rule = full
     if general and crushable:
-        rule = build_rule(ELEMENTS[element](x, poisson), fill, shape, materials, number)
+        rule = build_rule(ELEMENTS[element](x, poisson), fill, shape, body, region.cells)
     model = FemModel(
         general=general,
         rule=rule,

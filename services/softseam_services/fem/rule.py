@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_services.body.body import Body, Floats, Ints, Material, Region
+from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import LOCAL
+from softseam_services.body.point_materials import point_parameters
 from softseam_services.by_reference import by_reference
 from softseam_services.fem.elements import Table
 
@@ -52,12 +53,12 @@ def cell_shapes(body: Body, region: Region) -> tuple[Floats, Ints]:
     return x, np.arange(len(x), dtype=np.int32)
 
 
-def build_rule(table: Table, fill: Floats, shape: Ints, materials: tuple[Material, ...], number: Ints) -> Rule:
-    """An element's table with the cells' fill (c, 8), their shapes (c,), and the materials of their octants (c, 8)."""
-    mu = materials[0].mu
-    relative = np.array([material.mu / mu for material in materials])[number]
+def build_rule(table: Table, fill: Floats, shape: Ints, body: Body, cells: Ints) -> Rule:
+    """An element's table with the fill (c, 8) of the body's cells (c,), their shapes (c,) and materials."""
+    mu = body.material.mu
+    relative = body.of_octants([material.mu / mu for material in body.materials])[cells]
     weight = table.weight[shape] * np.einsum("bqo,co->cbq", table.share, fill)
-    parameters, blend = _blends(table.share.reshape(-1, 8), fill, np.array([m.parameters for m in materials]), number)
+    parameters, blend = _blends(body, cells, table.share.reshape(-1, 8))
     return Rule(
         nodes=table.nodes,
         gradient=np.ascontiguousarray(table.gradient),
@@ -73,16 +74,14 @@ def build_rule(table: Table, fill: Floats, shape: Ints, materials: tuple[Materia
     )
 
 
-def _blends(share: Floats, fill: Floats, parameters: Floats, number: Ints) -> tuple[Floats, Ints]:
-    """`Rule.parameters` and `Rule.blend`: the m materials at all points, then every cell that has more than one.
+def _blends(body: Body, cells: Ints, share: Floats) -> tuple[Floats, Ints]:
+    """`Rule.parameters` and `Rule.blend`: each material at all points, then every cell that has more than one.
 
-    share (b q, 8), fill (c, 8), parameters (m, 3), number (c, 8). A point between octants has the mean of their
-    constants, by volume.
+    share (b q, 8) of each point in each octant
     """
+    number = body.octant_material[cells]
+    whole = np.array([np.tile(material.parameters, (len(share), 1)) for material in body.materials])
     blend = number[:, 0].copy()
     mixed = np.flatnonzero((number != number[:, :1]).any(axis=1))
-    blend[mixed] = len(parameters) + np.arange(len(mixed))
-    weight = share[None] * fill[mixed][:, None]
-    blended = np.einsum("cqo,cop->cqp", weight, parameters[number[mixed]]) / weight.sum(axis=2)[..., None]
-    whole = np.repeat(parameters[:, None], len(share), axis=1)
-    return np.ascontiguousarray(np.concatenate([whole, blended])), blend
+    blend[mixed] = len(whole) + np.arange(len(mixed))
+    return np.ascontiguousarray(np.concatenate([whole, point_parameters(body, cells[mixed], share)])), blend
