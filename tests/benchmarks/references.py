@@ -36,7 +36,7 @@ def _swing(n: int) -> Found:
 
 
 CASES: dict[str, tuple[str, tuple[int, ...], Callable[[int], Found]]] = {
-    "hanging": ("5n x n x n", (1, 2, 4, 6), lambda n: errors(hanging(n), HANGING)),
+    "hanging": ("5n x n x n", (1, 2, 4), lambda n: errors(hanging(n), HANGING)),
     "cook": ("n x n x 1", (2, 4, 8, 16), lambda n: {"tip": cook("hex27", n) / COOK - 1.0}),
     "swing": ("5n x n x n", (1, 2, 3), _swing),
     "frequencies": (
