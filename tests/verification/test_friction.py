@@ -80,7 +80,7 @@ def test_a_slab_sticks_below_the_friction_angle_and_slides_above() -> None:
         if degrees < 0.0:
             assert np.abs(v[-20:]).max() < 1e-5
         else:
-            assert (v[-1] - v[-61]) / (60 * STEP) == pytest.approx(pull, rel=0.06)
+            assert (v[-1] - v[-61]) / (60 * STEP) == pytest.approx(pull, rel=1e-3)
 
 
 def test_a_light_stiff_slab_slides_as_well() -> None:
@@ -102,7 +102,7 @@ def test_a_slab_of_pbd_sticks_below_the_friction_angle_and_slides_above(young: f
     assert (v[-1] - v[-61]) / (60 * STEP) == pytest.approx(pull, rel=0.1)
 
 
-@pytest.mark.parametrize(("model", "within"), [("fem", 0.002), ("pbd", 0.002)])
+@pytest.mark.parametrize(("model", "within"), [("fem", 1e-5), ("pbd", 0.002)])
 def test_a_slab_slides_with_the_acceleration_of_the_slope(model: str, within: float) -> None:
     """35 degrees: g (sin - mu cos)."""
     slope = np.radians(35.0)

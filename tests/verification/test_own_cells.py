@@ -160,13 +160,21 @@ def test_probes_find_their_place() -> None:
 
 
 def test_probes_find_their_place_in_long_cells() -> None:
-    """Of cells twelve times as high as wide, more than a dozen have middles closer to a point than its own cell has."""
-    body = built(mesh((10, 10, 2), (0.05, 0.05, 0.12)))
-    found = local_place(body, np.array([0.0, 0.001, 0.059]))
+    """Near the upper end of a long cell more than a dozen flat ones above it have their middles closer by."""
+
+    def graded(points: Floats) -> Floats:
+        heights = np.interp(points[:, 2], [0.0, 0.03, 0.06, 0.09, 0.12], [0.0, 0.09, 0.1, 0.11, 0.12])
+        return np.column_stack([points[:, :2], heights])
+
+    body = built(mesh((10, 10, 4), (0.05, 0.05, 0.12), bend=graded))
+    at = np.array([0.0, 0.001, 0.088])
+    found = local_place(body, at)
     assert found is not None
     cell, t = found
     x = body.x_rest[body.cell_nodes[cell]]
-    np.testing.assert_allclose(x.mean(axis=0) + 0.5 * t * np.ptp(x, axis=0), [0.0, 0.001, 0.059], atol=1e-12)
+    np.testing.assert_allclose(x.mean(axis=0) + 0.5 * t * np.ptp(x, axis=0), at, atol=1e-12)
+    middles = body.x_rest[body.cell_nodes[:, 13]]
+    assert np.count_nonzero(np.linalg.norm(middles - at, axis=1) < np.linalg.norm(middles[cell] - at)) > 12
 
 
 def test_viewers_get_octants_lines_and_volumes() -> None:
