@@ -17,8 +17,8 @@ from softseam_protocol.scene import Scene
 from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.quantities import von_mises
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.orchestrator.stress import von_mises
 
 
 def _simulated(scene: dict[str, Any]) -> list[tuple[float, Found]]:

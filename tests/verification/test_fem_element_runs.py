@@ -224,7 +224,8 @@ def test_tet10_pulls_at_corners_where_a_plate_can_only_push(poisson: float) -> N
     """
     size = 0.04
     least, total = {}, {}
-    for element in ("tet10", "hex27"):
+    elements: dict[ElementKind, float] = {"tet10": 0.06, "hex27": 0.003}
+    for element in elements:
         case = Statics(lattice((size, size, size), (2, 2, 2), young=20e3, poisson=poisson), element)
         x = case.x_rest
         base, top = x[:, 2] < 1e-9, x[:, 2] > size - 1e-9
@@ -232,7 +233,7 @@ def test_tet10_pulls_at_corners_where_a_plate_can_only_push(poisson: float) -> N
         pressure = -case.forces(moved)[top, 2]
         least[element], total[element] = pressure.min(), pressure.sum()
     assert least["tet10"] < -0.01 * total["tet10"] < 0.0 < least["hex27"]
-    for element, within in (("tet10", 0.06), ("hex27", 0.003)):
+    for element, within in elements.items():
         status, force = _pushed(element, poisson, 3.0)
         assert status == "converged"
         assert force == pytest.approx(total[element], rel=within)
