@@ -31,7 +31,9 @@ UNITS = {
 }
 PROBED = {"von_mises": "Pa", "displacement": "m"}
 """what is reported at a probe, as NAME.von_mises"""
-LEDGER = ("kinetic", "strain", "gravity", "tool_work", "seam_work", "dissipation", "switch")
+LEDGER = (
+    *("kinetic", "strain", "gravity", "drive_work", "contact_loss", "tool_work", "seam_work", "dissipation", "switch"),
+)
 SPENT = ("fem", "pbd", "coupling", "bus", "record", "total")
 
 

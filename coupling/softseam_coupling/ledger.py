@@ -2,9 +2,10 @@
 
     dK + dU + dG = tool_work + seam_work_near + seam_work_far - dissipation + switch        (1)
 
-K, U, G: kinetic, strain and gravity energy of both sides. `dissipation` is what (1) leaves: the numerical dissipation
-of the integrators, friction inside the participants, and their solvers' residuals. It may not be negative beyond
-rounding: then a scheme creates energy, and that is an alarm. `switch` is the energy that a region switch added.
+K, U, G: kinetic, strain and gravity energy of both sides. `tool_work` is what contact does to the body; the tools'
+motion does more, by what sliding friction takes. `dissipation` is what (1) leaves: the numerical dissipation of the
+integrators, and their solvers' residuals. It may not be negative beyond rounding: then a scheme creates energy, and
+that is an alarm. `switch` is the energy that a region switch added.
 """
 
 from __future__ import annotations

@@ -412,7 +412,8 @@ class StepReport:
     seam: SeamReport
     regions: dict[str, RegionReport]
     energy: dict[str, float]
-    """ledger of the step: kinetic, strain, gravity, tool_work, seam_work, dissipation, switch [J]"""
+    """ledger of the step [J]: kinetic, strain and gravity at its end; drive_work of the tools' motion, of which
+    contact_loss goes into friction and tool_work into the body; seam_work, dissipation of the integrators, switch"""
     momentum: Vector3
     angular_momentum: Vector3
     penetration: float

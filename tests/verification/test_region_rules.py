@@ -52,8 +52,8 @@ def test_fem_goes_where_the_stress_is() -> None:
     switches = [event.message for event in events if event.kind == "regions"]
     body = simulation.body
     assert switches and all("by stress" in text and "energy" in text for text in switches)
-    places = body.cell_grid[simulation.regions.near.mask, 0]  # type: ignore[union-attr]
-    assert 0 < len(places) < body.n_cells  # type: ignore[union-attr]
+    places = body.cell_grid[simulation.regions.near.mask, 0]
+    assert 0 < len(places) < body.n_cells
     assert places.max() < 6, "the free end bears nothing"
     assert np.isin(places.max() - 1, places)
     simulation.close()

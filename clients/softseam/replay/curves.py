@@ -39,7 +39,11 @@ def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> di
         writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab))
         tab.append(plot)
     tabs["Seam"] = _seam(writer, columns)
-    spent = ("tool_work", "dissipation", "seam_work", "switch")
+    spent = tuple(
+        name
+        for name in ("tool_work", "dissipation", "seam_work", "switch", "drive_work", "contact_loss")
+        if name in columns.names("energy.")
+    )
     tabs["Energy"] = [
         _energy(writer, columns, ("kinetic", "strain"), "stored energy [mJ]", "stored"),
         _energy(writer, columns, spent, "work and loss, summed [mJ]", "spent"),

@@ -22,10 +22,12 @@ SWITCH_LIMIT = 1e-2
 class Accounts:
     """What a step did to the energy (see `softseam_coupling.ledger`), and where its wall time went.
 
+    dt        of a step [s]
     standing  energy that the body has because it stands on its base [J]
     """
 
-    def __init__(self, standing: float = 0.0) -> None:
+    def __init__(self, dt: float, standing: float = 0.0) -> None:
+        self._dt = dt
         self._book = EnergyLedger(switch_limit=SWITCH_LIMIT, standing=standing)
         self.reset()
 
@@ -103,6 +105,7 @@ class Accounts:
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
             self._told.update(self.raised)
+        drive_work = -self._dt * float((wrench * command).sum())
         total = perf_counter() - self._began
         seconds = dict(self._seconds)
         seconds["total"] = total
@@ -130,6 +133,8 @@ class Accounts:
                 "seam_work": seam_work,
                 "dissipation": dissipation,
                 "switch": switch,
+                "drive_work": drive_work,
+                "contact_loss": drive_work - tool_work,
             },
             momentum,
             angular,

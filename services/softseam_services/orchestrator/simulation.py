@@ -73,7 +73,7 @@ class Simulation:
         self._duration = self.scene.duration
         self._locks = _element_warning(self.scene)
         self._clock = Clock(session, self.scene.step)
-        self._accounts = Accounts(_standing(self.body))
+        self._accounts = Accounts(self.scene.step, _standing(self.body))
         recovering = RecoveringTransport(transport, on_event=self._event)
         self._regions = Regions(bundle, setup, recovering, self._clock, self._accounts, self._event)
         self.events: list[Event] = []

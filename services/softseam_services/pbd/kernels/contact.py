@@ -179,16 +179,14 @@ def begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h,
 
 
 @batch_kernel
-def _account_lanes(row, place, motion, share):
-    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+def _account_lanes(row, place, share):
     px, py, pz = place
     for lane in range(EIGHT):
         x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
         fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
-        # Where the tool's material under the point was at the start of the substep.
-        wx = x - (xx * x + xy * y + xz * z + bx)
-        wy = y - (yx * x + yy * y + yz * z + by)
-        wz = z - (zx * x + zy * y + zz * z + bz)
+        wx = x - row[lane + EIGHT * BEFORE]
+        wy = y - row[lane + EIGHT * (BEFORE + 1)]
+        wz = z - row[lane + EIGHT * (BEFORE + 2)]
         row[lane + EIGHT * WORK] += fx * wx + fy * wy + fz * wz
         touches = fx * fx + fy * fy + fz * fz > 0.0
         slip = row[lane + EIGHT * SLIP_SINCE] + row[lane + EIGHT * SLIPPED]
@@ -208,10 +206,10 @@ def _account_lanes(row, place, motion, share):
 
 
 @njit(cache=True, error_model="numpy")
-def account_pairs(xw, indptr, node, weight, position, motion, share, start, rows, pairs):
+def account_pairs(xw, indptr, node, weight, position, share, start, rows, pairs):
     """Add one substep to MEAN, MOMENT, WORK and SLIP_SINCE; share = 1/m, the rest as in `project_contacts`."""
     for tool in range(len(position)):
-        place, back = three(position, tool), twelve(motion, 1, tool)
+        place = three(position, tool)
         for group in range(start[tool], start[tool + 1]):
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
-            _account_lanes(pairs[group], place, back, share)
+            _account_lanes(pairs[group], place, share)

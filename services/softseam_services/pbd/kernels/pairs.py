@@ -13,7 +13,7 @@ SLIPPED     3  slip in this substep [m]
 SLIP_SINCE  3  slip since the point began to touch [m]
 MEAN        3  force [N], mean over the step so far
 MOMENT      3  torque about the tool's position [N m], mean over the step so far
-WORK        1  work of the tool [J]
+WORK        1  work of the tool on the point [J]; friction takes none of it
 DEPTH       1  how deep the point was inside the tool at the start of the step [m]
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]

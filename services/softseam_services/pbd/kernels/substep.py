@@ -297,7 +297,6 @@ def advance_step(
                 node,
                 weight,
                 pose[1],
-                motion,
                 1.0 / n_substeps,
                 pair_start,
                 pair_rows,

@@ -1,0 +1,124 @@
+"""The ledger against each integrator's own dissipation, computed from states and forces: it closes to 1e-6 of the work.
+
+Implicit Euler, M dv = dt (f_contact + f_gravity - f(x_1)), dx = dt v_1, loses exactly
+
+    D = 1/2 |dv|_M^2 + f(x_1) . dx - (U_1 - U_0)                                                                  (1)
+
+in a step, so that dK + dU + dG = W_contact - D but for what the solver leaves: PBD leaves nothing, f being the force
+that its blocks carry; Newton's method its tolerance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fem_run import CLOSE, FemRun, tofu
+from numpy.typing import NDArray
+from pbd_run import PbdRun
+
+from softseam_protocol.messages import Advanced
+from softseam_protocol.scene_file import bundle_scene
+from softseam_services.fem.kernels.elements import subtract_forces
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.pbd.kernels.block import new_workspace
+from softseam_services.pbd.kernels.sweep import block_forces
+
+Floats = NDArray[np.float64]
+
+
+def energy(reply: Advanced) -> float:
+    return reply.kinetic + reply.strain + reply.gravity
+
+
+def fem_work(run: FemRun, moved: Floats) -> float:
+    """f(x_1) . dx [J], on the free nodes."""
+    model = run.solver._model
+    r = np.zeros(3 * (int(model.cell_order.max()) + 1))
+    subtract_forces(run.x, model, run.solver._work, r)
+    order = np.full(len(run.x), -1)
+    order[model.cell_nodes] = model.cell_order
+    free = order >= 0
+    return -float((r.reshape(-1, 3)[order[free]] * moved[free]).sum())
+
+
+def test_fem_loses_what_implicit_euler_does() -> None:
+    """Tofu that sinks onto the ground and is squeezed between plates: contact, friction, large strains."""
+    run = FemRun(tofu())
+    mass = run.region.mass[:, None]
+    worst = done = lost = 0.0
+    before: tuple[Advanced, Floats, Floats] | None = None
+    for step in range(60):
+        x, v = run.x.copy(), run.solver.state.v.copy()
+        reply = run.step(CLOSE if step > 10 else None)
+        if before is not None:
+            moved, jump = run.x - x, run.solver.state.v - v
+            loss = 0.5 * float((mass * jump * jump).sum()) + fem_work(run, moved) - (reply.strain - before[0].strain)
+            done += abs(reply.tool_work) + abs(reply.gravity - before[0].gravity)
+            worst = max(worst, abs(reply.tool_work - (energy(reply) - energy(before[0])) - loss))
+            lost += loss
+            assert loss > -1e-6 * done
+        before = reply, x, v
+    print(f"work {done:.3g} J, lost {lost:.3g} J, a step is off by at most {worst / done:.1e} of the work")
+    assert lost > 1e-3 * done, "something to account for"
+    assert worst < 1e-6 * done
+
+
+def test_pbd_loses_what_implicit_euler_does() -> None:
+    """The same, substep by substep, with the forces that the blocks carry at its end."""
+    scene = tofu(step=0.0005).model_copy(update={"models": tofu().models})
+    scene = scene.model_copy(
+        update={"models": scene.models.model_copy(update={"pbd": scene.models.pbd.model_copy(update={"substeps": 1})})}
+    )
+    run = PbdRun(scene)
+    model = run.solver.model
+    blocks, n = model.blocks, model.n_nodes
+    mass, workspace = run.region.mass[:, None], new_workspace()
+    for name, velocity in CLOSE.items():
+        run.velocity[run.tools.names.index(name)] = velocity
+    worst = done = lost = 0.0
+    last: Advanced | None = None
+    for _ in range(150):
+        committed = run.solver._committed
+        x, v = committed.x.copy(), committed.v.copy()
+        reply = run.step()
+        assert reply.n_substeps == 1
+        state = run.solver._committed
+        pull = np.zeros((n + 8, 4))
+        block_forces(workspace, blocks.nodes, state.stress, blocks.constants, pull, 0, blocks.n_batches)
+        if last is not None:
+            jump = state.v - v
+            loss = 0.5 * float((mass * jump * jump).sum()) - float((pull[:n, :3] * (state.x - x)).sum())
+            loss -= reply.strain - last.strain
+            done += abs(reply.tool_work) + abs(reply.gravity - last.gravity)
+            worst = max(worst, abs(reply.tool_work - (energy(reply) - energy(last)) - loss))
+            lost += loss
+        last = reply
+    print(f"work {done:.3g} J, lost {lost:.3g} J, a step is off by at most {worst / done:.1e} of the work")
+    assert lost > 1e-3 * done, "something to account for"
+    assert worst < 1e-6 * done
+
+
+def test_the_ledger_of_both_models_adds_up() -> None:
+    """Cut tofu in its grip: what the tools' motion puts in is stored, lost or booked, and friction only takes."""
+    scene = tofu(
+        cell=0.0166667,
+        step=0.01,
+        regions={"near": {"within": 0.006, "tools": ["left", "right"], "split": "always"}},
+    )
+    simulation = Simulation(bundle_scene(scene), EmbeddedTransport())
+    first = simulation.step()
+    start = {name: first.energy[name] for name in ("kinetic", "strain", "gravity")}
+    total = dict.fromkeys(("drive_work", "contact_loss", "seam_work", "dissipation", "switch", "tool_work"), 0.0)
+    for _ in range(40):
+        report = simulation.step()
+        for name in total:
+            total[name] += report.energy[name]
+    simulation.close()
+    stored = sum(report.energy[name] - start[name] for name in start)
+    gained = total["drive_work"] - total["contact_loss"] + total["seam_work"] + total["switch"] - total["dissipation"]
+    assert total["drive_work"] > 1e-3
+    assert gained == pytest.approx(stored, abs=1e-6 * total["drive_work"])
+    assert 0.0 < total["contact_loss"] < 0.3 * total["drive_work"]
+    assert 0.0 < total["dissipation"]
+    assert abs(total["seam_work"]) < 1e-3 * total["drive_work"]
