@@ -20,6 +20,7 @@ from numba import njit
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fem_run import CLOSE, FemRun, tofu
+from timing import least
 
 from softseam_services.fem import model as fem_model
 from softseam_services.fem.dissection import Factoring
@@ -51,17 +52,6 @@ NAMES = {NONE: "factor", MULTIGRID: "multigrid", BLOCK_JACOBI: "block Jacobi", S
 def _triad(a, b, c):  # type: ignore[no-untyped-def]
     for i in range(len(a)):
         a[i] = b[i] + 3.0 * c[i]
-
-
-def least(work: Callable[[], object], budget: float = 0.3, clock: Callable[[], float] = time.process_time) -> float:
-    """Least CPU time [s] of one call within about `budget` seconds, or what another clock says."""
-    best, spent, n = np.inf, 0.0, 0
-    while n < 2 or (spent < budget and n < 200):
-        began = clock()
-        work()
-        took = clock() - began
-        best, spent, n = min(best, took), spent + took, n + 1
-    return best
 
 
 def limits() -> tuple[float, float]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from particle_run import ParticleRun, particle_scene
 from rich.console import Console
 from rich.table import Table
+from timing import least
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, Header
 from softseam_protocol.scene_file import load_scene
@@ -34,20 +35,6 @@ from softseam_services.tools.motion import tool_motion
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 CLOTH = Path(__file__).parents[2] / "scenes" / "cloth_fold.yaml"
-
-
-def least(act: Callable[[], object], seconds: float = 0.2, repeats: int = 5) -> float:
-    """CPU time of one call [s]: the least mean over a few repeats of about `seconds`."""
-    began = process_time()
-    act()
-    count = max(1, int(seconds / max(process_time() - began, 1e-6)))
-    times = []
-    for _ in range(repeats):
-        began = process_time()
-        for _ in range(count):
-            act()
-        times.append((process_time() - began) / count)
-    return min(times)
 
 
 @njit(error_model="numpy")

@@ -8,8 +8,6 @@ the same run: products and sums on numbers in registers, and copies in memory. C
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from time import process_time
 
 import numpy as np
 from numba import njit
@@ -19,6 +17,7 @@ from pbd_run import PbdRun, block_scene
 from pbd_scenes import scene_a, scene_b, two_threads
 from rich.console import Console
 from rich.table import Table
+from timing import least
 
 from softseam_protocol.messages import Advance
 from softseam_protocol.scene import BodySpec
@@ -36,20 +35,6 @@ FLOPS = 690
 """of a block and sweep: 183 fused products and sums, 147 products, 173 sums, 5 quotients, a root, and the logarithm"""
 EDGE = 0.0125
 PLATE = {"kind": "box", "size": (0.01, 0.06, 0.06), "friction": 0.6}
-
-
-def least(act: Callable[[], object], seconds: float = 0.3, repeats: int = 5) -> float:
-    """CPU time of one call [s]: the least mean over a few repeats of about `seconds`."""
-    began = process_time()
-    act()
-    count = max(1, int(seconds / max(process_time() - began, 1e-6)))
-    times = []
-    for _ in range(repeats):
-        began = process_time()
-        for _ in range(count):
-            act()
-        times.append((process_time() - began) / count)
-    return min(times)
 
 
 @njit(error_model="numpy", fastmath={"contract"})

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.fem import least
 from fem_run import FemRun, tofu
+from timing import least
 
 from softseam_services.fem import model as fem_model
 from softseam_services.fem.kernels.contact import add_contact_tangents, find_candidates

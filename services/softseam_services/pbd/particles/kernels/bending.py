@@ -10,11 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_services.pbd.kernels.lanes import batch_kernel, move_four, transpose_four
+from softseam_services.pbd.kernels.lanes import batch_kernel, move_four
+
+from .corners import CORNER as NODE
+from .corners import gather_corner, scatter_corner
 
 WIDTH = 8
-NODE = 32
-"""numbers of a particle in the workspace: x, y, z, w of eight lanes"""
 COEFFICIENT, INVERSE, SOFT, LAMBDA = 4 * NODE, 4 * NODE + 32, 4 * NODE + 40, 4 * NODE + 48
 N_WORK = 4 * NODE + 72
 
@@ -80,18 +81,7 @@ def project_bends(ws, xw, nodes, coefficient, inverse, soft, lam):
     for batch in range(len(nodes)):
         for four in range(0, WIDTH, 4):
             for i in range(4):
-                transpose_four(
-                    ws,
-                    NODE * i + four,
-                    NODE * i + 8 + four,
-                    NODE * i + 16 + four,
-                    NODE * i + 24 + four,
-                    xw,
-                    4 * nodes[batch, i, four],
-                    4 * nodes[batch, i, four + 1],
-                    4 * nodes[batch, i, four + 2],
-                    4 * nodes[batch, i, four + 3],
-                )
+                gather_corner(ws, xw, nodes, batch, i, four)
                 move_four(ws, COEFFICIENT + 8 * i + four, coefficient, WIDTH * (4 * batch + i) + four)
             move_four(ws, INVERSE + four, inverse, WIDTH * batch + four)
             move_four(ws, SOFT + four, soft, WIDTH * batch + four)
@@ -115,18 +105,7 @@ def project_bends(ws, xw, nodes, coefficient, inverse, soft, lam):
         for four in range(0, WIDTH, 4):
             for k in range(4):
                 i = 3 - k  # a particle that is named twice keeps what its first name says
-                transpose_four(
-                    xw,
-                    4 * nodes[batch, i, four],
-                    4 * nodes[batch, i, four + 1],
-                    4 * nodes[batch, i, four + 2],
-                    4 * nodes[batch, i, four + 3],
-                    ws,
-                    NODE * i + four,
-                    NODE * i + 8 + four,
-                    NODE * i + 16 + four,
-                    NODE * i + 24 + four,
-                )
+                scatter_corner(ws, xw, nodes, batch, i, four)
             for axis in range(3):
                 move_four(lam, WIDTH * (3 * batch + axis) + four, ws, LAMBDA + 8 * axis + four)
 

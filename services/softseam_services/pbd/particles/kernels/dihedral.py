@@ -15,6 +15,8 @@ import numpy as np
 
 from softseam_services.pbd.kernels.lanes import batch_kernel
 
+from .corners import project_corners, three_edges
+
 WIDTH = 8
 
 
@@ -25,11 +27,8 @@ def project_dihedrals(xw, nodes, row, rest, soft, share, lam):
         for lane in range(WIDTH):
             if row[batch, lane] < 0:
                 continue
-            i, j = nodes[batch, 0, lane], nodes[batch, 1, lane]
-            k, m = nodes[batch, 2, lane], nodes[batch, 3, lane]
-            ex, ey, ez = xw[j, 0] - xw[i, 0], xw[j, 1] - xw[i, 1], xw[j, 2] - xw[i, 2]
-            ax, ay, az = xw[k, 0] - xw[i, 0], xw[k, 1] - xw[i, 1], xw[k, 2] - xw[i, 2]
-            bx, by, bz = xw[m, 0] - xw[i, 0], xw[m, 1] - xw[i, 1], xw[m, 2] - xw[i, 2]
+            corners = nodes[batch, 0, lane], nodes[batch, 1, lane], nodes[batch, 2, lane], nodes[batch, 3, lane]
+            ex, ey, ez, ax, ay, az, bx, by, bz = three_edges(xw, *corners)
             px, py, pz = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
             qx, qy, qz = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
             edge = ex * ex + ey * ey + ez * ez
@@ -47,18 +46,7 @@ def project_dihedrals(xw, nodes, row, rest, soft, share, lam):
             s, t = -length / pp, -length / qq
             px, py, pz, qx, qy, qz = s * px, s * py, s * pz, t * qx, t * qy, t * qz
             u, w = (ex * ax + ey * ay + ez * az) / edge, (ex * bx + ey * by + ez * bz) / edge
-            ox, oy, oz = -(1.0 - u) * px - (1.0 - w) * qx, -(1.0 - u) * py - (1.0 - w) * qy, 0.0
-            oz = -(1.0 - u) * pz - (1.0 - w) * qz
-            rx, ry, rz = -u * px - w * qx, -u * py - w * qy, -u * pz - w * qz
-            weight = xw[i, 3] * (ox * ox + oy * oy + oz * oz) + xw[j, 3] * (rx * rx + ry * ry + rz * rz)
-            weight += xw[k, 3] * (px * px + py * py + pz * pz) + xw[m, 3] * (qx * qx + qy * qy + qz * qz)
-            if weight == 0.0:
-                continue
-            alpha = soft[batch, lane]
-            change = -share * (value + alpha * lam[batch, lane]) / (weight + alpha)  # eq. (1)
-            lam[batch, lane] += change
-            wi, wj, wk, wm = change * xw[i, 3], change * xw[j, 3], change * xw[k, 3], change * xw[m, 3]
-            xw[i, 0], xw[i, 1], xw[i, 2] = xw[i, 0] + wi * ox, xw[i, 1] + wi * oy, xw[i, 2] + wi * oz
-            xw[j, 0], xw[j, 1], xw[j, 2] = xw[j, 0] + wj * rx, xw[j, 1] + wj * ry, xw[j, 2] + wj * rz
-            xw[k, 0], xw[k, 1], xw[k, 2] = xw[k, 0] + wk * px, xw[k, 1] + wk * py, xw[k, 2] + wk * pz
-            xw[m, 0], xw[m, 1], xw[m, 2] = xw[m, 0] + wm * qx, xw[m, 1] + wm * qy, xw[m, 2] + wm * qz
+            o = -(1.0 - u) * px - (1.0 - w) * qx, -(1.0 - u) * py - (1.0 - w) * qy, -(1.0 - u) * pz - (1.0 - w) * qz
+            r = -u * px - w * qx, -u * py - w * qy, -u * pz - w * qz
+            gradients = o, r, (px, py, pz), (qx, qy, qz)
+            project_corners(xw, corners, gradients, value, soft[batch, lane], share, lam, batch, lane)

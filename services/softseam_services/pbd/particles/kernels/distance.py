@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.pbd.kernels.lanes import batch_kernel, move_four, transpose_four
+from softseam_services.pbd.kernels.lanes import batch_kernel, move_four
+
+from .corners import gather_corner, scatter_corner
 
 WIDTH = 8
 TINY = 1e-100
@@ -45,20 +47,8 @@ def project_distances(ws, xw, nodes, rest, inverse, soft, lam):
     """
     for batch in range(len(nodes)):
         for four in range(0, WIDTH, 4):
-            a0, a1, a2, a3 = (
-                4 * nodes[batch, 0, four],
-                4 * nodes[batch, 0, four + 1],
-                4 * nodes[batch, 0, four + 2],
-                4 * nodes[batch, 0, four + 3],
-            )
-            b0, b1, b2, b3 = (
-                4 * nodes[batch, 1, four],
-                4 * nodes[batch, 1, four + 1],
-                4 * nodes[batch, 1, four + 2],
-                4 * nodes[batch, 1, four + 3],
-            )
-            transpose_four(ws, AX + four, AY + four, AZ + four, AW + four, xw, a0, a1, a2, a3)
-            transpose_four(ws, BX + four, BY + four, BZ + four, BW + four, xw, b0, b1, b2, b3)
+            gather_corner(ws, xw, nodes, batch, 0, four)
+            gather_corner(ws, xw, nodes, batch, 1, four)
             at = WIDTH * batch + four
             move_four(ws, REST + four, rest, at)
             move_four(ws, INVERSE + four, inverse, at)
@@ -81,20 +71,8 @@ def project_distances(ws, xw, nodes, rest, inverse, soft, lam):
             ws[BY + lane] -= wb * dy
             ws[BZ + lane] -= wb * dz
         for four in range(0, WIDTH, 4):
-            a0, a1, a2, a3 = (
-                4 * nodes[batch, 0, four],
-                4 * nodes[batch, 0, four + 1],
-                4 * nodes[batch, 0, four + 2],
-                4 * nodes[batch, 0, four + 3],
-            )
-            b0, b1, b2, b3 = (
-                4 * nodes[batch, 1, four],
-                4 * nodes[batch, 1, four + 1],
-                4 * nodes[batch, 1, four + 2],
-                4 * nodes[batch, 1, four + 3],
-            )
-            transpose_four(xw, a0, a1, a2, a3, ws, AX + four, AY + four, AZ + four, AW + four)
-            transpose_four(xw, b0, b1, b2, b3, ws, BX + four, BY + four, BZ + four, BW + four)
+            scatter_corner(ws, xw, nodes, batch, 0, four)
+            scatter_corner(ws, xw, nodes, batch, 1, four)
             move_four(lam, WIDTH * batch + four, ws, LAMBDA + four)
 
 

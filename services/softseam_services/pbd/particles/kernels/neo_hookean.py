@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.pbd.kernels.lanes import batch_kernel, move_four, transpose_four
+from softseam_services.pbd.kernels.lanes import batch_kernel, move_four
+
+from .corners import CORNER as NODE
+from .corners import gather_corner, scatter_corner
 
 WIDTH = 8
-NODE = 32
-"""numbers of a particle in the workspace: x, y, z, w of eight lanes"""
 SHAPE, SOFT, GAMMA, LAMBDA = 4 * NODE, 4 * NODE + 72, 4 * NODE + 88, 4 * NODE + 96
 N_WORK = 4 * NODE + 112
 TINY = 1e-100
@@ -30,10 +31,7 @@ def project_pairs(ws, xw, nodes, inverse, soft, gamma, lam):
     for batch in range(len(nodes)):
         for four in range(0, WIDTH, 4):
             for i in range(4):
-                at = NODE * i + four
-                n0, n1 = 4 * nodes[batch, i, four], 4 * nodes[batch, i, four + 1]
-                n2, n3 = 4 * nodes[batch, i, four + 2], 4 * nodes[batch, i, four + 3]
-                transpose_four(ws, at, at + 8, at + 16, at + 24, xw, n0, n1, n2, n3)
+                gather_corner(ws, xw, nodes, batch, i, four)
             for entry in range(9):
                 move_four(ws, SHAPE + 8 * entry + four, inverse, WIDTH * (9 * batch + entry) + four)
             for each in range(2):
@@ -115,9 +113,6 @@ def project_pairs(ws, xw, nodes, inverse, soft, gamma, lam):
             ws[3 * NODE + 16 + lane] += s3 * z3
         for four in range(0, WIDTH, 4):
             for i in range(4):
-                at = NODE * i + four
-                n0, n1 = 4 * nodes[batch, i, four], 4 * nodes[batch, i, four + 1]
-                n2, n3 = 4 * nodes[batch, i, four + 2], 4 * nodes[batch, i, four + 3]
-                transpose_four(xw, n0, n1, n2, n3, ws, at, at + 8, at + 16, at + 24)
+                scatter_corner(ws, xw, nodes, batch, i, four)
             for each in range(2):
                 move_four(lam, WIDTH * (2 * batch + each) + four, ws, LAMBDA + 8 * each + four)

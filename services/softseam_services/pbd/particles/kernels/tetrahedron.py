@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .corners import three_edges
+
 
 @njit(cache=True, error_model="numpy")
 def rest_shapes(x, nodes, inverse, volume):
@@ -21,9 +23,7 @@ def rest_shapes(x, nodes, inverse, volume):
 @njit(cache=True, error_model="numpy", forceinline=True)
 def deformation(xw, i, j, k, m, inverse, batch, lane):
     """F row by row; inverse (b, 9, 8) holds D_m^-1 row by row."""
-    ax, ay, az = xw[j, 0] - xw[i, 0], xw[j, 1] - xw[i, 1], xw[j, 2] - xw[i, 2]
-    bx, by, bz = xw[k, 0] - xw[i, 0], xw[k, 1] - xw[i, 1], xw[k, 2] - xw[i, 2]
-    cx, cy, cz = xw[m, 0] - xw[i, 0], xw[m, 1] - xw[i, 1], xw[m, 2] - xw[i, 2]
+    ax, ay, az, bx, by, bz, cx, cy, cz = three_edges(xw, i, j, k, m)
     d0, d1, d2 = inverse[batch, 0, lane], inverse[batch, 1, lane], inverse[batch, 2, lane]
     d3, d4, d5 = inverse[batch, 3, lane], inverse[batch, 4, lane], inverse[batch, 5, lane]
     d6, d7, d8 = inverse[batch, 6, lane], inverse[batch, 7, lane], inverse[batch, 8, lane]

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from softseam_services.pbd.kernels.lanes import batch_kernel
 
+from .corners import project_corners, three_edges
+
 WIDTH = 8
 
 
@@ -23,25 +25,11 @@ def project_volumes(xw, nodes, row, rest, soft, share, lam):
         for lane in range(WIDTH):
             if row[batch, lane] < 0:
                 continue
-            i, j = nodes[batch, 0, lane], nodes[batch, 1, lane]
-            k, m = nodes[batch, 2, lane], nodes[batch, 3, lane]
-            ax, ay, az = xw[j, 0] - xw[i, 0], xw[j, 1] - xw[i, 1], xw[j, 2] - xw[i, 2]
-            bx, by, bz = xw[k, 0] - xw[i, 0], xw[k, 1] - xw[i, 1], xw[k, 2] - xw[i, 2]
-            cx, cy, cz = xw[m, 0] - xw[i, 0], xw[m, 1] - xw[i, 1], xw[m, 2] - xw[i, 2]
-            px, py, pz = (by * cz - bz * cy) / 6.0, (bz * cx - bx * cz) / 6.0, (bx * cy - by * cx) / 6.0
-            qx, qy, qz = (cy * az - cz * ay) / 6.0, (cz * ax - cx * az) / 6.0, (cx * ay - cy * ax) / 6.0
-            rx, ry, rz = (ay * bz - az * by) / 6.0, (az * bx - ax * bz) / 6.0, (ax * by - ay * bx) / 6.0
-            ox, oy, oz = -px - qx - rx, -py - qy - ry, -pz - qz - rz
-            value = ax * px + ay * py + az * pz - rest[batch, lane]
-            weight = xw[i, 3] * (ox * ox + oy * oy + oz * oz) + xw[j, 3] * (px * px + py * py + pz * pz)
-            weight += xw[k, 3] * (qx * qx + qy * qy + qz * qz) + xw[m, 3] * (rx * rx + ry * ry + rz * rz)
-            if weight == 0.0:
-                continue
-            alpha = soft[batch, lane]
-            change = -share * (value + alpha * lam[batch, lane]) / (weight + alpha)  # eq. (1)
-            lam[batch, lane] += change
-            wi, wj, wk, wm = change * xw[i, 3], change * xw[j, 3], change * xw[k, 3], change * xw[m, 3]
-            xw[i, 0], xw[i, 1], xw[i, 2] = xw[i, 0] + wi * ox, xw[i, 1] + wi * oy, xw[i, 2] + wi * oz
-            xw[j, 0], xw[j, 1], xw[j, 2] = xw[j, 0] + wj * px, xw[j, 1] + wj * py, xw[j, 2] + wj * pz
-            xw[k, 0], xw[k, 1], xw[k, 2] = xw[k, 0] + wk * qx, xw[k, 1] + wk * qy, xw[k, 2] + wk * qz
-            xw[m, 0], xw[m, 1], xw[m, 2] = xw[m, 0] + wm * rx, xw[m, 1] + wm * ry, xw[m, 2] + wm * rz
+            corners = nodes[batch, 0, lane], nodes[batch, 1, lane], nodes[batch, 2, lane], nodes[batch, 3, lane]
+            ax, ay, az, bx, by, bz, cx, cy, cz = three_edges(xw, *corners)
+            p = (by * cz - bz * cy) / 6.0, (bz * cx - bx * cz) / 6.0, (bx * cy - by * cx) / 6.0
+            q = (cy * az - cz * ay) / 6.0, (cz * ax - cx * az) / 6.0, (cx * ay - cy * ax) / 6.0
+            r = (ay * bz - az * by) / 6.0, (az * bx - ax * bz) / 6.0, (ax * by - ay * bx) / 6.0
+            o = -p[0] - q[0] - r[0], -p[1] - q[1] - r[1], -p[2] - q[2] - r[2]
+            value = ax * p[0] + ay * p[1] + az * p[2] - rest[batch, lane]
+            project_corners(xw, corners, (o, p, q, r), value, soft[batch, lane], share, lam, batch, lane)
