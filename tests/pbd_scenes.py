@@ -48,7 +48,12 @@ def two_threads(console: Console) -> None:
         blocks = solver.model.blocks
         arrays = blocks.nodes, blocks.volume, blocks.octant, solver.model.softness, solver._figures, solver._xw
         used = sum(each.nbytes for each in arrays) + 2 * solver._work.buffer.nbytes
-        used += sum(each.nbytes for each in solver._scratch if isinstance(each, np.ndarray))
+        used += sum(
+            each.nbytes
+            for record in (solver._scratch, solver._contacts)
+            for each in vars(record).values()
+            if isinstance(each, np.ndarray)
+        )
         same = solver.snapshot() == runs[1].solver.snapshot()
         table.add_row(
             str(int((blocks.octant >= 0).sum())),

@@ -12,7 +12,7 @@ from .kernels.block import new_workspace
 from .kernels.crew import new_crew
 from .kernels.probe import probe_seam
 from .model import KAPPA, PbdModel
-from .records import solve_arrays
+from .records import PointArrays, block_arrays, new_contacts, solve_arrays, tool_arrays
 
 REACH = 0.45
 """blocks further from the seam than this share of a P wave's way in a step are held still: measured, what they would
@@ -52,22 +52,28 @@ class SeamProbe:
         inverse_mass = np.where(held, 0.0, model.inverse_mass)[ids]
         self._dt = dt
         self._model, self._ids, self._blocks = model, ids, blocks
-        self._nodes = number[blocks.nodes]
-        self._inverse_mass = model.inverse_mass[ids]
-        padded = np.concatenate([self._inverse_mass, np.zeros(8)])
-        self._softness = np.ascontiguousarray(8.0 * padded[self._nodes].max(axis=1))
+        nodes = number[blocks.nodes]
+        padded = np.concatenate([model.inverse_mass[ids], np.zeros(8)])
+        self._arrays = block_arrays(blocks, nodes, np.ascontiguousarray(8.0 * padded[nodes].max(axis=1)))
         self._seam = number[region.seam]
         # Points that follow nodes of the probed blocks only.
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
         outside = np.zeros(model.n_points, dtype=np.bool_)
         outside[rows[number[model.node] < 0]] = True
-        self._points = np.flatnonzero(~outside & model.active)
+        self._used = np.flatnonzero(~outside & model.active)
         kept = ~outside[rows] & model.active[rows]
-        self._indptr = np.zeros(len(self._points) + 1, dtype=np.int32)
-        np.cumsum(np.diff(model.indptr)[self._points], out=self._indptr[1:])
-        self._node = number[model.node[kept]]
-        self._weight = model.weight[kept]
-        self._point_softness = model.point_softness[self._points]
+        indptr = np.zeros(len(self._used) + 1, dtype=np.int32)
+        np.cumsum(np.diff(model.indptr)[self._used], out=indptr[1:])
+        self._points = PointArrays(
+            indptr=indptr,
+            node=number[model.node[kept]],
+            weight=model.weight[kept],
+            softness=model.point_softness[self._used],
+            active=np.ones(len(self._used), dtype=np.bool_),
+            inverse_mass=model.inverse_mass[ids],
+        )
+        self._tools = tool_arrays(model.tools)
+        self._contacts = new_contacts(len(ids), blocks.n_batches, len(self._used), model.n_tools)
         n = len(ids)
         self._xw = np.zeros((n + 8, 4))
         self._xw[:n, 3] = inverse_mass
@@ -91,7 +97,7 @@ class SeamProbe:
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
         contacts stay as they are, tools stand still. Equal to the derivative of the step up to the motion within it.
         """
-        tools, blocks, dt = self._model.tools, self._blocks, self._dt
+        blocks, dt = self._blocks, self._dt
         seam_mass = self._xw[self._seam, 3]
         n_seam = len(self._seam)
         free = seam_mass[seam_mass > 0.0]
@@ -100,34 +106,10 @@ class SeamProbe:
         probe = STRAIN * float(blocks.edges.min()) / (dt * dt * float(np.median(free)))
         result = np.zeros((3 * n_seam, 3 * n_seam))
         probe_seam(
-            np.ascontiguousarray(x[self._ids]),
-            self._ws,
-            self._xw,
-            self._nodes,
-            blocks.volume,
-            self._inverse_mass,
-            self._softness,
-            blocks.constants,
-            blocks.law,
-            self._indptr,
-            self._node,
-            self._weight,
-            self._point_softness,
-            np.ascontiguousarray(force[self._points]),
-            tools.kind,
-            tools.shape,
-            tools.friction,
-            motion.position,
-            motion.orientation,
-            self._seam,
-            probe,
-            self._solve,
-            dt,
-            self._model.substeps(dt),
-            self._model.spec.sweeps,
-            KAPPA,
-            np.array([0, blocks.n_batches], dtype=np.int32),
-            self._crew,
-            result,
+            *(np.ascontiguousarray(x[self._ids]), np.ascontiguousarray(force[self._used])),
+            *(self._arrays, self._points, self._tools, self._contacts, self._solve, self._xw),
+            *(motion.position, motion.orientation, self._seam, probe),
+            *(dt, self._model.substeps(dt), self._model.spec.sweeps, KAPPA),
+            *(np.array([0, blocks.n_batches], dtype=np.int32), self._crew, self._ws, result),
         )
         return result

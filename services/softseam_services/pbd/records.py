@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.by_reference import by_reference
+from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks
 from .kernels.block import N_STRESS, Constants
 from .kernels.damping import N_FRAME
-from .kernels.lanes import aligned
+from .kernels.lanes import LANES, aligned
 from .kernels.monitor import N_FIGURES
+from .kernels.pairs import N_ROWS, WIDTH
 from .model import PbdModel
 
 
@@ -24,8 +27,77 @@ class BlockArrays(NamedTuple):
     nodes: Ints
     volume: Floats
     softness: Floats
+    """as tools hold the nodes now, see `kernels.hold`: updated in place"""
+    softness_free: Floats
     constants: Constants
     law: int
+
+
+@by_reference
+class PointArrays(NamedTuple):
+    """Surface points and the nodes that they follow, as of `PbdModel`."""
+
+    indptr: Ints
+    node: Ints
+    weight: Floats
+    softness: Floats
+    active: NDArray[np.bool_]
+    inverse_mass: Floats
+    """of nodes (n,) [1/kg]"""
+
+
+@by_reference
+class NodeArrays(NamedTuple):
+    """Nodes of a region."""
+
+    mass: Floats
+    x_rest: Floats
+    gravity: Floats
+    cell_nodes: Ints
+    seam: Ints
+
+
+@by_reference
+class ToolArrays(NamedTuple):
+    """Tools, as of `ToolSet`."""
+
+    kind: Ints
+    shape: Floats
+    friction: Floats
+    near: NDArray[np.bool_]
+
+
+@by_reference
+class Contacts(NamedTuple):
+    """Points that may touch tools in a step, t tools, and their places now; see `kernels.pairs` and `kernels.hold`."""
+
+    start: Ints
+    rows: Ints
+    pairs: Floats
+    held: Ints
+    held_blocks: Ints
+    position: Floats
+    """before and after a substep (2, t, 3) [m]"""
+    orientation: Floats
+    """(2, t, 4)"""
+    motion: Floats
+    """see `kernels.tool_motion` (2, t, 12)"""
+
+
+@by_reference
+class Scratch(NamedTuple):
+    """Of a step; n nodes, p points."""
+
+    xw: Floats
+    """positions and inverse masses (n + 8, 4)"""
+    x_star: Floats
+    push: Floats
+    pull: Floats
+    point_x: Floats
+    newest: Ints
+    node_gap: Floats
+    figures: Floats
+    """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
 
 
 @by_reference
@@ -64,10 +136,51 @@ class Solve(NamedTuple):
     """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
 
 
-def block_arrays(model: PbdModel) -> BlockArrays:
-    """A region's blocks."""
-    blocks = model.blocks
-    return BlockArrays(blocks.nodes, blocks.volume, model.softness, blocks.constants, blocks.law)
+def block_arrays(blocks: Blocks, nodes: Ints, softness: Floats) -> BlockArrays:
+    """Blocks with their nodes numbered like this."""
+    return BlockArrays(nodes, blocks.volume, softness.copy(), softness, blocks.constants, blocks.law)
+
+
+def point_arrays(model: PbdModel) -> PointArrays:
+    """A region's points."""
+    return PointArrays(model.indptr, model.node, model.weight, model.point_softness, model.active, model.inverse_mass)
+
+
+def tool_arrays(tools: ToolSet) -> ToolArrays:
+    """The tools of a region."""
+    return ToolArrays(tools.kind, tools.shape, tools.friction, tools.near)
+
+
+def new_contacts(n: int, b: int, p: int, t: int) -> Contacts:
+    """Room for n nodes, b batches, p points and t tools."""
+    return Contacts(
+        start=np.zeros(t + 1, dtype=np.int32),
+        rows=np.zeros((p * t, N_ROWS), dtype=np.int32),
+        pairs=aligned(p * t, WIDTH),
+        held=np.zeros(n + 8, dtype=np.int32),
+        held_blocks=np.zeros(LANES * b + 1, dtype=np.int32),
+        position=np.zeros((2, t, 3)),
+        orientation=np.zeros((2, t, 4)),
+        motion=np.zeros((2, t, 12)),
+    )
+
+
+def new_scratch(model: PbdModel) -> Scratch:
+    """With the inverse masses of the nodes and the places of the padding in xw."""
+    n, p = model.n_nodes, model.n_points
+    scratch = Scratch(
+        xw=aligned(n + 8, 4),
+        x_star=np.zeros((n, 3)),
+        push=np.zeros((n, 3)),
+        pull=aligned(n + 8, 4),
+        point_x=np.zeros((p, 3)),
+        newest=np.zeros(n, dtype=np.int32),
+        node_gap=np.zeros(n),
+        figures=np.zeros((model.blocks.n_batches, N_FIGURES)),
+    )
+    scratch.xw[:n, 3] = model.inverse_mass
+    scratch.xw[n:, :3] = model.blocks.padding_x
+    return scratch
 
 
 def leap_arrays(model: PbdModel, figures: Floats) -> Leap:

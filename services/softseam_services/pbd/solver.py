@@ -17,10 +17,8 @@ from .compliance import SeamProbe
 from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.energy import cell_energies
-from .kernels.lanes import aligned
 from .kernels.leapfrog import advance_leapfrog
-from .kernels.monitor import N_FIGURES
-from .kernels.pairs import N_ROWS, WIDTH, place_points
+from .kernels.pairs import place_points
 from .kernels.split import split_forces
 from .kernels.stress import octant_stress
 from .kernels.substep import advance_step
@@ -28,7 +26,17 @@ from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_en
 from .model import KAPPA, build_model
 from .model_error import ModelError
 from .pair import Pair
-from .records import Solve, block_arrays, leap_arrays, solve_arrays
+from .records import (
+    NodeArrays,
+    Solve,
+    block_arrays,
+    leap_arrays,
+    new_contacts,
+    new_scratch,
+    point_arrays,
+    solve_arrays,
+    tool_arrays,
+)
 from .state import decode_state, encode_state, new_state
 
 MARGIN = 0.1
@@ -56,58 +64,20 @@ class PbdSolver:
         self._measure: ModelError | None = None
         self._ws = new_workspace()
         self._pair = Pair(self._ws, model.blocks.colours, n)
-        self._xw = aligned(n + 8, 4)
-        self._xw[:n, 3] = model.inverse_mass
-        self._xw[n:, :3] = model.blocks.padding_x
-        self._figures = np.zeros((model.blocks.n_batches, N_FIGURES))
-        self._scratch = (
-            self._xw,
-            np.zeros((n, 3)),
-            np.zeros((n, 3)),
-            aligned(n + 8, 4),
-            np.zeros((p, 3)),
-            np.zeros(n, dtype=np.int32),
-            np.zeros(t + 1, dtype=np.int32),
-            np.zeros((p * t, N_ROWS), dtype=np.int32),
-            aligned(p * t, WIDTH),
-            np.zeros((2, t, 3)),
-            np.zeros((2, t, 4)),
-            np.zeros((2, t, 12)),
-            np.zeros(n),
-            self._figures,
-            np.empty_like(model.softness),
-            np.zeros(n + 8, dtype=np.int32),
-            np.zeros(model.softness.size + 1, dtype=np.int32),
-        )
+        self._scratch = new_scratch(model)
+        self._xw, self._figures = self._scratch.xw, self._scratch.figures
+        self._contacts = new_contacts(n, model.blocks.n_batches, p, t)
+        self._nodes = NodeArrays(region.mass, model.x_rest, body.gravity, region.cell_nodes, region.seam)
+        self._blocks = block_arrays(model.blocks, model.blocks.nodes, model.softness)
+        self._points = point_arrays(model)
+        self._tools = tool_arrays(tools)
         self._solve = self._new_solve()
         self._wrench = np.zeros((t, 6))
         self._margin = MARGIN * float(model.blocks.edges.min())
         self._cell_distance = np.zeros(len(region.cells))
         self._result = np.zeros(k.N_RESULTS)
-        blocks = model.blocks
-        self._constants = (
-            blocks.nodes,
-            blocks.volume,
-            model.softness,
-            blocks.constants,
-            blocks.law,
-            region.mass,
-            model.inverse_mass,
-            model.x_rest,
-            body.gravity,
-            region.cell_nodes,
-            model.indptr,
-            model.node,
-            model.weight,
-            model.point_softness,
-            model.active,
-            tools.kind,
-            tools.shape,
-            tools.friction,
-            tools.near,
-        )
         if model.explicit:
-            self._blocks, self._leap = block_arrays(model), leap_arrays(model, self._figures)
+            self._leap = leap_arrays(model, self._figures)
         self._start(state)
         if model.explicit:
             self._load_kernel()
@@ -273,30 +243,10 @@ class PbdSolver:
         self._pair.run(
             n_substeps * n_sweeps,
             advance_step,
-            work.x,
-            work.v,
-            work.a,
-            work.stress,
-            work.force,
-            work.slip,
-            *self._constants,
-            motion.position,
-            motion.orientation,
-            motion.position_next,
-            motion.orientation_next,
-            self.model.region.seam,
-            request.seam_force,
-            *self._scratch,
-            work.force_mean,
-            self._wrench,
-            self._cell_distance,
-            self._result,
-            request.dt,
-            n_substeps,
-            n_sweeps,
-            KAPPA,
-            self._margin,
-            self._solve,
+            *(work, self._nodes, self._blocks, self._points, self._tools, self._contacts, self._scratch, self._solve),
+            *(motion.position, motion.orientation, motion.position_next, motion.orientation_next, request.seam_force),
+            *(self._wrench, self._cell_distance, self._result),
+            *(request.dt, n_substeps, n_sweeps, KAPPA, self._margin),
         )
         return n_substeps, n_sweeps
 

@@ -9,7 +9,7 @@ from .block import N_STRESS
 from .contact import begin_pairs
 from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
-from .pairs import N_ROWS, WIDTH, find_pairs, place_points
+from .pairs import find_pairs, place_points
 from .relax import relax
 from .substep import finish, predict
 from .sweep import exact_stress
@@ -19,41 +19,34 @@ from .tool_motion import tool_motions
 @njit(cache=True, error_model="numpy", nogil=True)
 def probe_seam(
     x_start,
-    ws,
-    xw,
-    nodes,
-    volume,
-    inverse_mass,
-    softness,
-    constants,
-    law,
-    indptr,
-    node,
-    weight,
-    point_softness,
     force_start,
-    kind,
-    shape,
-    friction,
+    blocks,
+    points,
+    tools,
+    contacts,
+    solve,
+    xw,
     position,
     orientation,
     seam,
     probe,
-    solve,
     dt,
     n_substeps,
     n_sweeps,
     kappa,
     parts,
     crew,
+    ws,
     compliance,
 ):
     """compliance[:, c] = (seam x after a step under `probe` [N] in component c - the same without it)/probe.
 
     compliance (3s, 3s) [m/N] is updated in place; `crew` says alone; the other shapes are those of `advance_step`.
     """
+    nodes, volume, constants, law = blocks.nodes, blocks.volume, blocks.constants, blocks.law
+    indptr, node, weight = points.indptr, points.node, points.weight
+    kind, shape, motion = tools.kind, tools.shape, contacts.motion
     n = len(x_start)
-    n_points = len(force_start)
     h = dt / n_substeps
     keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
     stress_start = np.zeros((len(nodes), N_STRESS))
@@ -61,38 +54,21 @@ def probe_seam(
         for c in range(3):
             xw[i, c] = x_start[i, c]
     exact_stress(ws, xw, nodes, volume, stress_start, constants, law)
-    point_x = np.zeros((n_points, 3))
+    point_x = np.zeros((len(force_start), 3))
     place_points(xw, indptr, node, weight, point_x)
-    active = np.ones(n_points, dtype=np.bool_)
-    start = np.zeros(len(kind) + 1, dtype=np.int32)
-    rows = np.zeros((n_points * len(kind), N_ROWS), dtype=np.int32)
-    pairs_start = np.zeros((n_points * len(kind), WIDTH))
+    blocks.softness[:] = blocks.softness_free
     find_pairs(
-        kind,
-        shape,
-        position,
-        orientation,
-        point_x,
-        active,
-        indptr,
-        node,
-        weight,
-        point_softness,
-        force_start,
-        np.zeros_like(force_start),
-        0.0,
-        h * h,
-        n,
-        np.empty(n, dtype=np.int32),
-        start,
-        rows,
-        pairs_start,
+        *(kind, shape, position, orientation, point_x, points.active, indptr, node, weight, points.softness),
+        *(force_start, np.zeros_like(force_start), 0.0, h * h, n, np.empty(n, dtype=np.int32)),
+        *(contacts.start, contacts.rows, contacts.pairs),
     )
-    held = np.zeros(n + 8, dtype=np.int32)
-    held_blocks = np.zeros(volume.size + 1, dtype=np.int32)
-    find_held_blocks(nodes, volume, indptr, node, weight, start, rows, held, held_blocks)
-    pairs = np.empty_like(pairs_start)
-    motion = np.zeros((2, len(kind), 12))
+    find_held_blocks(
+        nodes, volume, indptr, node, weight, contacts.start, contacts.rows, contacts.held, contacts.held_blocks
+    )
+    pairs_start = contacts.pairs.copy()
+    for now in range(2):
+        contacts.position[now] = position
+        contacts.orientation[now] = orientation
     tool_motions(position, orientation, position, orientation, motion)
     x = np.empty((n, 3))
     v = np.empty((n, 3))
@@ -107,48 +83,20 @@ def probe_seam(
         v[:] = 0.0
         a[:] = 0.0
         stress[:] = stress_start
-        pairs[:] = pairs_start
+        contacts.pairs[:] = pairs_start
         if column >= 0:
             push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
         for _ in range(n_substeps):
-            begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h, start, rows, pairs)
+            begin_pairs(
+                *(xw, indptr, node, weight, kind, shape, position, orientation, h),
+                *(contacts.start, contacts.rows, contacts.pairs),
+            )
             if share > 0.0:
                 note_shapes(ws, xw, nodes, volume, constants, law, solve.asked, solve.frame, 0, len(nodes))
             predict(xw, x_star, x, v, a, push, keep, h, 0, n)
             relax(
-                ws,
-                xw,
-                nodes,
-                volume,
-                softness,
-                stress,
-                constants,
-                law,
-                indptr,
-                node,
-                weight,
-                kind,
-                shape,
-                friction,
-                position,
-                orientation,
-                motion,
-                start,
-                rows,
-                pairs,
-                inverse_mass,
-                held,
-                held_blocks,
-                solve,
-                0,
-                n_sweeps,
-                kappa,
-                h,
-                parts,
-                0,
-                crew,
-                0,
-                0,
+                *(ws, xw, blocks, points, tools, contacts, stress, solve, 0, n_sweeps, kappa, h),
+                *(parts, 0, crew, 0, 0),
             )
             finish(xw, x_star, x, v, a, h, 0, n)
         for row in range(3 * len(seam)):

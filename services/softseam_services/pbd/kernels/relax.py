@@ -17,9 +17,7 @@ LEAST = 4
 
 
 @njit(cache=True, error_model="numpy")
-def sweep_together(
-    ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, parts, rank, crew, before, stretch
-):
+def sweep_together(ws, xw, blocks, stress, kappa, h, parts, rank, crew, before, stretch):
     """Project every block once; the batches parts[p] .. parts[p + 1] - 1 are one stretch, with no node in common.
 
     before (items) and stretch count up to this sweep; returns both after it.
@@ -29,9 +27,8 @@ def sweep_together(
         first, end = first_share(crew, before, stretch, n, rank, LEAST)
         while first < end:
             sweep(
-                *(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h),
-                begin + first,
-                begin + end,
+                *(ws, xw, blocks.nodes, blocks.volume, blocks.softness, stress, blocks.constants, blocks.law),
+                *(kappa, h, begin + first, begin + end),
             )
             first, end = next_share(crew, stretch, rank, end - first, LEAST)
         before, stretch = before + n, stretch + 1
@@ -42,27 +39,11 @@ def sweep_together(
 def relax(
     ws,
     xw,
-    nodes,
-    volume,
-    softness,
+    blocks,
+    points,
+    tools,
+    contacts,
     stress,
-    constants,
-    law,
-    indptr,
-    node,
-    weight,
-    kind,
-    shape,
-    friction,
-    position,
-    orientation,
-    motion,
-    pair_start,
-    pair_rows,
-    pairs,
-    inverse_mass,
-    held,
-    held_blocks,
     solve,
     substep,
     n_sweeps,
@@ -74,20 +55,20 @@ def relax(
     before,
     stretch,
 ):
-    """Move xw from the prediction to the end of the substep; arguments as in `sweep_together` and `project_contacts`.
+    """Move xw from the prediction to the end of the substep; the other arguments are records.
 
     Contacts come first, because the carried contact force throws a point that has just stopped off its tool, and the
     blocks would answer to that; and they come last, so that no point ends inside a tool. Sweeps end when n_sweeps
     are done, or where `solve` says so. The softness of blocks that tools hold is updated in place, see `hold`.
     Returns before and stretch as they are then.
     """
+    nodes, constants, law = blocks.nodes, blocks.constants, blocks.law
     share = damping_share(solve.stiffness_time, h)
     blocks_h = h * np.sqrt(1.0 + share)
     for round_ in range(n_sweeps + 1):
         if round_ > 0:
             before, stretch = sweep_together(
-                *(ws, xw, nodes, volume, softness, stress, constants, law, kappa, blocks_h),
-                *(parts, rank, crew, before, stretch),
+                ws, xw, blocks, stress, kappa, blocks_h, parts, rank, crew, before, stretch
             )
         elif share > 0.0:
             first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST)
@@ -98,30 +79,20 @@ def relax(
         if rank == 0:
             wait_for(crew, before)
             project_contacts(
-                xw,
-                indptr,
-                node,
-                weight,
-                kind,
-                shape,
-                friction,
-                position,
-                orientation,
-                motion,
-                h * h,
-                pair_start,
-                pair_rows,
-                pairs,
+                *(xw, points.indptr, points.node, points.weight, tools.kind, tools.shape, tools.friction),
+                *(contacts.position[1], contacts.orientation[1], contacts.motion, h * h),
+                *(contacts.start, contacts.rows, contacts.pairs),
             )
             if round_ < n_sweeps:
                 soften_held_blocks(
-                    nodes, inverse_mass, indptr, node, weight, pair_start, pair_rows, pairs, held, held_blocks, softness
+                    *(nodes, points.inverse_mass, points.indptr, points.node, points.weight, contacts.start),
+                    *(contacts.rows, contacts.pairs, contacts.held, contacts.held_blocks, blocks.softness),
                 )
             done(crew, rank, 1)
         before += 1
         if solve.tolerance > 0.0 and 0 < round_:
             before, stretch = look_at_residual(
-                ws, xw, nodes, volume, stress, constants, law, solve, substep, round_, rank, crew, before, stretch
+                ws, xw, blocks, stress, solve, substep, round_, rank, crew, before, stretch
             )
             if solve.used[substep] == round_:
                 break
@@ -135,17 +106,18 @@ def relax(
 
 
 @njit(cache=True, error_model="numpy")
-def look_at_residual(
-    ws, xw, nodes, volume, stress, constants, law, solve, substep, sweeps, rank, crew, before, stretch
-):
+def look_at_residual(ws, xw, blocks, stress, solve, substep, sweeps, rank, crew, before, stretch):
     """Note in solve.used where the blocks' stress is close enough to what their shapes ask for after so many sweeps.
 
     A thread that comes late finds what was noted for its substep, and stops after the same sweep. Returns before and
     stretch as they are then.
     """
+    nodes = blocks.nodes
     first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST)
     while first < end:
-        batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, solve.figures)
+        batch_residuals(
+            *(ws, xw, nodes, blocks.volume, stress, blocks.constants, blocks.law, first, end, solve.figures),
+        )
         first, end = next_share(crew, stretch, rank, end - first, LEAST)
     before, stretch = before + len(nodes), stretch + 1
     wait_for(crew, before)

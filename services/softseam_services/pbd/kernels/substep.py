@@ -74,62 +74,21 @@ def finish(xw, x_star, x, v, a, h, first, end):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance_step(
-    # state, updated in place
-    x,
-    v,
-    a,
-    stress,
-    force,
-    slip,
-    # blocks and nodes
-    nodes,
-    volume,
-    softness_free,
-    constants,
-    law,
-    mass,
-    inverse_mass,
-    x_rest,
-    gravity,
-    cell_nodes,
-    # points
-    indptr,
-    node,
-    weight,
-    point_softness,
-    active,
-    # tools
-    kind,
-    shape,
-    friction,
-    near,
+    state,
+    nodes_of,
+    blocks,
+    points,
+    tools,
+    contacts,
+    scratch,
+    solve,
+    # tools over the step, and the seam
     position,
     orientation,
     position_next,
     orientation_next,
-    # seam
-    seam,
     seam_force,
-    # scratch
-    xw,
-    x_star,
-    push,
-    pull,
-    point_x,
-    newest,
-    pair_start,
-    pair_rows,
-    pairs,
-    pose,
-    quaternion,
-    motion,
-    node_gap,
-    figures,
-    softness,
-    held,
-    held_blocks,
     # results, overwritten
-    force_mean,
     wrench,
     cell_distance,
     result,
@@ -139,24 +98,31 @@ def advance_step(
     n_sweeps,
     kappa,
     margin,
-    solve,
     # two threads
     parts,
     crew,
     rank,
     ws,
 ):
-    """Advance the state by dt; shapes as in `PbdSolver`. The results are those of `Advanced`.
+    """Advance the state by dt; arguments before the tools' poses are records. The results are those of `Advanced`.
 
     Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
     """
+    x, v, a, stress, force, slip = state.x, state.v, state.a, state.stress, state.force, state.slip
+    nodes, volume, constants, law = blocks.nodes, blocks.volume, blocks.constants, blocks.law
+    indptr, node, weight = points.indptr, points.node, points.weight
+    kind, shape = tools.kind, tools.shape
+    pair_start, pair_rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    pose, quaternion, motion = contacts.position, contacts.orientation, contacts.motion
+    xw, x_star, push, pull, point_x = scratch.xw, scratch.x_star, scratch.push, scratch.pull, scratch.point_x
+    seam, gravity, figures = nodes_of.seam, nodes_of.gravity, scratch.figures
     n = len(x)
     h = dt / n_substeps
     keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
     before, stretch = 1, 0
     seam_work = 0.0
     if rank == 0:
-        force_mean[:] = 0.0
+        state.force_mean[:] = 0.0
         for i in range(n):
             free = xw[i, 3] > 0.0
             for c in range(3):
@@ -183,23 +149,25 @@ def advance_step(
             position,
             orientation,
             point_x,
-            active,
+            points.active,
             indptr,
             node,
             weight,
-            point_softness,
+            points.softness,
             force,
             slip,
             reach + 2.0 * travel,
             h * h,
             n,
-            newest,
+            scratch.newest,
             pair_start,
             pair_rows,
             pairs,
         )
-        softness[:] = softness_free
-        find_held_blocks(nodes, volume, indptr, node, weight, pair_start, pair_rows, held, held_blocks)
+        blocks.softness[:] = blocks.softness_free
+        find_held_blocks(
+            nodes, volume, indptr, node, weight, pair_start, pair_rows, contacts.held, contacts.held_blocks
+        )
         tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
         done(crew, rank, 1)
     for part in range(len(parts) - 1):
@@ -250,39 +218,8 @@ def advance_step(
             first, end = next_share(crew, stretch, rank, end - first, LEAST)
         before, stretch = before + n, stretch + 1
         before, stretch = relax(
-            ws,
-            xw,
-            nodes,
-            volume,
-            softness,
-            stress,
-            constants,
-            law,
-            indptr,
-            node,
-            weight,
-            kind,
-            shape,
-            friction,
-            pose[1],
-            quaternion[1],
-            motion,
-            pair_start,
-            pair_rows,
-            pairs,
-            inverse_mass,
-            held,
-            held_blocks,
-            solve,
-            substep,
-            n_sweeps,
-            kappa,
-            h,
-            parts,
-            rank,
-            crew,
-            before,
-            stretch,
+            *(ws, xw, blocks, points, tools, contacts, stress, solve, substep, n_sweeps, kappa, h),
+            *(parts, rank, crew, before, stretch),
         )
         first, end = first_share(crew, before, stretch, n, rank, LEAST)
         while first < end:
@@ -312,31 +249,18 @@ def advance_step(
     if rank > 0:
         return
     wait_for(crew, before)
-    tool_work = store_pairs(pair_start, pair_rows, pairs, force, slip, force_mean, wrench)
+    tool_work = store_pairs(pair_start, pair_rows, pairs, force, slip, state.force_mean, wrench)
     for s in range(len(seam)):
         for c in range(3):
             seam_work += seam_force[s, c] * x[seam[s], c]
     place_points(xw, indptr, node, weight, point_x)
     summarise(
-        x,
-        v,
-        mass,
-        x_rest,
-        gravity,
-        point_x,
-        kind,
-        shape,
-        near,
-        pose[1],
-        quaternion[1],
-        force,
-        pair_start,
-        pair_rows,
-        pairs,
-        n_substeps,
-        result,
+        *(x, v, nodes_of.mass, nodes_of.x_rest, gravity, point_x, kind, shape, tools.near, pose[1], quaternion[1]),
+        *(force, pair_start, pair_rows, pairs, n_substeps, result),
     )
     result[STRAIN], result[LEAST_J] = strain_energy(figures)
     result[RESIDUAL], result[STRETCH] = residual(figures)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
-    cell_distances(x, cell_nodes, kind, shape, pose[1], quaternion[1], near, node_gap, cell_distance)
+    cell_distances(
+        *(x, nodes_of.cell_nodes, kind, shape, pose[1], quaternion[1], tools.near, scratch.node_gap, cell_distance)
+    )
