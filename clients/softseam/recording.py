@@ -165,6 +165,8 @@ class Recording:
                 f"{self.path} has schema version {version}; this softseam reads up to {SCHEMA_VERSION}: "
                 "read it with the softseam that recorded it, or a newer one"
             )
+        if not self.metadata.get("seed", "0").isdecimal():
+            raise RecordingError(f"{self.path} is damaged where it says which seed it had: copy it once more")
         if "scene.json" not in self._files:
             raise RecordingError(f"{self.path} ends before its scene: there is nothing in it to read")
 

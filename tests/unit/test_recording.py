@@ -75,6 +75,16 @@ def test_damaged_anywhere_it_never_lies_and_never_raises_anything_else(
     assert messages == encoded[: len(messages)]
 
 
+def test_a_damaged_seed_is_refused(tmp_path: Path, whole: tuple[bytes, list[bytes]]) -> None:
+    """The one number in the head that no checksum covers; its length makes the rest of the head part of it."""
+    data, _ = whole
+    place = data.index(b"seed\x01\x00\x00\x00") + 8
+    path = tmp_path / "seed.mcap"
+    path.write_bytes(data[:place] + b"x" + data[place + 1 :])
+    with pytest.raises(RecordingError, match="which seed"):
+        read(path)
+
+
 def test_every_flush_is_a_place_to_cut(tmp_path: Path, whole: tuple[bytes, list[bytes]]) -> None:
     """Cut right behind the last chunk: nothing is missing but the index, and the note says so."""
     data, encoded = whole
