@@ -138,7 +138,7 @@ def test_a_tool_on_its_way_counts_as_closer() -> None:
         near = NearCells(scene, body, build_tools(scene, body))
         sides = cut(body, near.mask, "fem", "pbd")
         for closest in (0.0217, 0.0187, 0.0157, 0.0127, 0.0097):
-            distance = closest + 0.01 * body.cell_grid[:, 0]
+            distance = np.asarray(closest + 0.01 * body.cell_grid[:, 0], dtype=np.float64)
             _follow(near, sides, distance)
         masks.append(int(near.mask.sum()))
     assert masks == [0, 8, 0]

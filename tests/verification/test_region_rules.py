@@ -10,6 +10,7 @@ import pytest
 from softseam_protocol.messages import Event
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene
+from softseam_services.body.body import Body
 from softseam_services.orchestrator import regions
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
@@ -51,6 +52,7 @@ def test_fem_goes_where_the_stress_is() -> None:
     simulation, events = run(bar({"stress": 2e3}))
     switches = [event.message for event in events if event.kind == "regions"]
     body = simulation.body
+    assert isinstance(body, Body)
     assert switches and all("by stress" in text and "energy" in text for text in switches)
     places = body.cell_grid[simulation.regions.near.mask, 0]
     assert 0 < len(places) < body.n_cells
