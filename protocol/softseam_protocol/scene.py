@@ -344,9 +344,10 @@ class Scene(Spec):
                 raise wrong(f"only sheets and ropes have {name}", "quantities", i)
         if self.models.pbd.method == "leapfrog" and "pbd" in models:
             meets = "a seam" if near is not None else "tools" if self.tools else ""
+            cure = ", or leave out regions.near" if near is not None else ""
             if meets:
                 raise wrong(
-                    f"leapfrog solves no equations and cannot meet {meets}: use xpbd", "models", "pbd", "method"
+                    f"leapfrog solves no equations and cannot meet {meets}: use xpbd{cure}", "models", "pbd", "method"
                 )
         if self.models.pbd.method == "pbd":
             raise wrong("classic pbd moves sheets and ropes: a body in cells needs xpbd", "models", "pbd", "method")
