@@ -51,8 +51,9 @@ def _tools(request: Advance, **changes: object) -> Advance:
 
 def _more_tools(request: Advance) -> Advance:
     motion = request.tools
-    twice = (np.tile(pose, (2, 1)) for pose in (motion.position, motion.orientation, motion.position_next))
-    return replace(request, tools=ToolMotion(*twice, np.tile(motion.orientation_next, (2, 1))))
+    poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
+    first, turn, last, turn_last = (np.tile(pose, (2, 1)) for pose in poses)
+    return replace(request, tools=ToolMotion(first, turn, last, turn_last))
 
 
 BAD: dict[str, tuple[Callable[[Advance], Advance], str]] = {

@@ -267,8 +267,10 @@ def _lengthwise(forces: Callable[[Floats], Floats], x_rest: Floats, mass: Floats
 def test_a_bar_of_two_materials_rings_at_its_tone(model: str, tolerance: float) -> None:
     """Eight cells along the bar, clamped in the softer, lighter half."""
     body = _end(BORDER, MODULI[1], density=DENSITIES[1])
-    keys = {"kind": "linear", "young": MODULI[0], "poisson": 0.0, "density": DENSITIES[0]}
-    run = PbdRun(block_scene((SIDE, SIDE, HEIGHT), 0.01, body=body, **keys))
+    scene = block_scene(
+        (SIDE, SIDE, HEIGHT), 0.01, body=body, kind="linear", young=MODULI[0], poisson=0.0, density=DENSITIES[0]
+    )
+    run = PbdRun(scene)
     energy = Energy(run)
     forces = Statics(run.body, "hex27").forces if model == "fem" else lambda x: -energy.force(x)
     found = _lengthwise(forces, run.body.x_rest, run.region.mass)
