@@ -17,7 +17,19 @@ from softseam.atlas.maps import seam
 from softseam.atlas.maps.grid import Cell, Map, Panel
 from softseam.atlas.scenes import force_share, press, pressed
 from softseam.atlas.table import write_csv
-from softseam.atlas.trace import CRUSHED, CUT, MORE_SWEEPS, PARTS, RESTORED, RETRIED, Trace, follow, guard_of, told_by
+from softseam.atlas.trace import (
+    CRUSHED,
+    CUT,
+    MORE_SWEEPS,
+    PARTS,
+    RESTORED,
+    RETRIED,
+    SHORTER,
+    Trace,
+    follow,
+    guard_of,
+    told_by,
+)
 from softseam.atlas.verdicts import KINDS, Kind, Verdict, judge, percent
 from softseam.errors import BadInput
 
@@ -60,6 +72,7 @@ def test_events_name_the_safeguards() -> None:
     assert guard_of("step", "step 2, far (fem): taken in 8 parts") == CUT
     assert guard_of("monitor", "step 2, far: diverged: repeated with 68 substeps, sweeps 2") == RETRIED
     assert guard_of("monitor", "step 2, far: crushed, torn or behind its shape: sweeps 2") == MORE_SWEEPS
+    assert guard_of("monitor", "step 2, far: gains energy where tools touch: shorter substeps while they do") == SHORTER
     assert guard_of("monitor", "step 2, far: not converged, stress is 80% off its shape") is None
     assert guard_of("participant_restored", "participant 'far' is back") == RESTORED
     assert guard_of("regions", "4 cells raised") is None

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from pbd_run import PbdRun, Vector, block_scene
 
+from softseam_protocol.messages import Advanced
+
 EDGE = 0.02
 N_RAMP = 20
 
@@ -30,15 +32,19 @@ def _walls(axes: str, friction: float = 0.0) -> dict[str, Any]:
     return tools
 
 
-def _squeezed(cells: int, axes: str, friction: float, poisson: float, squeeze: float = 0.1) -> PbdRun:
-    """A cube of soft rubber, E 20 kPa, squeezed along x within 0.1 s, with the automatic substeps."""
+def _cube(cells: int, axes: str, friction: float, poisson: float, substeps: int | str = "auto") -> PbdRun:
+    """A cube of soft rubber, E 20 kPa, between walls."""
     tools = _walls(axes, friction)
-    run = PbdRun(block_scene((EDGE,) * 3, EDGE / cells, poisson=poisson, density=1000.0, tools=tools))
-    run.velocity[0, 0], run.velocity[1, 0] = 0.5 * squeeze * EDGE / 0.1, -0.5 * squeeze * EDGE / 0.1
-    for _ in range(N_RAMP):
-        run.step()
+    spec = {"substeps": substeps}
+    return PbdRun(block_scene((EDGE,) * 3, EDGE / cells, poisson=poisson, density=1000.0, tools=tools, pbd=spec))
+
+
+def _squeeze(run: PbdRun, share: float) -> list[Advanced]:
+    """Close the walls across x by this share of the edge within 0.1 s."""
+    run.velocity[0, 0], run.velocity[1, 0] = 0.5 * share * EDGE / 0.1, -0.5 * share * EDGE / 0.1
+    replies = [run.step() for _ in range(N_RAMP)]
     run.velocity[:] = 0.0
-    return run
+    return replies
 
 
 def _spectral_radius(run: PbdRun, turn: float) -> float:
@@ -96,7 +102,8 @@ def test_no_mode_of_a_substep_grows_between_walls(axes: str, friction: float, po
 
     Where held nodes count in full these are 1.007, 1.010, 1.010, 1.065, 1.015 and 1.028: a hundred substeps are enough.
     """
-    run = _squeezed(1, axes, friction, poisson)
+    run = _cube(1, axes, friction, poisson)
+    _squeeze(run, 0.1)
     for _ in range(40):
         run.step()
     assert _spectral_radius(run, turn) < 1.0
@@ -106,12 +113,25 @@ def test_no_mode_of_a_substep_grows_between_walls(axes: str, friction: float, po
 @pytest.mark.parametrize(("axes", "squeeze"), [("xyz", 0.3), ("x", 0.3)])
 def test_a_squeezed_cube_comes_to_rest_and_stays_there(axes: str, squeeze: float) -> None:
     """10^4 steps: its kinetic energy falls to rounding, its force stays, and no step gains energy."""
-    run = _squeezed(2, axes, 0.0, 0.3, squeeze)
+    run = _cube(2, axes, 0.0, 0.3)
+    _squeeze(run, squeeze)
     replies = [run.step() for _ in range(10_000)]
     early, last = replies[400], replies[-1]
     assert all(reply.status == "converged" and not reply.alarm for reply in replies)
     assert max(reply.kinetic for reply in replies[400:]) < 1e-16 * last.strain
     np.testing.assert_allclose(last.wrench, early.wrench, atol=1e-8 * np.abs(last.wrench).max())
+
+
+def test_a_body_that_gains_energy_takes_shorter_substeps() -> None:
+    """Half the substeps of `auto`, in which a box is unstable: the monitor says so, and the body comes to rest."""
+    run = _cube(2, "xyz", 0.0, 0.3, substeps=6)
+    replies = _squeeze(run, 0.1)
+    assert sum("shorter substeps" in reply.alarm for reply in replies) == 1
+    replies = [run.step() for _ in range(600)]
+    last = replies[-1]
+    assert {reply.n_substeps for reply in replies} == {12}
+    assert last.kinetic < 1e-15 * last.strain
+    assert max(reply.kinetic + reply.strain for reply in replies) < 1.001 * last.strain
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])

@@ -26,6 +26,7 @@ CRUSHED = "full quadrature of crushed cells"
 CUT = "FEM cut the step"
 RETRIED = "monitor of PBD: step repeated with more substeps"
 MORE_SWEEPS = "monitor of PBD: more sweeps"
+SHORTER = "monitor of PBD: shorter substeps"
 RESTORED = "participant restored from its checkpoint"
 
 
@@ -149,7 +150,9 @@ def guard_of(kind: str, message: str) -> str | None:
     if kind == "step":
         return CUT
     if kind == "monitor":
-        return RETRIED if "repeated" in message else MORE_SWEEPS if "sweeps" in message else None
+        if "repeated" in message:
+            return RETRIED
+        return MORE_SWEEPS if "sweeps" in message else SHORTER if "shorter substeps" in message else None
     if kind == "participant_restored":
         return RESTORED
     return None

@@ -124,7 +124,7 @@ class PbdSolver:
         kinetic = 0.5 * float(region.mass @ np.einsum("nc,nc->n", state.v, state.v))
         gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
         stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(model.x_rest, axis=0).max())
-        state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
+        state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch, 0.0, 0.0
         self._floor = 1e-8 * min(material.mu for material in model.body.materials) * float(blocks.volume.sum())
 
     @property
@@ -164,7 +164,8 @@ class PbdSolver:
             self._wrench[:] = 0.0
             self._cell_distance[:] = 0.0
         else:
-            watch.remember(work.monitor, result)
+            if watch.remember(work.monitor, result, self._floor):
+                notice = "; ".join(filter(None, (notice, watch.GAINS)))
         self._tentative = True
         compliance = np.zeros((0, 0))
         if request.compliance:
@@ -227,7 +228,7 @@ class PbdSolver:
         if request.dt != self._dt:
             self._dt, self._planned = request.dt, self.model.substeps(request.dt)
             self._solve = self._new_solve()
-        n_substeps = self._planned * 2**attempt
+        n_substeps = self._planned * 2 ** (attempt + int(work.monitor[watch.HALVINGS]))
         self._n_substeps = n_substeps
         if self.model.explicit:
             self._leap_ahead(request.dt, n_substeps)

@@ -23,10 +23,18 @@ GROWTH = 1.5
 COLLAPSED = 1e-4
 """largest stretch below which a body has no shape left, and none of its forces a direction"""
 
-LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH = range(7)
-N_MONITOR = 7
+GAIN = 0.02
+"""energy from nowhere, added up while tools touch and relative to what is there, that takes shorter substeps"""
+SHORTEST = 2
+"""how often substeps are halved for it"""
+GAINS = "gains energy where tools touch: shorter substeps while they do"
+LITTLE = 1e4
+"""energy that counts as there at least, times the roundoff: that of 1 % shear"""
+
+LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVINGS = range(9)
+N_MONITOR = 9
 """what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
-out among tools, residual and largest stretch"""
+out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep"""
 
 
 class Fault(Enum):
@@ -40,10 +48,28 @@ class Fault(Enum):
     ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
 
 
-def remember(monitor: Floats, result: Floats) -> None:
-    """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays."""
+def remember(monitor: Floats, result: Floats, floor: float) -> bool:
+    """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays. floor [J] is roundoff.
+
+    A body that gains energy while tools touch it takes half the substep until none does; returns whether that begins
+    or is halved once more.
+    """
+    created = max(0.0, monitor[CREATED] + _rise(result, monitor) - result[k.PUSHED])
+    touched = result[k.N_CONTACTS] > 0
+    there = max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
+    halves = bool(touched and created > GAIN * there and monitor[HALVINGS] < SHORTEST)
+    monitor[HALVINGS] = monitor[HALVINGS] + halves if touched else 0.0
+    monitor[CREATED] = created if touched and not halves else 0.0
     monitor[LEAST_J], monitor[RESIDUAL], monitor[STRETCH] = result[k.LEAST_J], result[k.RESIDUAL], result[k.STRETCH]
     monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
+    return halves
+
+
+def _rise(result: Floats, monitor: Floats) -> float:
+    """By how much the energy rose beyond the work that was done on the body [J]."""
+    now, before = result.tolist(), monitor.tolist()
+    rise = now[k.KINETIC] + now[k.STRAIN] + now[k.GRAVITY] - before[KINETIC] - before[STRAIN] - before[GRAVITY]
+    return float(rise - now[k.TOOL_WORK] - now[k.SEAM_WORK] - now[k.APPARENT])
 
 
 def needs_two_sweeps(monitor: Floats) -> bool:
@@ -57,15 +83,12 @@ def check(result: Floats, monitor: Floats, floor: float) -> Fault:
     now = result.tolist()
     if not math.isfinite(sum(now)):
         return Fault.DIVERGED
-    before = monitor.tolist()
-    kinetic, strain = before[KINETIC], before[STRAIN]
+    kinetic, strain = float(monitor[KINETIC]), float(monitor[STRAIN])
     tools, seam = now[k.TOOL_WORK], now[k.SEAM_WORK]
-    rise = now[k.KINETIC] + now[k.STRAIN] + now[k.GRAVITY] - kinetic - strain - before[GRAVITY] - tools - seam
-    rise -= now[k.APPARENT]
     scale = kinetic + strain + abs(tools) + abs(seam) + now[k.PUSHED] + floor
     if now[k.HASTE] > now[k.STRAIN] + floor:
         return Fault.HASTE
-    return Fault.ENERGY if rise > RISE * scale else Fault.NONE
+    return Fault.ENERGY if _rise(result, monitor) > RISE * scale else Fault.NONE
 
 
 def grows(result: Floats, monitor: Floats) -> bool:

@@ -15,9 +15,10 @@ from numba import njit
 from .lanes import LANES
 from .pairs import EIGHT, HOLD, POINT
 
-SHARE = (1.0, 0.874, 0.693, 0.0)
+SHARE = (1.0, 0.874, 0.693, 0.3)
 """of its inverse mass that a node counts with which is held in d = 0 .. 3 directions: (1 - d/3)^(1/3), by the spectral
-radius of a substep. With more of it substeps give energy, with 1 - d/3 and less they overshoot along the tool"""
+radius of a substep. With more of it substeps give energy, with 1 - d/3 and less they overshoot along the tool. What
+sticks keeps some, for it may break loose"""
 OWN = 0.5
 """share of a surface point's place from which on it holds a node"""
 
