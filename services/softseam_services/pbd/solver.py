@@ -89,9 +89,11 @@ class PbdSolver:
         self._result[:] = 0.0
 
     def _new_solve(self) -> Solve:
-        """For as many substeps as the last repetition of a step takes."""
+        """For as many substeps as the last repetition of a step takes at most."""
         model = self.model
-        return solve_arrays(model, model.blocks, self._planned * 2**watch.RETRIES, model.spec.residual or 0.0)
+        return solve_arrays(
+            model, model.blocks, self._planned * 2 ** (watch.RETRIES + watch.SHORTEST), model.spec.residual or 0.0
+        )
 
     def _start(self, handed: BodyState | None) -> None:
         """Fill the committed state so that a body at rest in equilibrium stays exactly where it is."""
