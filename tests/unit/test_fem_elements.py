@@ -138,6 +138,25 @@ def test_rotation_costs_nothing(element: ElementKind) -> None:
     np.testing.assert_allclose(f.sum(axis=0), 0.0, atol=1e-13 * np.abs(f).sum())
 
 
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_body_that_is_all_inclusion_is_of_that_material(element: ElementKind) -> None:
+    """Forces, tangents, energy and masses are those of the same body whose own material it is."""
+    other: dict[str, float] = {"young": 6e4, "density": 1300.0}
+    everywhere = {"kind": "sphere", "position": (0.0, 0.0, 0.0), "radius": 1.0}
+    whole = Statics(
+        lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), None, [{"shape": everywhere, "material": other}]), element
+    )
+    plain = Statics(lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), **other), element)
+    x = moved(plain.x_rest)
+    f, K = plain.forces(x), plain.stiffness(x).toarray()
+    np.testing.assert_allclose(whole.forces(x), f, atol=1e-13 * np.abs(f).max())
+    np.testing.assert_allclose(whole.stiffness(x).toarray(), K, atol=1e-13 * np.abs(K).max())
+    assert whole.energy(x) == pytest.approx(plain.energy(x), rel=1e-13)
+    np.testing.assert_allclose(whole.model.mass, plain.model.mass, rtol=1e-13)
+    np.testing.assert_allclose(whole.model.swiftness, plain.model.swiftness, rtol=1e-13)
+    np.testing.assert_allclose(whole.model.point_stiffness, plain.model.point_stiffness, rtol=1e-13)
+
+
 def test_the_fast_path_is_the_general_one() -> None:
     """Boxes with hex27 and neo-Hookean take kernels of their own; a hair off a box they do not."""
     exact = lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1))

@@ -154,6 +154,19 @@ def test_probes_report_stress_and_displacement() -> None:
         assert_allclose(found[f"{name}.displacement"], 0.1 * np.linalg.norm(at), rtol=1e-10)
 
 
+def test_a_probe_beside_a_border_reports_its_own_side() -> None:
+    """Stress 7 in one material and 1 in the other; half a cell from the border a mean of both would show."""
+    scene = _scene(2, {"own": [0.001, 0.0, 0.007], "other": [0.001, 0.0, 0.013]})
+    body = build_body(scene, {})
+    above = body.x_rest[body.cell_nodes[:, 13], 2] > 0.01
+    octant_material = np.repeat(above[:, None], 8, axis=1).astype(np.int32)
+    body = replace(body, octant_material=octant_material, materials=body.materials * 2)
+    cauchy = np.zeros((body.n_cells, 8, 6))
+    cauchy[..., 0] = np.where(octant_material == 1, 7.0, 1.0)
+    found = Probes(body, scene.probes).measure(_frame(body, cauchy, body.x_rest), "fem", "pbd")
+    assert_allclose([found["own.von_mises"], found["other.von_mises"]], [1.0, 7.0], rtol=1e-8)
+
+
 @pytest.mark.parametrize("at", [[0.0, 0.0, 0.03], [0.0201, 0.0, 0.01]])
 def test_a_probe_outside_the_body_is_refused_by_name(at: list[float]) -> None:
     scene = _scene(2, {"tip": at})
