@@ -114,7 +114,15 @@ def test_the_ledger_of_both_models_adds_up() -> None:
         report = simulation.step()
         for name in total:
             total[name] += report.energy[name]
+    lift = {"left": (0.0, 0.0, 0.02), "right": (0.0, 0.0, 0.02)}
+    work = loss = 0.0
+    for step in range(60):
+        last = simulation.step(lift)
+        if step >= 40:  # clear of the ground
+            work, loss = work + last.energy["drive_work"], loss + last.energy["contact_loss"]
     simulation.close()
+    assert work > 1e-4
+    assert abs(loss) < 1e-5 * work, "what sticks loses nothing"
     stored = sum(report.energy[name] - start[name] for name in start)
     gained = total["drive_work"] - total["contact_loss"] + total["seam_work"] + total["switch"] - total["dissipation"]
     assert total["drive_work"] > 1e-3
