@@ -141,7 +141,7 @@ def test_rotation_costs_nothing(element: ElementKind) -> None:
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_a_body_that_is_all_inclusion_is_of_that_material(element: ElementKind) -> None:
     """Forces, tangents, energy and masses are those of the same body whose own material it is."""
-    other: dict[str, float] = {"young": 6e4, "density": 1300.0}
+    other: dict[str, Any] = {"young": 6e4, "density": 1300.0}
     everywhere = {"kind": "sphere", "position": (0.0, 0.0, 0.0), "radius": 1.0}
     whole = Statics(
         lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), None, [{"shape": everywhere, "material": other}]), element
