@@ -334,8 +334,8 @@ def _squeezed(cell: float, model: str, young: float, boxes: Sequence[Mapping[str
 @pytest.mark.slow
 def test_a_core_a_hundred_times_as_stiff_converges_in_both_models_and_across_a_seam() -> None:
     """The core's edges are singular, so cells of a third, sixth and ninth of the side come close slowly, from above,
-    each step less than half the one before. PBD is 0.3 to 0.5 % stiffer on the same cells, as it comes to rest, and so is
-    the body with a seam through the middle of the core, or around it. Without the core the force is a tenth less, in all of them."""
+    each step less than half the one before. On the same cells PBD, as it comes to rest, is 0.3 to 0.5 % stiffer, and
+    so is a body with its seam through the middle of the core, or around it. Without the core all have a tenth less."""
     coarse, fem, fine = (_squeezed(0.045 / n, "fem", 100.0 * SOFT) for n in (3, 6, 9))
     assert coarse > fem > fine
     assert coarse - fem > 2.0 * (fem - fine)
