@@ -57,7 +57,7 @@ Each with a control that was seen to fail in this very run and the remedy that h
 ## What is left out
 
 - The bodies are blocks of few cells: what fails here fails in larger ones, too, but not only this does.
-- The body of a scene has one material: ratios across the seam are those of two oscillators, which the coupling's own
+- The maps' bodies have one material: ratios across the seam are those of two oscillators, which the coupling's own
   schemes step.
 - Messages fare badly between orchestrator and participants in one process; real processes that are killed, stall and
   come back are in tests/system.
