@@ -108,7 +108,7 @@ def test_the_force_is_held_while_the_grip_lifts_and_turns(regions: Any) -> None:
 @pytest.mark.parametrize("mass", [0.0, 0.5])
 def test_a_collision_exceeds_the_limit_by_a_bounded_impact(regions: Any, mass: float) -> None:
     """Fast fingers meet the cube: at most limit + v (k_0 dt + sqrt(k_0 m)); then the limit, to 1 %. Without the limit
-    the same motion presses with 27 N."""
+    the same motion presses with 27 N. Heavy fingers on XPBD come to the limit without exceeding it."""
     limit, speed = 2.0, 0.1
     motion = [{"tools": ["left", "right"], "close": speed, "until": {"compression": 0.3, "time": 0.6}}, {"hold": 0.2}]
     reports, _ = simulate(scene(motion, regions, {"mass": mass, "force_limit": limit}))
@@ -117,7 +117,7 @@ def test_a_collision_exceeds_the_limit_by_a_bounded_impact(regions: Any, mass: f
     modulus = 2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4))
     stiffness = np.sqrt(modulus * density) * width**2 / STEP + 2 * modulus * width
     bound = limit + speed * (stiffness * STEP + np.sqrt(stiffness * mass))
-    assert limit < found.max() < bound
+    assert (1.0 - 1e-5) * limit < found.max() < bound
     assert found[-1].max() == pytest.approx(limit, rel=0.01)
     assert reports[-1].quantities["compression"] < 0.15
     free, _ = simulate(scene(motion, regions))
