@@ -84,7 +84,7 @@ def test_a_body_is_cut_where_that_is_cheaper(cells: tuple[int, int, int], split:
 @pytest.mark.parametrize(
     ("cells", "models", "whole"),
     [
-        (MIDDLING, {}, False),
+        (MIDDLING, {"pbd": {"substeps": 11}}, False),
         (MIDDLING, {"pbd": {"substeps": 40}}, True),
         (MIDDLING, {"pbd": {"substeps": 10, "sweeps": 4}}, True),
         (FEW, {}, True),

@@ -87,7 +87,8 @@ def replies_of_a_blow(residual: float) -> tuple[list[Advanced], PbdRun]:
     """A resting cube whose committed residual is pretended to be `residual`, hit by plates at 3 m/s."""
     plate = {"kind": "box", "size": (0.01, 0.1, 0.1), "friction": 0.6}
     tools = {"left": {**plate, "position": (-0.0301, 0.0, 0.0)}, "right": {**plate, "position": (0.0301, 0.0, 0.0)}}
-    run = PbdRun(block_scene((0.05, 0.05, 0.05), 0.025, tools=tools, moved=("left", "right"), step=0.002))
+    few = {"substeps": 2}
+    run = PbdRun(block_scene((0.05, 0.05, 0.05), 0.025, tools=tools, moved=("left", "right"), step=0.002, pbd=few))
     run.step()
     run.velocity[:, 0] = 3.0, -3.0
     run.solver._committed.monitor[watch.RESIDUAL] = residual
