@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.spec import Positive, Spec, Vector, wrong
+from softseam_protocol.spec import Direction, Positive, Spec, Vector, wrong
 
 
 class MaterialSpec(Spec):
@@ -57,13 +56,7 @@ class _LongPart(_Part):
 
     radius: Positive = Field(description="[m]")
     length: Positive = Field(description="[m]")
-    axis: Vector = Field(default=(0.0, 0.0, 1.0), description="along its length; any length")
-
-    @model_validator(mode="after")
-    def _direction(self) -> _LongPart:
-        if math.hypot(*self.axis) < 1e-12:
-            raise wrong("the axis must not be zero", "axis")
-        return self
+    axis: Direction = Field(default=(0.0, 0.0, 1.0), description="along its length; any length")
 
 
 class CapsulePart(_LongPart):

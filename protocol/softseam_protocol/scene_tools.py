@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from softseam_protocol.spec import NonNegative, Positive, Spec, Vector, wrong
+from softseam_protocol.spec import Direction, NonNegative, Positive, Spec, Vector
 
 
 class PlaneTool(Spec):
@@ -15,14 +14,8 @@ class PlaneTool(Spec):
 
     kind: Literal["plane"] = "plane"
     point: Vector = Field(default=(0.0, 0.0, 0.0), description="a point of the plane [m]")
-    normal: Vector = Field(default=(0.0, 0.0, 1.0), description="points towards the body; any length")
+    normal: Direction = Field(default=(0.0, 0.0, 1.0), description="points towards the body; any length")
     friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
-
-    @model_validator(mode="after")
-    def _direction(self) -> PlaneTool:
-        if math.hypot(*self.normal) < 1e-12:
-            raise wrong("the normal must not be zero", "normal")
-        return self
 
 
 class _Solid(Spec):
@@ -56,13 +49,7 @@ class _LongTool(_Solid):
 
     radius: Positive = Field(description="[m]")
     length: Positive = Field(description="[m]")
-    axis: Vector = Field(default=(0.0, 0.0, 1.0), description="along its length at time 0; any length")
-
-    @model_validator(mode="after")
-    def _direction(self) -> _LongTool:
-        if math.hypot(*self.axis) < 1e-12:
-            raise wrong("the axis must not be zero", "axis")
-        return self
+    axis: Direction = Field(default=(0.0, 0.0, 1.0), description="along its length at time 0; any length")
 
 
 class CapsuleTool(_LongTool):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
 Vector = tuple[float, float, float]
@@ -20,6 +21,16 @@ SMALLEST_BODY = 1e-4
 def wrong(message: str, *at: str | int) -> PydanticCustomError:
     """An error about the entry `at` (a path from the spec that raises it); `scene_file` finds its line."""
     return PydanticCustomError("scene", "{message}", {"message": message, "at": at})
+
+
+def _some_direction(vector: Vector, info: ValidationInfo) -> Vector:
+    if math.hypot(*vector) < 1e-12:
+        raise wrong(f"the {info.field_name} must not be zero")
+    return vector
+
+
+Direction = Annotated[Vector, AfterValidator(_some_direction)]
+"""a vector of any length but none"""
 
 
 def check_edge(edge: float, *at: str | int) -> None:
