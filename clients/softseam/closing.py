@@ -22,6 +22,7 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     verdict = report["verdict"]
     console.print()
     console.print(Text(verdict["text"], style=f"bold {_COLOR.get(verdict['outcome'], 'red')}"))
+    _print_trust(console, report["estimated_error"])
     table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
     table.add_column("")
     for heading in ("at the end", "largest"):
@@ -41,6 +42,13 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
             grid.add_row(*row)
         console.print(grid)
     _print_events(console, report["events"])
+
+
+def _print_trust(console: Console, estimate: Mapping[str, Any] | None) -> None:
+    """How far the run can be trusted; nothing of a body of particles, whose errors nobody estimates."""
+    if estimate is not None:
+        style = "bold yellow" if estimate["too_large"] else "dim"
+        console.print(Text(f"estimated error: {estimate['text']}", style=style), soft_wrap=True)
 
 
 def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

@@ -24,6 +24,9 @@ from softseam_protocol.messages import (
     Close,
     Closed,
     End,
+    ErrorEstimate,
+    Estimate,
+    Estimated,
     Failure,
     Header,
     Load,
@@ -38,7 +41,7 @@ from softseam_protocol.messages import (
     Vector3,
 )
 
-Reply = TypeVar("Reply", Observation, Observations, Saved, Closed)
+Reply = TypeVar("Reply", Observation, Observations, Saved, Estimated, Closed)
 _MOST = 1000
 """steps asked for at once; the orchestrator answers after a tenth of a second"""
 _CONNECT_TIMEOUT = 5.0
@@ -103,6 +106,9 @@ class ConnectedBackend:
     def load(self, state: bytes) -> Observation:
         return self._ask(Load(self._header(), state), Observation, BadSnapshot)
 
+    def estimate(self) -> ErrorEstimate | None:
+        return self._ask(Estimate(self._header()), Estimated, SimulationFailed).estimate
+
     def close(self) -> None:
         """Close the session there; one that cannot be reached or is at work closes it itself once it is idle."""
         self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
@@ -137,7 +143,10 @@ class ConnectedBackend:
         return Header(SCHEMA_VERSION, self.session, "", 0, 0, self._count, 0.0)
 
     def _ask(
-        self, request: Open | Reset | Step | Save | Load | Close, kind: type[Reply], invalid: type[SoftseamError]
+        self,
+        request: Open | Reset | Step | Save | Load | Estimate | Close,
+        kind: type[Reply],
+        invalid: type[SoftseamError],
     ) -> Reply:
         """Send a request, repeat it while its answer gets lost, and translate what goes wrong."""
         end = time.monotonic() + self._timeout

@@ -12,6 +12,7 @@ from softseam.errors import BadInput, BadSnapshot, SceneRefused, SimulationFaile
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Bundle,
+    ErrorEstimate,
     Event,
     Frame,
     Header,
@@ -81,6 +82,10 @@ class EmbeddedBackend:
         with translated():
             self._last = restore(self.simulation, state)
         return self._observation(fields=True)
+
+    def estimate(self) -> ErrorEstimate | None:
+        with translated():
+            return self.simulation.estimate()
 
     def close(self) -> None:
         try:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from softseam.errors import FieldsNotObserved
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol import messages
-from softseam_protocol.messages import Event, Frame, Indicators, RegionReport, SeamReport, StepReport
+from softseam_protocol.messages import ErrorEstimate, Event, Frame, Indicators, RegionReport, SeamReport, StepReport
 
 Floats = NDArray[np.float64]
 
@@ -107,6 +107,11 @@ class Observation:
     def seconds(self) -> Mapping[str, float]:
         """Wall time of the step by part [s]."""
         return MappingProxyType(self.report.seconds)
+
+    @property
+    def error_estimate(self) -> ErrorEstimate | None:
+        """How far the run may be off, where it ends; None before, and of a body of particles."""
+        return self.report.estimate
 
     @property
     def grip_force(self) -> float:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from softseam.columns import SPENT, Columns, unit_of
 from softseam.verdict import Verdict, judge
-from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Event, Frame, StepReport
+from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_hash
 
@@ -42,6 +43,7 @@ class ReportBuilder:
         self.columns = Columns(self._scene.step, tuple(self._scene.tools))
         self._events: list[Event] = []
         self._done = False
+        self._estimate: ErrorEstimate | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -52,9 +54,10 @@ class ReportBuilder:
         """Take one message; frames add nothing. A step that restarts the clock begins the report anew."""
         if isinstance(message, StepReport):
             if len(self.columns) and message.header.step <= self.columns.last("step"):
-                self.columns = Columns(self._scene.step, tuple(self._scene.tools))
+                self.columns, self._estimate = Columns(self._scene.step, tuple(self._scene.tools)), None
             self.columns.add(message)
             self._done = message.done
+            self._estimate = message.estimate or self._estimate
         elif isinstance(message, Event):
             self._events.append(message)
 
@@ -77,6 +80,7 @@ class ReportBuilder:
             "machine": {k: v for k, v in self._facts.items() if k in ("machine", "cores")},
             "model": self._model or self._found_model(),
             "verdict": {"outcome": verdict.outcome, "text": verdict.text, "done": self._done},
+            "estimated_error": None if self._estimate is None else asdict(self._estimate),
             "steps": len(c),
             "simulated_seconds": len(c) * self._scene.step,
             "regions": self._regions(),

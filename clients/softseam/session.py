@@ -46,6 +46,8 @@ class Backend(Protocol):
 
     def load(self, state: bytes) -> messages.Observation: ...
 
+    def estimate(self) -> messages.ErrorEstimate | None: ...
+
     def close(self) -> None: ...
 
 
@@ -190,6 +192,14 @@ class Session:
         if not isinstance(state, bytes | bytearray | memoryview):
             raise BadInput(f"restore() takes the bytes that snapshot() gave, not {type(state).__name__}")
         return self._observe(self._running().load(bytes(state)))
+
+    def estimate_errors(self) -> messages.ErrorEstimate | None:
+        """How far the answer may be off as the body stands, said in `text`; None of a body of particles.
+
+        Runs that follow the scene's own motion to its end say it there, unasked (`Observation.error_estimate`); a
+        session that is stepped by hand has no end, so it says it when asked. It costs about a step.
+        """
+        return self._begun().estimate()
 
     def close(self) -> None:
         """End the session and free what it holds; closing twice does nothing."""

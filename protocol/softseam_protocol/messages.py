@@ -282,6 +282,8 @@ class Observe:
     header: Header
     indicators: bool = False
     """also estimate the errors of model and mesh"""
+    own: bool = False
+    """of these only what the region's own model errs, at a bounded cost: what is looked at as a run ends"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -399,6 +401,26 @@ class RegionReport:
 
 
 @dataclass(frozen=True, slots=True)
+class ErrorEstimate:
+    """How far a run's answer may be off, by what its participants estimate of their errors."""
+
+    time: float
+    """when the fields were looked at: where the body was strained most among the looks [s]"""
+    mesh_error: float
+    """of FEM, because its cells are no smaller: in the energy norm, relative to the strain energy [1]"""
+    model_error: float
+    """of PBD against quadratic finite elements, in the same measure [1]"""
+    answer: float
+    """what forces and displacements may be off by [1]; 0 where nothing can be said of them"""
+    judged: float
+    """share of the strain energy that sits in cells which can be judged: filled, and of one material [1]"""
+    text: str
+    """all this in words, with a remedy where the answer is off by more than a run may be"""
+    too_large: bool
+    """whether it is"""
+
+
+@dataclass(frozen=True, slots=True)
 class StepReport:
     """What happened in one committed step; one is published for every step."""
 
@@ -426,6 +448,8 @@ class StepReport:
     """angular velocities about the tools' positions that were applied (t, 3) [rad/s]; empty: none turned"""
     gripping: Labels = field(default_factory=_no_labels)
     """1 for tools that gripped (t,); empty: none did"""
+    estimate: ErrorEstimate | None = None
+    """with the step that ends a scene's own motion or duration, of a body in cells"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -529,9 +553,23 @@ class Load:
 
 
 @dataclass(frozen=True, slots=True)
+class Estimate:
+    """Ask how far the answer may be off as the body stands."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
 class Saved:
     header: Header
     state: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Estimated:
+    header: Header
+    estimate: ErrorEstimate | None
+    """None of a body of particles, whose errors nobody estimates"""
 
 
 @dataclass(frozen=True, slots=True)

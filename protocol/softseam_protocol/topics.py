@@ -27,6 +27,8 @@ from softseam_protocol.messages import (
     Committed,
     Configured,
     End,
+    Estimate,
+    Estimated,
     Event,
     Failure,
     Fields,
@@ -51,8 +53,8 @@ ROOT = "softseam"
 DEFAULT_DEPLOYMENT = "local"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
-ClientRequest = Open | Reset | Step | Save | Load | Close
-ClientReply = Observation | Observations | Saved | Closed | Failure
+ClientRequest = Open | Reset | Step | Save | Load | Estimate | Close
+ClientReply = Observation | Observations | Saved | Estimated | Closed | Failure
 RecorderRequest = Begin | End | Commit
 RecorderReply = Recorded | Failure
 ParticipantReply = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored | Released | Failure
@@ -179,7 +181,8 @@ def table() -> Iterator[tuple[str, str, str, bool]]:
     keys = Keys("DEPLOYMENT")
     yield keys.participant("SERVICE"), "query", "Request -> Reply", False
     yield keys.echo("SERVICE"), "query", "bytes -> the same bytes", False
-    yield keys.orchestrator, "query", "Open, Reset, Step, Save, Load, Close -> Observation(s), Saved, Closed", False
+    requests, replies = "Open, Reset, Step, Save, Load, Estimate, Close", "Observation(s), Saved, Estimated, Closed"
+    yield keys.orchestrator, "query", f"{requests} -> {replies}", False
     yield keys.recorder, "query", "Begin, End, Commit -> Recorded", False
     yield keys.progress("participant", "SERVICE"), "put", "Progress", False
     for topic in SESSION_TOPICS:

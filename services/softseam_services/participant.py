@@ -33,7 +33,8 @@ class Solver(Protocol):
     def strain(self) -> float:
         """Strain energy of the state as it stands [J]."""
 
-    def fields(self, request_header: Header, indicators: bool = False) -> Fields: ...
+    def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
+        """Fields of the last advanced step; with `indicators` also its errors, of them only its `own` model's."""
 
     def snapshot(self) -> bytes: ...
 

@@ -196,7 +196,7 @@ class ParticipantServer:
             seat.exchange = header.exchange
             return reply
         if isinstance(request, Observe):
-            return seat.solver.fields(header, request.indicators)
+            return seat.solver.fields(header, request.indicators, request.own)
         if isinstance(request, Commit | Snapshot):
             if header.step == seat.committed + 1 and seat.exchange >= 0:
                 _commit(seat)

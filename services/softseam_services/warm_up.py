@@ -101,7 +101,7 @@ def _ask_everything(model: str) -> None:
             force = np.full((len(shared), 3), 1e-4 * exchange)
             ask(Advance(header(step, exchange), scene.step, force, motion, exchange == 0))
         position = motion.position_next
-        ask(Observe(header(step)))
+        ask(Observe(header(step), indicators=step == 1, own=True))
     ask(Commit(header(2)))
     taken = ask(Snapshot(header(2)))
     assert isinstance(taken, SnapshotTaken)

@@ -230,11 +230,13 @@ def test_a_saved_state_survives_everything(services: Services, bus: Bus, bar: Bu
     first = ConnectedBackend(bar, services.endpoint, record=False, timeout=READY)
     first.reset(0)
     first.step(15, None, False)
-    state = first.save()
+    state, estimate = first.save(), first.estimate()
+    assert estimate is not None and estimate.text
     onward = [first.step(1, None, False).report for _ in range(10)]
     first.close()
     second = ConnectedBackend(bar, services.endpoint, record=False, timeout=READY)
     second.load(state)
+    assert second.estimate() == estimate
     again = [second.step(1, None, False).report for _ in range(10)]
     second.close()
     assert first_difference(onward, again) == ""

@@ -87,6 +87,8 @@ def test_an_alarm_counts_where_the_whole_run_confirms_it() -> None:
         "a gap at the seam was kept",
         "a step was kept that had not converged",
     ]
+    coarse = ("accuracy", "step 0: estimated error of mesh 40 % in the energy norm")
+    assert told_by(Trace(events=(coarse,))) == ["event: the estimated error is too large"]
 
 
 @pytest.mark.parametrize(

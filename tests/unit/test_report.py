@@ -27,6 +27,7 @@ KEYS = {
     "machine": {"machine": str, "cores": str},
     "model": str,
     "verdict": {"outcome": str, "text": str, "done": bool},
+    "estimated_error": type(None),
     "steps": int,
     "simulated_seconds": float,
     "regions": {

@@ -168,6 +168,8 @@ def told_by(trace: Trace) -> list[str]:
             found.append("alarm: the seam does work")
         elif kind == "tools":
             found.append("event: a tool moves too far in a step")
+        elif kind == "accuracy":
+            found.append("event: the estimated error is too large")
         elif kind == "element":
             found.append("event: the element is too stiff")
         elif kind == "monitor" and "not converged" in message:

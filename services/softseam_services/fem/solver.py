@@ -347,7 +347,7 @@ class FemSolver:
             self._committed, self._next = self._next, self._committed
             self._tentative = False
 
-    def fields(self, request_header: Header, indicators: bool = False) -> Fields:
+    def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         state, region = self.state, self._region
         cauchy = np.zeros((len(region.cells), 8, 6))
@@ -368,7 +368,7 @@ class FemSolver:
             contact_force=force.sum(axis=1),
             contact_tool=_touched(size),
             cell_energy=self._work.energy.copy(),
-            model_error=self._model_error(state.x, force.sum(axis=1)) if indicators else np.zeros(0),
+            model_error=self._model_error(state.x, force.sum(axis=1)) if indicators and not own else np.zeros(0),
             mesh_error=self._mesh_error(state.x, cauchy) if indicators else np.zeros(0),
         )
 

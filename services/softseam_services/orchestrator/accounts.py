@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
-from softseam_protocol.messages import Advanced, Header, RegionReport, Reply, SeamReport, StepReport
+from softseam_protocol.messages import Advanced, ErrorEstimate, Header, RegionReport, Reply, SeamReport, StepReport
 from softseam_services.orchestrator.seam_answers import SeamSolution, largest
 from softseam_services.orchestrator.sides import Sides
 
@@ -68,6 +68,7 @@ class Accounts:
         done: bool,
         command: Floats,
         gripping: NDArray[np.int8],
+        estimate: ErrorEstimate | None,
     ) -> StepReport:
         kinetic = strain = gravity = tool_work = seam_work = penetration = 0.0
         momentum: Floats | None = None
@@ -144,6 +145,7 @@ class Accounts:
             command[:, :3].copy(),
             command[:, 3:].copy(),
             gripping,
+            estimate,
         )
 
     def share_of_switch(self, change: float) -> float:

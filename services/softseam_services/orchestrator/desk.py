@@ -14,6 +14,7 @@ from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Begin,
     Bundle,
+    ErrorEstimate,
     Event,
     Frame,
     Header,
@@ -153,6 +154,9 @@ class Desk:
         self._last, self._trouble = restore(self.simulation, state), None
         self._warn("restored", f"the state of step {round(self.simulation.time / self.simulation.scene.step)} is back")
         return self._observe(fields=True)
+
+    def estimate(self) -> ErrorEstimate | None:
+        return self.simulation.estimate()
 
     def close(self, reason: str) -> None:
         """End the recording, release the participants."""

@@ -276,9 +276,10 @@ class Regions:
         assert isinstance(self._body, Body)  # others have none
         return replace(frame, indicators=measure(self._body, sides, self.near.neighbours, fields))
 
-    def observe(self, indicators: bool = False) -> dict[str, Fields]:
-        """Each side's fields."""
-        replies = self._exchange({name: Observe(self._clock.request(name), indicators) for name in self.sides.names})
+    def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
+        """Each side's fields, with its errors where asked for; of them only what its own model errs."""
+        requests = {name: Observe(self._clock.request(name), indicators, own) for name in self.sides.names}
+        replies = self._exchange(requests)
         return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
 
     def snapshot(self) -> dict[str, bytes]:

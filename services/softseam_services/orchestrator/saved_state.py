@@ -40,6 +40,8 @@ class SavedState:
     drives: Floats
     gripping: NDArray[np.int8]
     """1 for tools that hold particles (t,)"""
+    trust: Floats
+    """see `Trust.to_array`"""
     cells: dict[str, NDArray[np.generic]]
     """see `NearCells.to_arrays`"""
     seam: dict[str, Floats]
@@ -58,6 +60,7 @@ class SavedState:
             "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
             "drives": self.drives,
             "gripping": self.gripping,
+            "trust": self.trust,
         }
         entries.update({_CELLS + name: array for name, array in self.cells.items()})
         entries.update({_SEAM + name: array for name, array in self.seam.items()})
@@ -87,6 +90,7 @@ class SavedState:
                 ledger=LedgerState.from_list(ledger) if ledger else None,
                 drives=entries["drives"].astype(np.float64),
                 gripping=entries["gripping"].astype(np.int8),
+                trust=entries["trust"].astype(np.float64) if "trust" in entries else np.zeros(0),
                 cells=dict(_named(entries, _CELLS)),
                 seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM)},
                 participants={name: entries[_PARTICIPANT + name].tobytes() for name in held},

@@ -13,6 +13,7 @@ gets the same reply, so a client may repeat what it got no answer to; a lower nu
             others were taken, these are the answer, and the next Step is told of the failure
     Save    -> Saved: state of the whole simulation
     Load    -> Observation: continues from Saved, bit for bit
+    Estimate  -> Estimated: how far the answer may be off as the body stands
     Close   -> Closed; interrupts a Step under way; closing a session that is not there is no error
 
 Failures: 'schema' (another version), 'invalid' (a scene or value that is refused; nothing changed), 'not_configured'
@@ -29,7 +30,20 @@ import time
 from softseam_protocol.bus import Bus
 from softseam_protocol.codec import decode, encode
 from softseam_protocol.errors import ProtocolError, Refused
-from softseam_protocol.messages import Close, Closed, Failure, Header, Load, Open, Reset, Save, Saved, Step
+from softseam_protocol.messages import (
+    Close,
+    Closed,
+    Estimate,
+    Estimated,
+    Failure,
+    Header,
+    Load,
+    Open,
+    Reset,
+    Save,
+    Saved,
+    Step,
+)
 from softseam_protocol.scene_file import SceneError
 from softseam_protocol.topics import ClientReply, ClientRequest, Keys
 from softseam_services.bus_options import BusOptions, new_instance
@@ -121,7 +135,7 @@ class ClientHandler:
             desk.lock.release()
         return True
 
-    def _answer(self, desk: Desk, request: Open | Reset | Step | Save | Load) -> bytes:
+    def _answer(self, desk: Desk, request: Open | Reset | Step | Save | Load | Estimate) -> bytes:
         """Answer a request, or repeat the answer (desk held)."""
         kept, number = desk.answer, request.header.exchange
         if kept is not None:
@@ -138,7 +152,7 @@ class ClientHandler:
         desk.answer = Answer(type(request), number, payload)
         return payload
 
-    def _run(self, desk: Desk, request: Open | Reset | Step | Save | Load) -> ClientReply:
+    def _run(self, desk: Desk, request: Open | Reset | Step | Save | Load | Estimate) -> ClientReply:
         """Do what is asked; every expected trouble becomes a Failure that says what to do."""
         try:
             if isinstance(request, Open):
@@ -149,6 +163,8 @@ class ClientHandler:
                 return desk.step(request)
             if isinstance(request, Save):
                 return Saved(request.header, desk.save())
+            if isinstance(request, Estimate):
+                return Estimated(request.header, desk.estimate())
             return desk.load(request.state)
         except ParticipantLost as error:
             raise Refused(Failure("internal", str(error))) from error

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.kinds import element_warning
-from softseam_protocol.messages import Advanced, Bundle, Event, Frame, StepReport
+from softseam_protocol.messages import Advanced, Bundle, ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
@@ -30,6 +30,7 @@ from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.transport import Transport
+from softseam_services.orchestrator.trust import Trust
 from softseam_services.server import build_setup
 from softseam_services.tools.motion import tool_motion
 from softseam_services.tools.travel import beyond_middle
@@ -72,6 +73,7 @@ class Simulation:
         self._wants_indicators = not MEASURED.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
         self._locks = _element_warning(self.scene)
+        self._trust = Trust(self.body, self.scene)
         self._clock = Clock(session, self.scene.step)
         self._accounts = Accounts(self.scene.step, _standing(self.body))
         recovering = RecoveringTransport(transport, on_event=self._event)
@@ -122,6 +124,7 @@ class Simulation:
         self._lift_base = 0.0
         self._lifting = False
         self._forget()
+        self._trust.reset()
         self.events.clear()
         self._accounts.reset()
         self._regions.start(resting_state(self.body))
@@ -146,6 +149,7 @@ class Simulation:
         Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
         """
         began = perf_counter()
+        ongoing = not self.done
         if velocities is None:
             command, progress = self._program.step(self._progress, self._position, self._orientation)
             self._drives.apply(command, self._progress, self._orientation)
@@ -170,6 +174,7 @@ class Simulation:
         if progress is None:
             progress = self._program.after(self._progress, self._position, self._orientation, grip_force)
         phase = self._program.phase_of(self._progress, progress)
+        phase_ends = progress.phase > self._progress.phase
         self._progress = progress
         height = self._quantities.height(replies)
         self._follow_lift(command, height)
@@ -187,6 +192,8 @@ class Simulation:
         switched = self._regions.follow(replies)
         if self._clock.step % _CHECKPOINT_STEPS == 0:
             self._regions.snapshot()
+        follows = velocities is None and ongoing
+        estimate = self._judge(replies, phase_ends) if follows else None
         report = self._accounts.report(
             header=header,
             sides=sides,
@@ -200,11 +207,14 @@ class Simulation:
             done=self.done,
             command=command,
             gripping=motion.gripping,
+            estimate=estimate,
         )
         if switched is not None:
             self._frame = None
             self._accounts.switched(*switched)
         self._warn(replies)
+        if estimate is not None and estimate.too_large:
+            self._event("accuracy", f"step {self._clock.step - 1}: estimated error of {estimate.text}")
         for name in too_far:
             if name not in self._too_far:
                 self._event("tools", f"step {self._clock.step - 1}: {name} {_TOO_FAR}")
@@ -221,6 +231,12 @@ class Simulation:
         if self._frame is None:
             self._frame = self._regions.frame({}, self._position, self._orientation, self._wants_indicators)
         return self._frame
+
+    def estimate(self) -> ErrorEstimate | None:
+        """How far the answer may be off as the body stands; None of a body of particles."""
+        if not isinstance(self.body, Body):
+            return None
+        return self._trust.now(self.time, self._regions.sides, self._regions.observe(indicators=True, own=True))
 
     def set_near(self, near: NDArray[np.bool_]) -> float:
         """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
@@ -251,6 +267,7 @@ class Simulation:
             ledger=self._accounts.ledger,
             drives=self._drives.state,
             gripping=self._gripping,
+            trust=self._trust.to_array(),
             cells=self._regions.near.to_arrays(),
             seam=self._regions.seam_arrays(),
             participants=participants,
@@ -268,6 +285,7 @@ class Simulation:
             drives = saved.drives.reshape(self._drives.state.shape)
             gripping = saved.gripping.reshape(self._gripping.shape)
             self._regions.near.take(saved.cells)
+            self._trust.take(saved.trust)
         except (KeyError, ValueError, IndexError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
         self._clock.start(saved.step)
@@ -306,6 +324,14 @@ class Simulation:
         self._lifting = self._lifting or max(command[:, 2].tolist(), default=0.0) > 0.0
         if not self._lifting:
             self._lift_base = height
+
+    def _judge(self, replies: Mapping[str, Advanced], phase_ends: bool) -> ErrorEstimate | None:
+        """Look at the errors where that is due; how far the run can be trusted, where it ends."""
+        done = self.done
+        if not self._trust.due(sum(reply.strain for reply in replies.values()), phase_ends, done):
+            return None
+        self._trust.look(self.time, self._regions.sides, self._regions.observe(indicators=True, own=True))
+        return self._trust.estimate() if done else None
 
     def _warn(self, replies: Mapping[str, Advanced]) -> None:
         """Tell of an element that locks, of alarms of the energy, of crushed cells, and of what a monitor did."""

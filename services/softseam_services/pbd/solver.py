@@ -282,7 +282,7 @@ class PbdSolver:
             self._committed, self._work = self._work, self._committed
             self._tentative = False
 
-    def fields(self, request_header: Header, indicators: bool = False) -> Fields:
+    def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         state = self._work if self._tentative else self._committed
         model, region = self.model, self.model.region
@@ -313,16 +313,16 @@ class PbdSolver:
             contact_force=state.force_mean.sum(axis=1),
             contact_tool=tool,
             cell_energy=energy,
-            model_error=self._model_error(state.x, state.force_mean.sum(axis=1), state.stress)
+            model_error=self._model_error(state.x, state.force_mean.sum(axis=1), state.stress, own)
             if indicators
             else np.zeros(0),
         )
 
-    def _model_error(self, x: Floats, contact_force: Floats, stress: Floats) -> Floats:
+    def _model_error(self, x: Floats, contact_force: Floats, stress: Floats, bounded: bool) -> Floats:
         if self._measure is None:
             model = self.model
             self._measure = ModelError(model.body, model.region, model.spec.hourglass, model.blocks)
-        return self._measure.measure(x, contact_force, stress)
+        return self._measure.measure(x, contact_force, stress, bounded)
 
     def snapshot(self) -> bytes:
         """Commit, then everything that the future depends on; there is no cache that could change later bits."""

@@ -274,7 +274,7 @@ class ParticleSolver:
             self._committed, self._work = self._work, self._committed
             self._tentative = False
 
-    def fields(self, request_header: Header, indicators: bool = False) -> Fields:
+    def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         state = self._work if self._tentative else self._committed
         body = self.model.body

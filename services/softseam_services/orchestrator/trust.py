@@ -1,0 +1,175 @@
+"""How far a run can be trusted: what its participants estimate of their errors, said as it ends, unasked.
+
+The fields are looked at once as the run ends, and before, at the end of a phase, where the body is strained four times
+as much as when it was looked at last: a body that is let go tells nothing of how it was held. The look at which it was
+strained most counts. With the energies eta_e of the errors of cells (`mesh_error`, `model_error`) and their strain
+energy U, over cells that the body fills with one material, whose estimates hold,
+
+    e = (sum eta_e / U)^(1/2),     a = sum c eta_e / U                                                            (1)
+
+e is the relative error in the energy norm. The force with which a body resists, and how far it gives way under a load,
+err by the square: the work of a load is twice the energy, and for Galerkin's method the energy's error is the error's
+energy. How well that holds of an element and of its estimate is c, which was measured (docs/decisions/0105).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.kinds import ElementKind
+from softseam_protocol.messages import ErrorEstimate, Fields
+from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.sides import Sides
+
+Floats = NDArray[np.float64]
+
+BOUND = 0.05
+"""answer above which a run says that it is not to be trusted [1]"""
+MESH: dict[ElementKind, float] = {
+    "hex27": 0.6,
+    "hex27_full": 1.4,
+    "hex8": 0.65,
+    "hex8_bbar": 0.8,
+    "hex8_full": 1.5,
+    "hex8_reduced": 1.5,
+    "tet4": 2.0,
+    "tet4_fbar": 1.6,
+    "tet10": 1.5,
+}
+"""c of FEM's elements [1]"""
+MODEL = 7.5
+"""c of PBD over 1 - 2 nu [1]: its error is measured with full quadrature, to which volume changes are dear"""
+_MORE = 4.0
+"""strain energy over that of the last look at which the end of a phase is looked at [1]"""
+_HARDLY = 1e-3
+"""share of the run's largest strain energy below which a look tells nothing [1]"""
+_SLIGHT = 1e-14
+"""and over shear modulus times volume: a strain of 1e-7, which rounding makes [1]"""
+_ENOUGH = 0.5
+"""least share of the strain energy in cells that can be judged [1]"""
+_SHORTEST = 0.25
+"""least factor of cell edges that is advised [1]"""
+
+
+class Trust:
+    """What the looks of a run found."""
+
+    def __init__(self, body: AnyBody, scene: Scene) -> None:
+        self._scene = scene
+        self._body = body if isinstance(body, Body) else None
+        self._element = scene.models.fem.element
+        if self._body is not None:
+            octants = self._body.octant_material
+            volume = self._body.total_mass / self._body.mean_density
+            self._least = _SLIGHT * volume * min(material.mu for material in self._body.materials)
+            self._whole = (self._body.fill > 0.999).all(axis=1) & (octants == octants[:, :1]).all(axis=1)
+            squeeze = [m.mu / (m.lambda_ + m.mu) for m in self._body.materials]  # 1 - 2 nu
+            self._model = MODEL * np.asarray(squeeze)[octants[:, 0]]
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing was looked at."""
+        self._peak = 0.0
+        self._found = np.zeros(0)
+        """of the look that counts: time [s], strain energy [J], mesh error, model error, answer, judged [1]"""
+
+    def due(self, strain: float, phase_ends: bool, run_ends: bool) -> bool:
+        """Whether to look, after a step with this strain energy [J]."""
+        if self._body is None:
+            return False
+        self._peak = max(self._peak, strain)
+        looked = self._found[1] if len(self._found) else 0.0
+        return run_ends or (phase_ends and strain > _MORE * looked)
+
+    def look(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> None:
+        """Take over what the sides found at a time [s]; the fields were asked for with their own indicators."""
+        found = self._weigh(time, sides, fields)
+        if not len(self._found) or found[1] > self._found[1]:
+            self._found = found
+
+    def estimate(self) -> ErrorEstimate:
+        """By the look that counts."""
+        return self._in_words(self._found)
+
+    def now(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> ErrorEstimate | None:
+        """By these fields alone; None of a body of particles."""
+        return None if self._body is None else self._in_words(self._weigh(time, sides, fields))
+
+    def _weigh(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> Floats:
+        """Eq. (1), as in `_found`."""
+        strain = whole = mesh = model = answer = 0.0
+        for name, side in fields.items():
+            cells = sides.cells[name]
+            judged = self._whole[cells]
+            strain += float(side.cell_energy.sum())
+            whole += float(side.cell_energy[judged].sum())
+            if sides.models[name] == "pbd":
+                model += float(side.model_error[judged].sum())
+                answer += float((self._model[cells] * side.model_error)[judged].sum())
+            else:
+                energy = float(side.mesh_error[judged].sum())
+                mesh += energy
+                answer += MESH[self._element] * energy
+        least = max(_HARDLY * self._peak, self._least)
+        if not (np.isfinite([strain, mesh, model, answer]).all() and strain > least):
+            return np.array([time, 0.0, 0.0, 0.0, 0.0, 0.0])
+        if not 0.0 < whole:
+            return np.array([time, strain, 0.0, 0.0, 0.0, 0.0])
+        return np.array([time, strain, (mesh / whole) ** 0.5, (model / whole) ** 0.5, answer / whole, whole / strain])
+
+    def _in_words(self, found: Floats) -> ErrorEstimate:
+        time, strain, mesh, model, answer, judged = found.tolist()
+        if strain == 0.0:
+            text = "not known: the body is hardly strained, or its fields are not numbers"
+            return ErrorEstimate(time, 0.0, 0.0, 0.0, 0.0, text, False)
+        if judged < _ENOUGH:
+            text = f"not known: {_percent(judged)} of the strain energy is in cells that one material fills"
+            return ErrorEstimate(time, mesh, model, 0.0, judged, text, False)
+        parts = [f"{what} {_percent(error)}" for what, error in (("mesh", mesh), ("model", model)) if error > 0.0]
+        text = f"{' and '.join(parts) or 'nothing'} in the energy norm, "
+        text += f"some {_percent(answer)} in forces and displacements"
+        too_large = answer > BOUND
+        if too_large:
+            of_mesh = MESH[self._element] * mesh * mesh
+            text += f": {self._coarse(answer) if of_mesh > 0.5 * answer else self._otherwise(answer)}"
+        return ErrorEstimate(time, mesh, model, answer, judged, text, too_large)
+
+    def _coarse(self, answer: float) -> str:
+        other = "" if self._element == "hex27" else "models.fem.element: hex27, or "
+        return f"too coarse; try {other}{self._shorter(answer)}"
+
+    def _otherwise(self, answer: float) -> str:
+        return f"PBD is too far from finite elements; try regions: {{default: fem}}, or {self._shorter(answer)}"
+
+    def _shorter(self, answer: float) -> str:
+        """Cells that would do if e falls as their edges, as it does beside edges and clamps."""
+        body, factor = self._body, max(_SHORTEST, (BOUND / answer) ** 0.5)
+        assert body is not None
+        if not body.boxes:
+            return f"cells {factor:.2g} times as long"
+        edges = [float(f"{factor * edge:.2g}") for edge in body.edges.tolist()]
+        return (
+            f"body.cell: {edges[0]:g}" if len(set(edges)) == 1 else f"body.cell: [{', '.join(f'{e:g}' for e in edges)}]"
+        )
+
+    # ---- snapshots
+
+    def to_array(self) -> Floats:
+        """What evolves, for a snapshot."""
+        return np.array([self._peak, *self._found])
+
+    def take(self, saved: Floats) -> None:
+        """Continue from `to_array`; an empty one begins anew. Raises ValueError where these are others."""
+        if len(saved) not in (0, 1, 7):
+            raise ValueError("it has no looks at the fields")
+        self._peak = float(saved[0]) if len(saved) else 0.0
+        self._found = saved[1:].copy()
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
