@@ -192,8 +192,9 @@ class Simulation:
         switched = self._regions.follow(replies)
         if self._clock.step % _CHECKPOINT_STEPS == 0:
             self._regions.snapshot()
-        follows = velocities is None and ongoing
-        estimate = self._judge(replies, phase_ends) if follows else None
+        done, estimate = self.done, None
+        if velocities is None and ongoing and (phase_ends or done):
+            estimate = self._judge(replies, done)
         report = self._accounts.report(
             header=header,
             sides=sides,
@@ -204,7 +205,7 @@ class Simulation:
             wrench=wrench,
             quantities=quantities,
             seam=solution,
-            done=self.done,
+            done=done,
             command=command,
             gripping=motion.gripping,
             estimate=estimate,
@@ -325,12 +326,10 @@ class Simulation:
         if not self._lifting:
             self._lift_base = height
 
-    def _judge(self, replies: Mapping[str, Advanced], phase_ends: bool) -> ErrorEstimate | None:
-        """Look at the errors where that is due; how far the run can be trusted, where it ends."""
-        done = self.done
-        if not self._trust.due(sum(reply.strain for reply in replies.values()), phase_ends, done):
-            return None
-        self._trust.look(self.time, self._regions.sides, self._regions.observe(indicators=True, own=True))
+    def _judge(self, replies: Mapping[str, Advanced], done: bool) -> ErrorEstimate | None:
+        """Look at the errors where that is due, as a phase ends; how far the run can be trusted, where it is done."""
+        if self._trust.due(sum(reply.strain for reply in replies.values()), done):
+            self._trust.look(self.time, self._regions.sides, self._regions.observe(indicators=True, own=True))
         return self._trust.estimate() if done else None
 
     def _warn(self, replies: Mapping[str, Advanced]) -> None:

@@ -1,9 +1,10 @@
 """How far a run can be trusted: what its participants estimate of their errors, said as it ends, unasked.
 
-The fields are looked at once as the run ends, and before, at the end of a phase, where the body is strained four times
-as much as when it was looked at last: a body that is let go tells nothing of how it was held. The look at which it was
-strained most counts. With the energies eta_e of the errors of cells (`mesh_error`, `model_error`) and their strain
-energy U, over cells that the body fills with one material, whose estimates hold,
+The fields are looked at as the run ends, and before, at the end of a phase, where the body is well strained and has
+four times the energy that it had when it was looked at last: a body that is let go tells nothing of how it was held.
+The look at which it was strained most counts, so a run that ends with less than that is not looked at again. With the
+energies eta_e of the errors of cells (`mesh_error`, `model_error`) and their strain energy U, over cells that the body
+fills with one material, whose estimates hold,
 
     e = (sum eta_e / U)^(1/2),     a = sum c eta_e / U                                                            (1)
 
@@ -46,8 +47,10 @@ MODEL = 7.5
 """c of PBD over 1 - 2 nu [1]: its error is measured with full quadrature, to which volume changes are dear"""
 _MORE = 4.0
 """strain energy over that of the last look at which the end of a phase is looked at [1]"""
+_WELL = 1e-3
+"""and over shear modulus times volume: a strain of some 3 % [1]"""
 _HARDLY = 1e-3
-"""share of the run's largest strain energy below which a look tells nothing [1]"""
+"""share of the largest strain energy at phases' ends below which a look tells nothing [1]"""
 _SLIGHT = 1e-14
 """and over shear modulus times volume: a strain of 1e-7, which rounding makes [1]"""
 _ENOUGH = 0.5
@@ -66,7 +69,8 @@ class Trust:
         if self._body is not None:
             octants = self._body.octant_material
             volume = self._body.total_mass / self._body.mean_density
-            self._least = _SLIGHT * volume * min(material.mu for material in self._body.materials)
+            stiffness = volume * min(material.mu for material in self._body.materials)
+            self._least, self._well = _SLIGHT * stiffness, _WELL * stiffness
             self._whole = (self._body.fill > 0.999).all(axis=1) & (octants == octants[:, :1]).all(axis=1)
             squeeze = [m.mu / (m.lambda_ + m.mu) for m in self._body.materials]  # 1 - 2 nu
             self._model = MODEL * np.asarray(squeeze)[octants[:, 0]]
@@ -78,13 +82,15 @@ class Trust:
         self._found = np.zeros(0)
         """of the look that counts: time [s], strain energy [J], mesh error, model error, answer, judged [1]"""
 
-    def due(self, strain: float, phase_ends: bool, run_ends: bool) -> bool:
-        """Whether to look, after a step with this strain energy [J]."""
+    def due(self, strain: float, run_ends: bool) -> bool:
+        """Whether to look as a phase ends with this strain energy [J], or the run."""
         if self._body is None:
             return False
         self._peak = max(self._peak, strain)
         looked = self._found[1] if len(self._found) else 0.0
-        return run_ends or (phase_ends and strain > _MORE * looked)
+        if run_ends:
+            return looked == 0.0 or strain > looked
+        return strain > max(_MORE * looked, self._well)
 
     def look(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> None:
         """Take over what the sides found at a time [s]; the fields were asked for with their own indicators."""
@@ -92,9 +98,9 @@ class Trust:
         if not len(self._found) or found[1] > self._found[1]:
             self._found = found
 
-    def estimate(self) -> ErrorEstimate:
-        """By the look that counts."""
-        return self._in_words(self._found)
+    def estimate(self) -> ErrorEstimate | None:
+        """By the look that counts; None of a body of particles."""
+        return self._in_words(self._found) if len(self._found) else None
 
     def now(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> ErrorEstimate | None:
         """By these fields alone; None of a body of particles."""

@@ -34,8 +34,8 @@ from .kernels.sweep import block_forces, exact_stress
 
 _TOLERANCE, _MOST = 3e-3, 300
 """share of the energy that ten more products may add, and most products"""
-_WORK, _LEAST = 30_000, 12
-"""most products of single cells where the cost is bounded, but this many of each: some 0.1 s for 8,000 cells"""
+_BOUNDED = 10
+"""products where the cost is bounded: a microsecond a cell each"""
 
 
 class ModelError:
@@ -82,7 +82,7 @@ class ModelError:
     def measure(self, x: Floats, contact_force: Floats, stress: Floats | None = None, bounded: bool = False) -> Floats:
         """eta_e of eq. (2) (c,) [J]; contact_force (p, 3) of the region's points; see `residual`.
 
-        bounded  stop after `_WORK` products at the cost of an energy that is a little too small: it grows towards (2)
+        bounded  stop after `_BOUNDED` products, with an energy that is a little too small: it grows towards (2)
         """
         r = self.residual(x, stress)
         held = self._held.copy()
@@ -93,7 +93,7 @@ class ModelError:
             u, _, vt = np.linalg.svd(np.einsum("cai,ja->cij", x[self._cell_nodes], middle))
             turn = u @ vt
         energy = np.empty(len(self._cell_nodes))
-        most = min(_MOST, max(_LEAST, _WORK // len(energy))) if bounded else _MOST
+        most = _BOUNDED if bounded else _MOST
         correct(
             r, self._cell_nodes, turn, self._filled, self._stiffness, held, _TOLERANCE, most, np.empty_like(r), energy,
         )  # fmt: skip
