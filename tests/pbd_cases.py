@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 from softseam_services.calibration.modes import BLOCK_REACH, block_force, node_grid, stiffness
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
 BEAM = (0.1, 0.02, 0.02)
 BEAM_RESTS, BEAM_FALLS = -0.0345404, -0.0630516
 """lowest tip at rest and first lowest tip when let go [m]"""
@@ -23,9 +24,9 @@ BONDED = {0.05: 4.91716, 0.15: 16.2662}
 """force on a plate at these squeezes [N], the second within 0.4 %"""
 
 
-def newton(run: PbdRun, x: Floats, free: NDArray[np.bool_], load: Floats | float) -> Floats:
-    """Where the blocks' forces balance `load` on the free coordinates (n, 3)."""
-    force, grid = block_force(run.solver), node_grid(run.body)
+def newton(run: PbdRun, x: Floats, free: NDArray[np.bool_], load: Floats | float, grid: Ints | None = None) -> Floats:
+    """Where the blocks' forces balance `load` on the free coordinates (n, 3); grid (n, 3) as in `node_grid`."""
+    force, grid = block_force(run.solver), node_grid(run.body) if grid is None else grid
     step, kept = 1e-6 * float(run.body.edges.min()), np.flatnonzero(free.ravel())
     for n in range(30):
         share = min(1.0, 0.25 * (n + 1))

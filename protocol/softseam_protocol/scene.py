@@ -71,7 +71,7 @@ class BlockShape(Spec):
     grading: Annotated[float, Field(ge=1.0, le=20.0)] = Field(
         default=1.0,
         description="how many times thinner cells are at the faces than in the middle, where stress peaks at edges; "
-        "more than 1 for fem alone, and for tools that cover whole faces",
+        "more than 1 for tools that cover whole faces",
     )
 
     @model_validator(mode="after")
@@ -333,12 +333,19 @@ class Scene(Spec):
         models = {self.regions.default, near.model if near else self.regions.default}
         if problem and "fem" in models:
             raise wrong(problem, "models", "fem", "integrator")
-        alone = "fem alone, pbd's are boxes of one size: say regions: {default: fem}, or leave out"
-        if near or models != {"fem"}:
-            if isinstance(body.shape, MeshShape) and body.shape.cells == "own":
-                raise wrong(f"hexahedra of any shape are cells of {alone} `cells: own`", "body", "shape", "cells")
-            if isinstance(body.shape, BlockShape) and body.shape.grading != 1.0:
-                raise wrong(f"graded cells are cells of {alone} `grading`", "body", "shape", "grading")
+        own = isinstance(body.shape, MeshShape) and body.shape.cells == "own"
+        if own and near:
+            raise wrong(
+                "hexahedra of a file have one model, for a seam runs along faces that are rectangles: leave out "
+                "regions.near, or `cells: own`", "body", "shape", "cells",
+            )  # fmt: skip
+        if (own or (isinstance(body.shape, BlockShape) and body.shape.grading != 1.0)) and "pbd" in models:
+            said = "the model error of pbd is measured on boxes of one size"
+            if near and near.error is not None:
+                raise wrong(f"{said}: leave out regions.near.error, or body.shape.grading", "regions", "near", "error")
+            if "model_error" in self.quantities:
+                place = ("quantities", self.quantities.index("model_error"))
+                raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)
         for i, name in enumerate(self.quantities):
             if name in OF_PARTICLES:
                 raise wrong(f"only sheets and ropes have {name}", "quantities", i)

@@ -22,8 +22,10 @@ from timing import least
 from softseam_protocol.messages import Advance
 from softseam_protocol.scene import BodySpec
 from softseam_services.body.materials import build_material
+from softseam_services.pbd.forms import SIGNS, build_forms
 from softseam_services.pbd.hourglass import block_constants
 from softseam_services.pbd.kernels.block import N_STRESS, Constants, new_workspace
+from softseam_services.pbd.kernels.form import N_FORM
 from softseam_services.pbd.kernels.lanes import LANES, aligned
 from softseam_services.pbd.kernels.sweep import sweep
 from softseam_services.pbd.solver import PbdSolver
@@ -91,8 +93,8 @@ def lattice(counts: tuple[int, int, int]) -> tuple[int, NDArray[np.int32]]:
     return n_nodes, np.ascontiguousarray(np.concatenate(batches), dtype=np.int32)
 
 
-def time_sweep(counts: tuple[int, int, int]) -> tuple[int, float]:
-    """Blocks, and seconds a sweep over them, of a slightly shaken box."""
+def time_sweep(counts: tuple[int, int, int], boxes: bool = True) -> tuple[int, float]:
+    """Blocks, and seconds a sweep over them, of a slightly shaken box; or of the same in blocks of any shape."""
     n_nodes, nodes = lattice(counts)
     scene = block_scene()
     rest = [EDGE * np.arange(count + 1) for count in counts]
@@ -104,8 +106,15 @@ def time_sweep(counts: tuple[int, int, int]) -> tuple[int, float]:
     real = nodes[:, 0] < n_nodes
     volume, softness = np.where(real, EDGE**3, 0.0), np.where(real, 8.0 * xw[0, 3], 0.0)
     assert isinstance(scene.body, BodySpec)
-    table = block_constants(build_material(scene.body.material), np.full(3, EDGE), "physical")[None]
-    constants = Constants(table, np.zeros(len(nodes), dtype=np.int32))
+    material = build_material(scene.body.material)
+    if boxes:
+        table = block_constants(material, np.full(3, EDGE), "physical")[None]
+        constants = Constants(table, np.zeros(len(nodes), dtype=np.int32))
+    else:
+        cube = 0.5 * EDGE * SIGNS[None]
+        form = build_forms(cube + 1e-4 * np.random.default_rng(1).standard_normal(cube.shape), material, "physical")[0]
+        table = np.ascontiguousarray(np.broadcast_to(form[0][:, None], (len(nodes), N_FORM, LANES)))
+        constants = Constants(table, np.arange(len(nodes), dtype=np.int32))
     arrays = new_workspace(), xw, nodes, volume, softness, aligned(len(nodes), N_STRESS), constants, 1e-4
     inner = max(1, 20_000 // int(real.sum()))
     _sweeps(1, *arrays)
@@ -131,6 +140,8 @@ def sweep_table(console: Console, flops: float, copied: float) -> None:
             f"{moved / copied:.0%}",
         )
     console.print(table)
+    n, seconds = time_sweep((22, 22, 21), boxes=False)
+    console.print(f"a block of any shape among {n}: {1e9 * seconds / n:.1f} ns, {seconds / times[3]:.2f} times a box")
     slope = np.polyfit(np.log(sizes[1:]), np.log(times[1:]), 1)[0]
     small = times[0] / sizes[0] / (times[3] / sizes[3])
     console.print(f"time ~ blocks^{slope:.3f} from 1e2 to 1e6; a block among 32 costs {small:.2f} of one among 1e4")

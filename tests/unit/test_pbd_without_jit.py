@@ -52,6 +52,20 @@ def test_one_cell_leaps() -> None:
     assert reply.residual == 0.0
 
 
+@pytest.mark.parametrize("kind", ["neo_hookean", "linear", "corotated"])
+def test_two_graded_cells_three_steps(kind: str) -> None:
+    """Blocks of any shape: forces are gradients, and a step keeps momentum."""
+    shape = {"kind": "block", "size": (0.06, 0.02, 0.02), "grading": 3.0}
+    run = PbdRun(block_scene((0.06, 0.02, 0.02), 0.02, kind=kind, body={"shape": shape}, pbd={"substeps": 2}))
+    for _ in range(2):
+        assert run.step().status == "converged"
+    energy, x = Energy(run), run.x + 1e-4 * np.sin(np.arange(run.x.size)).reshape(-1, 3)
+    moved = x.copy()
+    moved[5, 1] += 1e-7
+    slope = (energy.value(moved) - energy.value(x)) / 1e-7
+    np.testing.assert_allclose(energy.force(x)[5, 1], -slope, rtol=1e-3, atol=1e-3)
+
+
 @pytest.mark.slow
 def test_kernels_pass_without_jit() -> None:
     result = subprocess.run(
@@ -65,6 +79,7 @@ def test_kernels_pass_without_jit() -> None:
             "no:cacheprovider",
             f"{__file__}::test_one_cell_three_steps",
             f"{__file__}::test_one_cell_leaps",
+            f"{__file__}::test_two_graded_cells_three_steps",
         ],
         cwd=Path(__file__).parents[2],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},

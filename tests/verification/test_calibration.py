@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hexahedra import mesh
 from pbd_run import block_scene, cantilever
 
 from softseam import cli
@@ -76,6 +77,14 @@ def test_the_cheapest_setting_is_within_the_tolerance() -> None:
 def test_too_many_cells_are_refused() -> None:
     with pytest.raises(ValueError, match="at most 600 cells"):
         Bench(*_of(block_scene((0.1, 0.1, 0.1), 0.01)))
+
+
+def test_hexahedra_of_a_file_are_refused() -> None:
+    shape = {"kind": "mesh", "path": "m.vtk", "cells": "own"}
+    scene = block_scene(body={"shape": shape, "cell": None})
+    body = build_body(scene, {"m.vtk": mesh((4, 2, 2), (0.2, 0.05, 0.05), 0.05)})
+    with pytest.raises(ValueError, match=r"lattice.*or leave out `cells: own`"):
+        Bench(scene, body)
 
 
 def _of(scene: Scene) -> tuple[Scene, Body]:

@@ -80,9 +80,9 @@ class Body:
     cell_nodes: Ints
     """global node ids in local order (C, 27)"""
     cell_grid: Ints
-    """indices of each cell in the grid (C, 3)"""
+    """indices of each cell in the grid (C, 3); of a file's hexahedra only where they lie, roughly"""
     edges: Floats
-    """edge lengths of a cell (3,) [m]; a PBD block is half of that"""
+    """edge lengths of a cell (3,) [m], see `boxes`; a PBD block is half of that"""
     fill: Floats
     """filled fraction of each octant, in (0, 1], or 0 (C, 8)"""
     cell_mass: Floats

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -82,8 +83,9 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
 
 def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     size = np.array(shape.size)
-    raw = graded_block(size, divide(size, cell_edges(spec))[0], shape.grading)
-    return _of_hexahedra(scene, spec, "block", raw, 1.0, "z")
+    counts = divide(size, cell_edges(spec))[0]
+    body = _of_hexahedra(scene, spec, "block", graded_block(size, counts, shape.grading), 1.0, "z")
+    return replace(body, cell_grid=number_nodes(np.ones(counts, dtype=np.bool_))[0])
 
 
 def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:

@@ -31,9 +31,15 @@ RIGID_MODES = 6
 
 
 def node_grid(body: Body) -> Ints:
-    """Place of each node on the lattice (N, 3)."""
+    """Place of each node on the lattice (N, 3); ValueError where cells do not lie on one."""
     grid = np.empty((body.n_nodes, 3), dtype=np.int32)
-    grid[body.cell_nodes] = 2 * body.cell_grid[:, None, :] + LOCAL
+    places = 2 * body.cell_grid[:, None, :] + LOCAL
+    grid[body.cell_nodes] = places
+    if not np.array_equal(grid[body.cell_nodes], places) or len(np.unique(body.cell_grid, axis=0)) < body.n_cells:
+        raise ValueError(
+            "calibrating takes cells that lie on a lattice, which hexahedra of a file need not: calibrate a block of "
+            "about its size, or leave out `cells: own`"
+        )
     return grid
 
 

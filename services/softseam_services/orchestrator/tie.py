@@ -43,6 +43,7 @@ def seam_faces(
 def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions: Mapping[str, Functions]) -> SeamTie:
     """How the two sides' seam nodes belong together.
 
+    The seam's faces are rectangles, and each is a whole face of both its cells.
     neighbours (C, 6) as in `CellGrid`; functions: what each model interpolates with
     """
     if len(sides.names) < 2 or functions[sides.models[NEAR]] == functions[sides.models[FAR]]:
@@ -51,7 +52,9 @@ def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions
     for face, cells, others in seam_faces(body, sides, neighbours):
         faces.append(body.cell_nodes[cells][:, _sheet(_LATTICE, face)])
         along = [axis for axis in range(3) if axis != face // 2]
-        edges.append(np.tile(body.edges[along], (len(cells), 1)))
+        corners = body.x_rest[body.cell_nodes[cells][:, face_corners(face)]]
+        sides_of = np.linalg.norm(corners[:, 1:3] - corners[:, :1], axis=2)
+        edges.append(np.tile(body.edges[along], (len(cells), 1)) if body.boxes else sides_of)
         near_fill = body.fill[cells][:, _sheet(_OCTANTS, face)]
         far_fill = body.fill[others][:, _sheet(_OCTANTS, face ^ 1)]
         fill.append(0.5 * (near_fill + far_fill))

@@ -4,7 +4,7 @@ The fields are looked at as the run ends, and before, at the end of a phase, whe
 four times the energy that it had when it was looked at last: a body that is let go tells nothing of how it was held.
 The look at which it was strained most counts, so a run that ends with less than that is not looked at again. With the
 energies eta_e of the errors of cells (`mesh_error`, `model_error`) and their strain energy U, over cells that the body
-fills with one material, whose estimates hold,
+fills with one material, whose estimates hold, of PBD's only boxes,
 
     e = (sum eta_e / U)^(1/2),     a = sum c eta_e / U                                                            (1)
 
@@ -109,9 +109,12 @@ class Trust:
     def _weigh(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> Floats:
         """Eq. (1), as in `_found`."""
         strain = whole = mesh = model = answer = 0.0
+        assert self._body is not None
         for name, side in fields.items():
             cells = sides.cells[name]
             judged = self._whole[cells]
+            if sides.models[name] == "pbd" and not self._body.boxes:
+                judged = np.zeros_like(judged)
             strain += float(side.cell_energy.sum())
             whole += float(side.cell_energy[judged].sum())
             if sides.models[name] == "pbd":
@@ -134,7 +137,10 @@ class Trust:
             text = "not known: the body is hardly strained, or its fields are not numbers"
             return ErrorEstimate(time, 0.0, 0.0, 0.0, 0.0, text, False)
         if judged < _ENOUGH:
-            text = f"not known: {_percent(judged)} of the strain energy is in cells that one material fills"
+            cells = "cells that one material fills"
+            if self._body is not None and not self._body.boxes:
+                cells += ", and for pbd are boxes of one size"
+            text = f"not known: {_percent(judged)} of the strain energy is in {cells}"
             return ErrorEstimate(time, mesh, model, 0.0, judged, text, False)
         parts = [f"{what} {_percent(error)}" for what, error in (("mesh", mesh), ("model", model)) if error > 0.0]
         text = f"{' and '.join(parts) or 'nothing'} in the energy norm, "

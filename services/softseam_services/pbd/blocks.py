@@ -5,22 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import OCTANT_NODES
 
+from .forms import SIGNS, build_forms
 from .hourglass import block_constants
 from .kernels.block import Constants
+from .kernels.form import N_FORM
 from .kernels.lanes import LANES
+from .particles.kernels.coloring import MOST_COLORS, color_tiles
+
+Longs = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Blocks:
     """Blocks in batches of 4 that share no node, colour after colour (n_batches * 4 = padded blocks).
 
-    Octants of a lattice take 8 colours by the parity of their place, in a fixed order, so a sweep is deterministic; in
-    a colour the batches of one material follow those of another. The last batch of a colour and material is filled up
-    with an empty block on 8 nodes of its own, which never move.
+    Octants of a lattice take 8 colours by the parity of their place, in a fixed order, so a sweep is deterministic;
+    those of hexahedra that meet anyhow the least colour that is free, octant after octant, which in a lattice is the
+    same. In a colour the batches of one material follow those of another. The last batch of a colour and material is
+    filled up with an empty block on 8 nodes of its own, which never move.
     """
 
     nodes: Ints
@@ -30,9 +37,9 @@ class Blocks:
     octant: Ints
     """8 cell + octant of each lane, -1 for padding (n_batches, 4 lanes)"""
     colours: Ints
-    """where the batches of each colour begin, and the end (9,)"""
+    """where the batches of each colour begin, and the end (c + 1,)"""
     edges: Floats
-    """(3,) [m]"""
+    """of boxes, else the shortest of all (3,) [m]"""
     constants: Constants
     padding_x: Floats
     """rest positions of the padding's nodes (8, 3) [m]"""
@@ -47,39 +54,60 @@ class Blocks:
 def build_blocks(body: Body, region: Region, hourglass: str, only: Ints | None = None) -> Blocks:
     """Colour the filled octants of the region's cells; `only` restricts them to these ids 8 cell + octant."""
     edges = body.edges / 2.0
-    volume = (body.fill[region.cells] * edges.prod()).ravel()
-    ids = np.flatnonzero(volume > 0.0)
+    fill = body.fill[region.cells].ravel()
+    ids = np.flatnonzero(fill > 0.0)
     if only is not None:
         ids = np.intersect1d(ids, only)
-    octant = ids % 8
+    ids_nodes = region.cell_nodes[ids // 8][np.arange(len(ids))[:, None], OCTANT_NODES[ids % 8]]
     # The place of an octant in the lattice is 2 grid + (i, j, k), so its parity is (i, j, k): colour = octant.
+    colour = ids % 8 if body.boxes else _colours(ids, ids_nodes, len(region.nodes))
     material = body.octant_material[region.cells].ravel()[ids]
-    lanes: list[Ints] = []
+    lanes: list[Longs] = []
     ends, numbers = [0], []
-    for colour in range(8):
+    for each in range(int(colour.max(initial=7)) + 1):
         for number in range(len(body.materials)):
-            members = ids[(octant == colour) & (material == number)]
+            members = np.flatnonzero((colour == each) & (material == number))
             pad = -len(members) % LANES
             lanes.append(np.concatenate([members, np.full(pad, -1)]))
             numbers += [number] * (len(lanes[-1]) // LANES)
         ends.append(len(numbers))
     order = np.concatenate(lanes).reshape(-1, LANES)
     real = order >= 0
-    n_nodes = len(region.nodes)
     nodes = np.empty((*order.shape, 8), dtype=np.int32)
-    nodes[...] = n_nodes + np.arange(8)
-    nodes[real] = region.cell_nodes[order[real] // 8][np.arange(real.sum())[:, None], OCTANT_NODES[order[real] % 8]]
-    corner = np.array([(i, j, k) for k in range(2) for j in range(2) for i in range(2)], dtype=np.float64)
+    nodes[...] = len(region.nodes) + np.arange(8)
+    nodes[real] = ids_nodes[order[real]]
+    padding_x = 0.5 * (1.0 + SIGNS) * edges
+    if body.boxes:
+        volume = fill[ids] * edges.prod()
+        table = np.stack([block_constants(each, edges, hourglass) for each in body.materials])
+        constants = Constants(table, np.array(numbers, dtype=np.int32))
+    else:
+        x = np.concatenate([body.x_rest[region.nodes[ids_nodes]], padding_x[None]])
+        forms, volume = np.empty((len(x), N_FORM)), np.empty(len(x))
+        material = np.append(material, 0)
+        for number, of in enumerate(body.materials):
+            mine = material == number
+            forms[mine], volume[mine] = build_forms(x[mine], of, hourglass)
+        volume[-1] = 0.0
+        table = np.ascontiguousarray(forms[order].transpose(0, 2, 1))
+        constants = Constants(table, np.arange(len(order), dtype=np.int32))
     return Blocks(
         nodes=np.ascontiguousarray(nodes.transpose(0, 2, 1)),
         volume=np.where(real, volume[np.maximum(order, 0)], 0.0),
-        octant=order.astype(np.int32),
+        octant=np.where(real, ids[np.maximum(order, 0)], -1).astype(np.int32),
         colours=np.array(ends, dtype=np.int32),
         edges=edges,
-        constants=Constants(
-            np.stack([block_constants(each, edges, hourglass) for each in body.materials]),
-            np.array(numbers, dtype=np.int32),
-        ),
-        padding_x=corner * edges,
+        constants=constants,
+        padding_x=padding_x,
         law=body.material.number,
     )
+
+
+def _colours(ids: Longs, nodes: Ints, n_nodes: int) -> Longs:
+    """Colours (b,) of blocks 8 cell + octant on nodes (b, 8) so that none shares a node with another of its colour."""
+    order = np.lexsort((ids, ids % 8))
+    chosen, colour = np.zeros(len(ids), dtype=np.int64), np.empty(len(ids), dtype=np.int64)
+    if not color_tiles(np.ascontiguousarray(nodes[order]), len(ids), np.zeros(n_nodes, dtype=np.int64), chosen):
+        raise ValueError(f"a node belongs to more than {MOST_COLORS} blocks: remesh there")
+    colour[order] = chosen
+    return colour

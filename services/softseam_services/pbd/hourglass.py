@@ -11,6 +11,12 @@ from .kernels.block import BOUND, LAM, MU, N_CONSTANTS, PAIR, PARAMETERS, SHEAR,
 FITTED = (0.85, 0.0)
 
 
+def bending_factors(material: Material, hourglass: str) -> tuple[float, float]:
+    """d and o of `block_constants`."""
+    nu = material.young / (2.0 * material.mu) - 1.0
+    return (1.0 / (1.0 - nu**2), nu / (1.0 - nu**2)) if hourglass == "physical" else FITTED
+
+
 def block_constants(material: Material, edges: Floats, hourglass: str) -> Floats:
     """A row of `Constants.table` for blocks with these edges (3,) [m].
 
@@ -21,8 +27,7 @@ def block_constants(material: Material, edges: Floats, hourglass: str) -> Floats
     closer for bodies two and more blocks thick, wrong for bodies one block thick.
     """
     mu, young = material.mu, material.young
-    nu = young / (2.0 * mu) - 1.0
-    d, o = (1.0 / (1.0 - nu**2), nu / (1.0 - nu**2)) if hourglass == "physical" else FITTED
+    d, o = bending_factors(material, hourglass)
     a = 2.0 / edges
     k = np.zeros(N_CONSTANTS)
     k[MU], k[LAM] = mu, material.lambda_

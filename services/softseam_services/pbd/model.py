@@ -81,7 +81,9 @@ class PbdModel:
             return self.spec.substeps
         touched = bool(self.active.any() and self.n_tools > 0)
         table = TOUCHED if touched else STABLE
-        here = (self.body.materials[number] for number in np.unique(self.blocks.constants.number))
+        cells = self.region.cells
+        used = np.unique(self.body.octant_material[cells][self.body.fill[cells] > 0.0])
+        here = (self.body.materials[number] for number in used)
         limit = min(float(np.interp(0.5 * material.young / material.mu - 1.0, *table)) for material in here)
         if self.spec.sweeps > 1:
             limit *= TWO_SWEEPS

@@ -319,8 +319,11 @@ class PbdSolver:
         )
 
     def _model_error(self, x: Floats, contact_force: Floats, stress: Floats, bounded: bool) -> Floats:
+        """Zero where cells are no boxes: scenes that ask for it are refused."""
+        model = self.model
+        if not model.body.boxes:
+            return np.zeros(len(model.region.cells))
         if self._measure is None:
-            model = self.model
             self._measure = ModelError(model.body, model.region, model.spec.hourglass, model.blocks)
         return self._measure.measure(x, contact_force, stress, bounded)
 

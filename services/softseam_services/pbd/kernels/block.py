@@ -15,6 +15,8 @@ kept by the Sherman-Morrison formula:
 z = V ds sum G_b D_b C_ab R_ab / (1 + V ds sum G_b D_b C_ab^2),  dL_ab = D_b (R_ab - z C_ab)                  (4)
 dL_m = (T_m - Lambda_m)/(1 + g V k_m I),  k_m = max_c sum |K_(m,c),.|                                         (5)
 Whatever the approximations of (4) and (5), the fixed point is Lambda = (P, T): statics are exact.
+Blocks that are no boxes have eq. (1) and K of their own, see `form`; the rest is the same. Which of the two a kernel is
+compiled for follows from the constants' number of axes, and costs boxes nothing.
 
 The workspace `ws` is flat, row r of a lane at 4 r + lane, and the only array in the loops over lanes: so the compiler
 uses vector instructions. For the same reason constants come as a tuple (`hoist`), and F (row by row) and q (mode by
@@ -30,18 +32,21 @@ from numpy.typing import NDArray
 
 from softseam_services.by_reference import by_reference
 
+from .form import FORM, N_FORM, bring_forms, from_sums, hourglass_of_form, of_form, to_sums
 from .lanes import LANES, aligned, lane_kernel, move_four, transpose_four
 
 # Rows of the workspace: positions (node, component), inverse masses, Lambda (P then T), 8 max w, volume; then what only
 # read-out uses: the stress that the shape asks for (P then T), J and the energy.
 INVERSE_MASS, STRESS, SOFTNESS, VOLUME, WANTED, RATIO, ENERGY = 24, 32, 53, 54, 55, 76, 77
-ROWS = 78
+ROWS = FORM + N_FORM
 N_STRESS = 21 * LANES
 """numbers of Lambda in a batch"""
 
 # Entries of the constants array, see `hourglass.block_constants`.
 MU, LAM, B, G, PAIR, SHEAR, TWIST, BOUND, PARAMETERS = 0, 1, 2, 5, 8, 17, 23, 26, 30
 N_CONSTANTS = 33
+N_OF_BOX = 30
+"""of these before PARAMETERS"""
 
 
 @by_reference
@@ -49,9 +54,10 @@ class Constants(NamedTuple):
     """Of the blocks, for the kernels; the blocks of a batch are of one material."""
 
     table: NDArray[np.float64]
-    """of each material, see `hourglass.block_constants` (m, N_CONSTANTS)"""
+    """of each material of boxes, see `hourglass.block_constants` (m, N_CONSTANTS); of each batch of blocks of any
+    shape, see `form` (b, N_FORM, LANES)"""
     number: NDArray[np.int32]
-    """of each batch's material (b,)"""
+    """of each batch's row in the table (b,)"""
 
 
 def new_workspace() -> NDArray[np.float64]:
@@ -61,17 +67,36 @@ def new_workspace() -> NDArray[np.float64]:
 
 @lane_kernel
 def of_batch(constants, batch):
-    """The constants of a batch's material (N_CONSTANTS,)."""
+    """The constants of a batch's material (N_CONSTANTS,), or of its four blocks (N_FORM, LANES)."""
     return constants.table[constants.number[batch]]
 
 
 @lane_kernel
-def hoist(k):
-    """The constants before PARAMETERS as a tuple."""
-    return (
-        *(k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], k[8], k[9], k[10], k[11], k[12], k[13], k[14]),
-        *(k[15], k[16], k[17], k[18], k[19], k[20], k[21], k[22], k[23], k[24], k[25], k[26], k[27], k[28], k[29]),
-    )
+def hoist(ws, k):
+    """Of boxes the constants before PARAMETERS as a tuple; forms go into the workspace, and leave mu and lambda."""
+    if k.ndim == 1:
+        return (
+            *(k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], k[8], k[9], k[10], k[11], k[12], k[13], k[14]),
+            *(k[15], k[16], k[17], k[18], k[19], k[20], k[21], k[22], k[23], k[24], k[25], k[26], k[27], k[28], k[29]),
+        )
+    bring_forms(ws, k)
+    return k[MU, 0], k[LAM, 0]
+
+
+@lane_kernel
+def of_lane(ws, lane, k):
+    """The constants of one lane from what `hoist` returned."""
+    if len(k) == N_OF_BOX:
+        return k
+    return of_form(ws, lane)
+
+
+@lane_kernel
+def parameters_of(constants):
+    """The parameters of a batch's material (3,)."""
+    if constants.ndim == 1:
+        return constants[PARAMETERS:]
+    return constants[PARAMETERS : PARAMETERS + 3, 0].copy()
 
 
 @lane_kernel
@@ -139,10 +164,12 @@ def _transform(ws, lane, c, k):
     s3, d3 = u6 + u7, u7 - u6
     sa, sb, sc, sd = s0 + s1, s1 - s0, s2 + s3, s3 - s2
     da, db, dc, dd = d0 + d1, d1 - d0, d2 + d3, d3 - d2
-    return (
-        ((da + dc) * k[B], (sb + sd) * k[B + 1], (sc - sa) * k[B + 2]),
-        (sd - sb, dc - da, db + dd, dd - db),
-    )
+    if len(k) == N_OF_BOX:
+        return (
+            ((da + dc) * k[B], (sb + sd) * k[B + 1], (sc - sa) * k[B + 2]),
+            (sd - sb, dc - da, db + dd, dd - db),
+        )
+    return from_sums(ws, lane, (da + dc, sb + sd, sc - sa), (sd - sb, dc - da, db + dd, dd - db))
 
 
 @lane_kernel
@@ -157,6 +184,8 @@ def shape(ws, lane, k):
 @lane_kernel
 def hourglass(k, q):
     """t = K q (12 values), per volume."""
+    if len(k) > N_OF_BOX:
+        return hourglass_of_form(k, q)
     x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3 = q
     return (
         k[SHEAR] * x0 + k[SHEAR + 3] * y1 + k[SHEAR + 4] * z2,
@@ -232,13 +261,23 @@ def residual(ws, lane, c, wanted):
 
 
 @lane_kernel
+def _to_sums(ws, lane, k, change):
+    """What dL_P and dL_m (7 values) do along the nodes' signs (3 values) and modes (4 values)."""
+    if len(k) == N_OF_BOX:
+        return (
+            *(change[0] * k[B], change[1] * k[B + 1], change[2] * k[B + 2]),
+            *(change[3], change[4], change[5], change[6]),
+        )
+    return to_sums(ws, lane, change)
+
+
+@lane_kernel
 def spread(ws, lane, c, k, g, change):
     """Move component c of the nodes: x_i -= g_i (dL_P b_i + sum_m h_mi dL_m), with g of the nodes (8 values).
 
     change (7 values) is row c of dL_P and component c of dL_m.
     """
-    cx, cy, cz = change[0] * k[B], change[1] * k[B + 1], change[2] * k[B + 2]
-    m0, m1, m2, m3 = change[3], change[4], change[5], change[6]
+    cx, cy, cz, m0, m1, m2, m3 = _to_sums(ws, lane, k, change)
     c0, c1, c2, c3 = m0 - cy - cz, cy - cz - m0, cz - cy - m0, cy + cz + m0
     e0, e1, e2, e3 = cx - m2 - m1 + m3, cx + m2 - m1 - m3, cx - m2 + m1 - m3, cx + m2 + m1 + m3
     ws[lane + LANES * c] -= g[0] * (c0 - e0)

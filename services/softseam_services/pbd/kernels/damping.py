@@ -28,6 +28,7 @@ from .block import (
     hoist,
     load_stress,
     of_batch,
+    of_lane,
     read_row,
     shape,
     store_stress,
@@ -50,8 +51,9 @@ def damping_share(time, h):
 @batch_kernel
 def _write_frames(ws, constants):
     """F of four blocks into the first nine rows of STRESS."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, _ = shape(ws, lane, k)
         row = lane + LANES * STRESS
         ws[row], ws[row + LANES], ws[row + 2 * LANES] = f[0], f[1], f[2]
@@ -109,8 +111,9 @@ def _mixed(r, a, u, v, w):
 @batch_kernel
 def _turn_lanes(ws, constants):
     """Rows STRESS of four blocks, turned from the F in the first rows of WANTED to that of their nodes now."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         row = lane + LANES * WANTED
         f = (
             *(ws[row], ws[row + LANES], ws[row + 2 * LANES], ws[row + 3 * LANES], ws[row + 4 * LANES]),

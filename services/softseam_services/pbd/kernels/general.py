@@ -16,7 +16,6 @@ from softseam_services.body.materials import point
 from .block import (
     BOUND,
     ENERGY,
-    PARAMETERS,
     RATIO,
     SOFTNESS,
     VOLUME,
@@ -27,6 +26,8 @@ from .block import (
     hoist,
     hourglass,
     node_softness,
+    of_lane,
+    parameters_of,
     residual,
     shape,
     write_row,
@@ -81,11 +82,12 @@ def solve_nine(A, root, volume, r, M, y):
 @batch_kernel
 def project_lanes_general(ws, constants, law, kappa, hh):
     """Solve four blocks once: Lambda += dLambda of eq. (2) and of `block`'s eq. (5), and their nodes move."""
-    k = hoist(constants)
-    parameters = constants[PARAMETERS:]
+    hoisted = hoist(ws, constants)
+    parameters = parameters_of(constants)
     F, P, A, M = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 9)), np.empty((9, 9))
     root, r, y = np.empty(3), np.empty(9), np.empty(9)
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
         f, q = shape(ws, lane, k)
         _fill(f, F)
@@ -115,13 +117,15 @@ def project_lanes_general(ws, constants, law, kappa, hh):
 @batch_kernel
 def stress_lanes_general(ws, constants, law):
     """Rows WANTED of four blocks: P and T that their shapes ask for, eq. (1)."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
+    parameters = parameters_of(constants)
     F, P = np.empty((3, 3)), np.empty((3, 3))
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         V = ws[lane + LANES * VOLUME]
         f, q = shape(ws, lane, k)
         _fill(f, F)
-        point.stress(law, constants[PARAMETERS:], F, P)
+        point.stress(law, parameters, F, P)
         p = _nine(P)
         t = hourglass(k, turned_back(f, q))
         write_row(ws, lane, WANTED, 0, stress_row(0, f, p, q, t, 0.0, 1.0, V))
@@ -132,12 +136,14 @@ def stress_lanes_general(ws, constants, law):
 @batch_kernel
 def energy_lanes_general(ws, constants, law):
     """Rows RATIO, ENERGY of four blocks: J and U, eq. (1)."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
+    parameters = parameters_of(constants)
     F = np.empty((3, 3))
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, q = shape(ws, lane, k)
         _fill(f, F)
-        energy = point.energy(law, constants[PARAMETERS:], F) + bending_energy(k, turned_back(f, q))
+        energy = point.energy(law, parameters, F) + bending_energy(k, turned_back(f, q))
         ws[lane + LANES * RATIO] = cofactors(f)[1]
         ws[lane + LANES * ENERGY] = ws[lane + LANES * VOLUME] * energy
 
@@ -145,12 +151,14 @@ def energy_lanes_general(ws, constants, law):
 @batch_kernel
 def cauchy_lanes_general(ws, constants, law):
     """The first six rows of WANTED: the Cauchy stress at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
+    parameters = parameters_of(constants)
     F, sigma = np.empty((3, 3)), np.empty((3, 3))
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, _ = shape(ws, lane, k)
         _fill(f, F)
-        point.cauchy(law, constants[PARAMETERS:], F, sigma)
+        point.cauchy(law, parameters, F, sigma)
         ws[lane + LANES * WANTED] = sigma[0, 0]
         ws[lane + LANES * (WANTED + 1)] = sigma[1, 1]
         ws[lane + LANES * (WANTED + 2)] = sigma[2, 2]

@@ -21,7 +21,19 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .block import VOLUME, WANTED, gather, hoist, node_softness, of_batch, read_row, scatter, spread, store_stress
+from .block import (
+    VOLUME,
+    WANTED,
+    gather,
+    hoist,
+    node_softness,
+    of_batch,
+    of_lane,
+    read_row,
+    scatter,
+    spread,
+    store_stress,
+)
 from .crew import done, first_share, next_share, wait_for
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
@@ -50,12 +62,13 @@ def kick(ws, place, speed, blocks, h, first, end):
     """
     for batch in range(first, end):
         own = of_batch(blocks.constants, batch)
-        k = hoist(own)
         gather(ws, place, blocks.nodes, batch)
         move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
         write_stress(ws, own, blocks.law)
         gather(ws, speed, blocks.nodes, batch)
+        hoisted = hoist(ws, own)
         for lane in range(LANES):
+            k = of_lane(ws, lane, hoisted)
             _push_lane(ws, lane, k, node_softness(ws, lane, h))
         scatter(ws, speed, blocks.nodes, batch)
 

@@ -17,6 +17,7 @@ from .block import (
     hoist,
     hourglass,
     node_softness,
+    of_lane,
     residual,
     shape,
     write_row,
@@ -58,8 +59,9 @@ def project_lanes_linear(ws, constants, kappa, hh):
 
     P is linear, so dL_P solves (1 + V C G) dL_P = R exactly: 2 x 2 for shear, rank one for the trace.
     """
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
         f, q = shape(ws, lane, k)
         w0, w1, w2 = _rows(k, f, q, V)
@@ -87,8 +89,9 @@ def project_lanes_linear(ws, constants, kappa, hh):
 @batch_kernel
 def stress_lanes_linear(ws, constants):
     """Rows WANTED of four blocks: P and T that their shapes ask for."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, q = shape(ws, lane, k)
         w0, w1, w2 = _rows(k, f, q, ws[lane + LANES * VOLUME])
         write_row(ws, lane, WANTED, 0, w0)
@@ -99,8 +102,9 @@ def stress_lanes_linear(ws, constants):
 @batch_kernel
 def energy_lanes_linear(ws, constants):
     """Rows RATIO, ENERGY of four blocks: J and U = V (mu e:e + lambda/2 tr(e)^2 + 1/2 q^T K q)."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, q = shape(ws, lane, k)
         _, J = cofactors(f)
         xx, yy, zz = f[0] - 1.0, f[4] - 1.0, f[8] - 1.0
@@ -115,8 +119,9 @@ def energy_lanes_linear(ws, constants):
 @batch_kernel
 def cauchy_lanes_linear(ws, constants):
     """The first six rows of WANTED: the stress at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
-    k = hoist(constants)
+    hoisted = hoist(ws, constants)
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, _ = shape(ws, lane, k)
         xx, yy, zz, yz, xz, xy = _stress(k, f)
         ws[lane + LANES * WANTED] = xx

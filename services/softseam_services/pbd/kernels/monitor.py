@@ -7,7 +7,7 @@ from numba import njit
 
 from softseam_services.body.materials.point import LINEAR
 
-from .block import MU, STRESS, VOLUME, WANTED, gather, hoist, load_stress, of_batch, shape
+from .block import MU, STRESS, VOLUME, WANTED, gather, hoist, load_stress, of_batch, of_lane, shape
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
 
@@ -33,8 +33,8 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
     """
     for batch in range(first, end):
         own = of_batch(constants, batch)
-        k = hoist(own)
-        least = 2.0 * LEAST_STRAIN * own[MU]
+        hoisted = hoist(ws, own)
+        least = 2.0 * LEAST_STRAIN * hoisted[MU]
         gather(ws, xw, nodes, batch)
         load_stress(ws, stress, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
@@ -48,7 +48,7 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
                 lag += (wanted - ws[LANES * (STRESS + row) + lane]) ** 2
                 size += wanted * wanted
             size += (least * volume[batch, lane]) ** 2
-            f = shape(ws, lane, k)[0]
+            f = shape(ws, lane, of_lane(ws, lane, hoisted))[0]
             if law == LINEAR:
                 stretch = max(stretch, _largest_strain(f))
                 continue

@@ -21,6 +21,7 @@ from .block import (
     hoist,
     hourglass,
     node_softness,
+    of_lane,
     residual,
     shape,
     write_row,
@@ -105,9 +106,10 @@ def _change(a, c, r, z, d, n):
 @batch_kernel
 def project_lanes(ws, constants, kappa, hh):
     """Solve four blocks once: Lambda += dLambda of eq. (4) and (5), and their nodes move."""
-    k = hoist(constants)
-    mu, lam = k[MU], k[LAM]
+    hoisted = hoist(ws, constants)
+    mu, lam = hoisted[MU], hoisted[LAM]
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
         f, q = shape(ws, lane, k)
         c, J = cofactors(f)
@@ -154,9 +156,10 @@ def project_lanes(ws, constants, kappa, hh):
 @batch_kernel
 def stress_lanes(ws, constants):
     """Rows WANTED of four blocks: P and T that their shapes ask for, eq. (3)."""
-    k = hoist(constants)
-    mu, lam = k[MU], k[LAM]
+    hoisted = hoist(ws, constants)
+    mu, lam = hoisted[MU], hoisted[LAM]
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         V = ws[lane + LANES * VOLUME]
         f, q = shape(ws, lane, k)
         c, J = cofactors(f)
@@ -170,9 +173,10 @@ def stress_lanes(ws, constants):
 @batch_kernel
 def energy_lanes(ws, constants):
     """Rows RATIO, ENERGY of four blocks: J and U, eq. (2)."""
-    k = hoist(constants)
-    mu, lam = k[MU], k[LAM]
+    hoisted = hoist(ws, constants)
+    mu, lam = hoisted[MU], hoisted[LAM]
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, q = shape(ws, lane, k)
         _, J = cofactors(f)
         energy, _, _ = volumetric(J, mu, lam)
@@ -186,9 +190,10 @@ def energy_lanes(ws, constants):
 @batch_kernel
 def cauchy_lanes(ws, constants):
     """The first six rows of WANTED: sigma = mu/J F F^T + s I at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
-    k = hoist(constants)
-    mu, lam = k[MU], k[LAM]
+    hoisted = hoist(ws, constants)
+    mu, lam = hoisted[MU], hoisted[LAM]
     for lane in range(LANES):
+        k = of_lane(ws, lane, hoisted)
         f, _ = shape(ws, lane, k)
         _, J = cofactors(f)
         _, s, _ = volumetric(J, mu, lam)

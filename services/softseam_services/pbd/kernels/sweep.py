@@ -19,6 +19,7 @@ from .block import (
     load_stress,
     new_workspace,
     of_batch,
+    of_lane,
     read_row,
     scatter,
     spread,
@@ -80,12 +81,13 @@ def block_forces(ws, nodes, stress, constants, force, first, end):
 
     The fourth column is not used.
     """
-    k = hoist(constants.table[0])  # edges alone count here, which all blocks have alike
     one = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     for batch in range(first, end):
         gather(ws, force, nodes, batch)
         load_stress(ws, stress, batch)
+        hoisted = hoist(ws, of_batch(constants, batch))
         for lane in range(LANES):
+            k = of_lane(ws, lane, hoisted)
             spread(ws, lane, 0, k, one, read_row(ws, lane, STRESS, 0))
             spread(ws, lane, 1, k, one, read_row(ws, lane, STRESS, 1))
             spread(ws, lane, 2, k, one, read_row(ws, lane, STRESS, 2))
