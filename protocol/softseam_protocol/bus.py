@@ -9,104 +9,40 @@ and servers answer a repeated request with the same bytes.
 
 from __future__ import annotations
 
-import atexit
-import json
+import logging
 import os
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from types import TracebackType
-from typing import Any, Self
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import zenoh
 
 from softseam_protocol.bus_client import Asker, Pending, understood
 from softseam_protocol.bus_server import Handler, Server
+from softseam_protocol.bus_session import LEASE, BusSession, as_endpoints, direct, first_sentence
 from softseam_protocol.codec import encode
-from softseam_protocol.errors import BusError, ForkedBus, NoRouter, PortBusy
+from softseam_protocol.declared import Declared
+from softseam_protocol.errors import BusError, NoRouter, PortBusy
 from softseam_protocol.inbox import Inbox, LiveChange, Received
 from softseam_protocol.live_tokens import LiveTokens
-from softseam_protocol.topics import DEFAULT_ENDPOINT
+from softseam_protocol.peer_links import PeerLinks
+from softseam_protocol.topics import DEFAULT_ENDPOINT, EVERY_NODE, node
 from softseam_protocol.watched_asker import WatchedAsker
-
-LEASE = 1.0
-"""time after which a frozen or unreachable process counts as gone [s]"""
 
 _INTRODUCTION = 1.0
 """time in which a publisher learns of those who have subscribed before [s]"""
 
 _PROTOBUF = zenoh.Encoding.APPLICATION_PROTOBUF
 
+_log = logging.getLogger(__name__)
 
-def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Mapping[str, Any]) -> zenoh.Config:
-    config = zenoh.Config()
-    settings = {
-        "mode": mode,
-        "scouting/multicast/enabled": False,
-        # always explicit: the router's default is not loopback
-        "listen/endpoints": list(listen),
-        "connect/endpoints": list(connect),
-        "transport/link/tx/lease": int(LEASE * 1000),
-        **extra,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
+_OF_PEERS = frozenset(("mode", "listen/endpoints", "connect/exit_on_failure"))
+"""settings that clients do not have"""
 
 
-def _endpoints(endpoints: str | Iterable[str]) -> tuple[str, ...]:
-    return (endpoints,) if isinstance(endpoints, str) else tuple(endpoints)
-
-
-def _direct(callback: Callable[[Any], None], drop: Callable[[], None] | None = None) -> Any:
-    """A callback run on zenoh's own thread: it must only enqueue.
-
-    zenoh would otherwise add a Python thread, which costs a hop and hangs an interpreter that exits without `close`.
-    """
-    return zenoh.handlers.Callback(callback, drop, indirect=False)
-
-
-class _Closing:
-    """A zenoh session that is closed once, before the interpreter ends."""
-
-    def __init__(self, config: zenoh.Config) -> None:
-        self._pid = os.getpid()
-        self._zenoh: Any = zenoh.open(config)
-        self._reference = weakref.ref(self)
-        # a session left open while a Python callback exists hangs the interpreter at exit
-        atexit.register(_close, self._reference)
-
-    @property
-    def _session(self) -> Any:
-        if os.getpid() != self._pid:
-            raise ForkedBus(
-                "this bus was opened before a fork, and what it sends here is lost: open one in this process"
-            )
-        if self._zenoh is None:
-            raise BusError("the bus is closed")
-        return self._zenoh
-
-    def close(self) -> None:
-        """Leave the bus; a second call does nothing."""
-        session, self._zenoh = self._zenoh, None
-        if session is not None and os.getpid() == self._pid:
-            session.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        self.close()
-
-
-def _close(reference: weakref.ref[_Closing]) -> None:
-    bus = reference()
-    if bus is not None:
-        bus.close()
-
-
-class Router(_Closing):
+class Router(BusSession):
     """The router that every other process connects to."""
 
     def __init__(
@@ -116,9 +52,9 @@ class Router(_Closing):
         extra: Mapping[str, Any] | None = None,
     ) -> None:
         """Listen at endpoints; `connect` names other hosts' routers, `extra` zenoh settings such as TLS."""
-        self.endpoints = _endpoints(listen)
+        self.endpoints = as_endpoints(listen)
         try:
-            super().__init__(_config("router", self.endpoints, _endpoints(connect), extra or {}))
+            super().__init__("router", self.endpoints, as_endpoints(connect), extra or {})
         except zenoh.ZError as error:
             where = ", ".join(self.endpoints)
             if "in use" in str(error):
@@ -126,10 +62,10 @@ class Router(_Closing):
                     f"cannot listen at {where}: the port is in use. Is a router running there already? "
                     "Connect to it, stop it, or listen at another port"
                 ) from None
-            raise BusError(f"cannot listen at {where}: {_first_sentence(error)}") from None
+            raise BusError(f"cannot listen at {where}: {first_sentence(error)}") from None
 
 
-class Bus(_Closing):
+class Bus(BusSession):
     """A client's session on the bus."""
 
     def __init__(
@@ -138,13 +74,16 @@ class Bus(_Closing):
         connect_timeout: float = 5.0,
         extra: Mapping[str, Any] | None = None,
     ) -> None:
-        """Connect to a router, trying for `connect_timeout` [s]. Raises NoRouter."""
-        self.endpoints = _endpoints(endpoints)
+        """Connect to a router, trying for `connect_timeout` [s]. Raises NoRouter.
+
+        extra  further zenoh settings; in its mode "peer" others reach this one without the router
+        """
+        self.endpoints = as_endpoints(endpoints)
         self._publishers: dict[tuple[str, bool], tuple[Any, float]] = {}
         self._publishing = threading.Lock()
         self._open: list[Server | Inbox[Any]] = []
         self._askers: weakref.WeakSet[Asker] = weakref.WeakSet()
-        self._tokens: list[Any] = []
+        self._tokens: list[Declared] = []
         self._watched: dict[str, LiveTokens] = {}
         self._watching = threading.Lock()
         retry = {
@@ -152,7 +91,7 @@ class Bus(_Closing):
             "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
         }
         try:
-            super().__init__(_config("client", (), self.endpoints, {**retry, **(extra or {})}))
+            super().__init__("client", (), self.endpoints, {**retry, **(extra or {})})
         except zenoh.ZError as error:
             where = ", ".join(self.endpoints)
             if "Unable to connect" in str(error):
@@ -160,22 +99,29 @@ class Bus(_Closing):
                     f"no router answers at {where} within {connect_timeout:g} s: start one with `softseam up` or "
                     "`softseam serve router`, or name another endpoint"
                 ) from None
-            raise BusError(f"cannot connect to {where}: {_first_sentence(error)}") from None
+            raise BusError(f"cannot connect to {where}: {first_sentence(error)}") from None
+        self._aside = {key: value for key, value in (extra or {}).items() if key not in _OF_PEERS}
+        self._links = PeerLinks(self._mend, LEASE)
+        if extra and extra.get("mode") == "peer":
+            self._show_to_peers()
 
     # ---- requests ------------------------------------------------------------------------------------------
 
     def start(self, key: str, payload: bytes, timeout: float, handler: Any = None) -> Pending:
         """Send a request without waiting; `collect` gets the reply, unless zenoh gives it to a `handler`."""
-        replies = self._session.get(
-            key,
-            handler,
-            payload=payload,
-            encoding=_PROTOBUF,
-            timeout=timeout,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
-        return Pending(key, timeout, replies)
+
+        def get(session: Any) -> Any:
+            return session.get(
+                key,
+                handler,
+                payload=payload,
+                encoding=_PROTOBUF,
+                timeout=timeout,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
+
+        return Pending(key, timeout, self._on_session(get))
 
     def request(self, key: str, payload: bytes, timeout: float) -> bytes:
         """Send a request and wait at most `timeout` [s] for its reply; errors as `Pending.collect`."""
@@ -183,13 +129,25 @@ class Bus(_Closing):
 
     def asker(self, key: str, timeout: float) -> Asker:
         """For requests to a key that is asked often; they wait at most `timeout` [s]."""
-        querier = self._session.declare_querier(
-            key,
-            timeout=timeout,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            congestion_control=zenoh.CongestionControl.BLOCK,
+        querier = self._declare(
+            lambda session: session.declare_querier(
+                key,
+                timeout=timeout,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
         )
-        asker = Asker(key, timeout, querier, self.start)
+
+        def ask(payload: bytes, handler: Any) -> Pending:
+            if os.getpid() == self._pid:
+                announced = querier.current
+                try:
+                    return Pending(key, timeout, announced.get(handler, payload=payload), announced)
+                except zenoh.ZError:
+                    pass  # the bus is closed, or is being joined anew
+            return self.start(key, payload, timeout, handler)
+
+        asker = Asker(key, querier, ask)
         self._askers.add(asker)
         return asker
 
@@ -198,7 +156,7 @@ class Bus(_Closing):
         asker = self.asker(key, timeout)
 
         def send(payload: bytes, reply: Callable[[Any], None], ended: Callable[[], None]) -> None:
-            asker.start(payload, _direct(reply, ended))
+            asker.start(payload, direct(reply, ended))
 
         return WatchedAsker(key, timeout, self._tokens_of(live), send)
 
@@ -211,18 +169,24 @@ class Bus(_Closing):
 
     def serve(self, handlers: Mapping[str, Handler], name: str = "server") -> Server:
         """Answer requests to keys; call `start` or `run` on the result. Handlers run one at a time."""
-        session = self._session
         server = Server(name)
         for key, handler in handlers.items():
-            server.own(session.declare_queryable(key, _direct(server.entrance(handler))))
+            server.own(self._declare_queryable(key, server.entrance(handler)))
         self._open.append(server)
         return server
+
+    def _declare_queryable(self, key: str, entrance: Callable[[Any], None]) -> Declared:
+        return self._declare(lambda session: session.declare_queryable(key, direct(entrance)))
 
     # ---- publishing ----------------------------------------------------------------------------------------
 
     def publish(self, key: str, payload: bytes, droppable: bool = False) -> None:
         """Publish; `droppable` gives way under congestion instead of waiting."""
-        self._publisher(key, droppable)[0].put(payload)
+        try:
+            self._publisher(key, droppable)[0].put(payload)
+        except zenoh.ZError:  # it belongs to a session that is closed
+            self._forget_publishers(lambda known: known == key)
+            self._on_session(lambda _: self._publisher(key, droppable)[0].put(payload))
 
     def listened(self, key: str) -> bool:
         """Whether anybody subscribes to what is published, droppable, under `key`; not sure at first, so it is True."""
@@ -242,8 +206,11 @@ class Bus(_Closing):
 
     def forget(self, prefix: str) -> None:
         """Undeclare the publishers of keys that begin with `prefix`: a session has ended."""
+        self._forget_publishers(lambda known: known.startswith(prefix))
+
+    def _forget_publishers(self, chosen: Callable[[str], bool]) -> None:
         with self._publishing:
-            for key in [k for k in self._publishers if k[0].startswith(prefix)]:
+            for key in [k for k in self._publishers if chosen(k[0])]:
                 self._publishers.pop(key)[0].undeclare()
 
     def subscribe(self, key: str, latest: bool = False, limit_bytes: int = 256 * 2**20) -> Inbox[Received]:
@@ -254,7 +221,7 @@ class Bus(_Closing):
             payload = sample.payload.to_bytes()
             inbox.put(Received(str(sample.key_expr), payload), len(payload))
 
-        inbox.own(self._session.declare_subscriber(key, _direct(receive)))
+        inbox.own(self._declare(lambda session: session.declare_subscriber(key, direct(receive))))
         self._open.append(inbox)
         return inbox
 
@@ -262,11 +229,11 @@ class Bus(_Closing):
 
     def declare_live(self, key: str) -> None:
         """Show that this process lives, until the bus is closed."""
-        self._tokens.append(self._session.liveliness().declare_token(key))
+        self._tokens.append(self._declare(lambda session: session.liveliness().declare_token(key)))
 
     def live(self, key: str, timeout: float = 2.0) -> set[str]:
         """Keys of the tokens that exist now."""
-        replies = self._session.liveliness().get(key, timeout=timeout)
+        replies = self._on_session(lambda session: session.liveliness().get(key, timeout=timeout))
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         # zenoh's answer may lack tokens that a watch of the same session is being told at the time
         asked = zenoh.KeyExpr(key)
@@ -289,22 +256,54 @@ class Bus(_Closing):
         def receive(sample: zenoh.Sample) -> None:
             tokens.heard(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        self._tokens.append(self._session.liveliness().declare_subscriber(key, _direct(receive), history=True))
+        def watch(session: Any) -> Any:
+            tokens.forget()
+            return session.liveliness().declare_subscriber(key, direct(receive), history=True)
+
+        self._tokens.append(self._declare(watch))
         self._watched[key] = tokens
         return tokens
 
+    # ---- links with peers ----------------------------------------------------------------------------------
+
+    def _show_to_peers(self) -> None:
+        """Show this session's name to all, and look after its links."""
+
+        def heard(event: Any) -> None:
+            if event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.PEER:
+                self._links.broke(str(event.transport.zid))
+
+        def token(session: Any) -> Any:
+            return session.liveliness().declare_token(node(str(session.info.zid())))
+
+        self._tokens.append(self._declare(token))
+        self._tokens.append(
+            self._declare(lambda session: session.info.declare_transport_events_listener(direct(heard)))
+        )
+
+    def _mend(self, lost: frozenset[str]) -> bool:
+        """Join anew if peers whose links broke live but are not heard; False if that cannot be known yet."""
+        tokens = {node(peer) for peer in lost}
+        try:
+            with Bus(self.endpoints, LEASE, self._aside) as client:
+                silent = tokens & client.live(EVERY_NODE)
+            if self._zenoh is not None:
+                silent -= self.live(EVERY_NODE)
+        except BusError:
+            return False  # the router is gone
+        if not silent:
+            return True
+        _log.warning("the link to a process that lives is lost: joining the bus anew")
+        return self._rejoin()
+
     def close(self) -> None:
         """Stop the servers and leave the bus; a second call does nothing."""
+        self._links.close()
         opened, self._open = self._open, []
         if os.getpid() == self._pid:
             for one in [*opened, *self._askers, *self._watched.values()]:
                 one.close()
         super().close()
-
-
-def _first_sentence(error: Exception) -> str:
-    """zenoh's errors without the places in its source."""
-    return str(error).split(" at /")[0].strip()
 
 
 __all__ = [

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any
 
 from softseam_protocol.codec import decode, encode
+from softseam_protocol.declared import Declared
 from softseam_protocol.errors import BusTimeout, DecodeError, NoReply, ProtocolError, Refused
 from softseam_protocol.messages import Failure
 
@@ -30,17 +30,12 @@ class Pending:
 class Asker:
     """Asks one key again and again: it is announced beforehand, which spares a third of a round trip."""
 
-    def __init__(self, key: str, timeout: float, querier: Any, start: Callable[..., Pending]) -> None:
-        self._key, self._timeout, self._start = key, timeout, start
-        self._querier: Any = querier
-        self._pid = os.getpid()
+    def __init__(self, key: str, querier: Declared, ask: Callable[[bytes, Any], Pending]) -> None:
+        self._key, self._querier, self._ask = key, querier, ask
 
     def start(self, payload: bytes, handler: Any = None) -> Pending:
         """Send a request without waiting; `collect` gets the reply, unless zenoh gives it to a `handler`."""
-        if self._querier is None or os.getpid() != self._pid:
-            # where the bus is closed or inherited through a fork this raises
-            return self._start(self._key, payload, self._timeout, handler)
-        return Pending(self._key, self._timeout, self._querier.get(handler, payload=payload), self._querier)
+        return self._ask(payload, handler)
 
     def call(self, message: Any, allowed: Any) -> Any:
         """Send a message and decode its reply; errors as `Bus.call`."""
@@ -48,9 +43,7 @@ class Asker:
 
     def close(self) -> None:
         """Announce the key no longer; a second call does nothing."""
-        querier, self._querier = self._querier, None
-        if querier is not None:
-            querier.undeclare()
+        self._querier.undeclare()
 
 
 def unwrapped(key: str, timeout: float, reply: Any) -> bytes:

@@ -35,6 +35,11 @@ class LiveTokens:
             for inbox in self._inboxes:
                 inbox.put(LiveChange(key, alive), 0)
 
+    def forget(self) -> None:
+        """Nothing is known any more: what exists will be told anew."""
+        for key in self.known():
+            self.heard(key, False)
+
     def known(self) -> frozenset[str]:
         """Tokens that came and did not go."""
         with self._lock:

@@ -7,6 +7,7 @@
     softseam/<deployment>/progress/<role>/<service>         put     Progress, a few a second
     softseam/<deployment>/session/<session>/<topic>         put     SessionTopic below
     softseam/<deployment>/@live/<role>/<service>/<instance> token   exists while the process does
+    softseam/@node/<name>                                   token   exists while others may reach a process directly
 
 A `service` is the name of a process (`fem`, `pbd`, `fem2`); the participant that it plays (`near`, `far`) stands in the
 header of each request.
@@ -50,6 +51,7 @@ from softseam_protocol.messages import (
 )
 
 ROOT = "softseam"
+EVERY_NODE = f"{ROOT}/@node/*"
 DEFAULT_DEPLOYMENT = "local"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
@@ -59,6 +61,11 @@ RecorderRequest = Begin | End | Commit
 RecorderReply = Recorded | Failure
 ParticipantReply = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored | Released | Failure
 ParticipantRequest = Request
+
+
+def node(name: str) -> str:
+    """Token of a process that others reach directly, whatever its deployment."""
+    return f"{ROOT}/@node/{name}"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,140 @@
+"""A session of zenoh: opened, closed once, and followed by another where its links must be made anew."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import threading
+import weakref
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from softseam_protocol.declared import Declared
+from softseam_protocol.errors import BusError, ForkedBus
+
+LEASE = 1.0
+"""time after which a frozen or unreachable process counts as gone [s]"""
+
+
+def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Mapping[str, Any]) -> zenoh.Config:
+    config = zenoh.Config()
+    settings = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        # always explicit: the router's default is not loopback
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        "transport/link/tx/lease": int(LEASE * 1000),
+        **extra,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class BusSession:
+    """A zenoh session that is closed once, before the interpreter ends, and may give way to another before."""
+
+    def __init__(self, mode: str, listen: Sequence[str], connect: Sequence[str], extra: Mapping[str, Any]) -> None:
+        """Listen and connect at endpoints; `extra` zenoh settings. Raises zenoh.ZError."""
+        self._pid = os.getpid()
+        self._settings = mode, listen, connect, extra
+        self._zenoh: Any = zenoh.open(_config(*self._settings))
+        self._closed = False
+        self._declared: weakref.WeakSet[Declared] = weakref.WeakSet()
+        self._joining = threading.RLock()
+        """held while one session takes the place of another"""
+        self._reference = weakref.ref(self)
+        # a session left open while a Python callback exists hangs the interpreter at exit
+        atexit.register(_close, self._reference)
+
+    @property
+    def _session(self) -> Any:
+        if os.getpid() != self._pid:
+            raise ForkedBus(
+                "this bus was opened before a fork, and what it sends here is lost: open one in this process"
+            )
+        with self._joining:
+            if self._zenoh is None:
+                raise BusError("the bus is closed" if self._closed else "the router is gone: start it again")
+            return self._zenoh
+
+    def _on_session(self, act: Callable[[Any], Any]) -> Any:
+        """`act` on the session, on the next one where this one is closed meanwhile. Raises BusError."""
+        try:
+            return act(self._session)
+        except zenoh.ZError:
+            try:
+                return act(self._session)  # waits while the bus is joined anew
+            except zenoh.ZError as error:
+                raise BusError(first_sentence(error)) from None
+
+    def _declare(self, make: Callable[[Any], Any]) -> Declared:
+        """Declare something on this session and on those that follow it."""
+        with self._joining:
+            declared = Declared(make, self._session)
+            self._declared.add(declared)
+        return declared
+
+    def _rejoin(self) -> bool:
+        """Leave and join with everything that was declared; False where no router answers."""
+        with self._joining:
+            if self._closed:
+                return True
+            session, self._zenoh = self._zenoh, None
+            if session is not None:
+                session.close()
+            config = _config(*self._settings)
+            config.insert_json5("connect/timeout_ms", str(int(LEASE * 1000)))
+            try:
+                joined = zenoh.open(config)
+            except zenoh.ZError:
+                return False
+            for declared in list(self._declared):
+                declared.renew(joined)
+            self._zenoh = joined
+        return True
+
+    def close(self) -> None:
+        """Leave the bus; a second call does nothing."""
+        if os.getpid() != self._pid:
+            self._zenoh = None
+            return
+        with self._joining:
+            self._closed = True
+            session, self._zenoh = self._zenoh, None
+            if session is not None:
+                session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self.close()
+
+
+def _close(reference: weakref.ref[BusSession]) -> None:
+    bus = reference()
+    if bus is not None:
+        bus.close()
+
+
+def as_endpoints(endpoints: str | Iterable[str]) -> tuple[str, ...]:
+    return (endpoints,) if isinstance(endpoints, str) else tuple(endpoints)
+
+
+def direct(callback: Callable[[Any], None], drop: Callable[[], None] | None = None) -> Any:
+    """A callback run on zenoh's own thread: it must only enqueue.
+
+    zenoh would otherwise add a Python thread, which costs a hop and hangs an interpreter that exits without `close`.
+    """
+    return zenoh.handlers.Callback(callback, drop, indirect=False)
+
+
+def first_sentence(error: Exception) -> str:
+    """zenoh's errors without the places in its source."""
+    return str(error).split(" at /")[0].strip()

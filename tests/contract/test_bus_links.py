@@ -1,0 +1,113 @@
+"""Links between processes that reach each other directly: one that breaks while both live is made again."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from softseam_protocol.bus import Bus, Router
+from softseam_protocol.bus_session import LEASE
+from softseam_protocol.inbox import Inbox, LiveChange, Received
+from softseam_protocol.topics import EVERY_NODE, Keys
+from softseam_services.bus_options import BusOptions
+
+KEYS = Keys("links")
+PATIENCE = 10 * LEASE
+ECHO, SAID = KEYS.echo("fem"), "softseam/links/said"
+
+
+@pytest.fixture
+def options() -> Iterator[BusOptions]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    with Router(endpoint):
+        yield BusOptions(connect=endpoint)
+
+
+def until(true: Callable[[], object], within: float = PATIENCE) -> None:
+    deadline = time.monotonic() + within
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def names(bus: Bus) -> set[str]:
+    return {key.rsplit("/")[-1] for key in bus.live(EVERY_NODE)}
+
+
+def break_link(router: str) -> int:
+    """Cut the connections inside this process but those with the router; how many ends there were."""
+    cut = 0
+    for fd in Path("/proc/self/fd").iterdir():
+        try:
+            found = socket.socket(fileno=os.dup(int(fd.name)))
+        except OSError:
+            continue  # not a socket
+        with found:
+            try:
+                ports = {found.getsockname()[1], found.getpeername()[1]}
+            except (OSError, IndexError):
+                continue  # it listens, or is no connection
+            if found.family == socket.AF_INET and int(router.rsplit(":")[-1]) not in ports:
+                found.shutdown(socket.SHUT_RDWR)
+                cut += 1
+    return cut
+
+
+def change(inbox: Inbox[LiveChange]) -> tuple[str, bool]:
+    found = inbox.get(PATIENCE)
+    assert found is not None
+    return found.key, found.alive
+
+
+def test_a_link_that_breaks_while_both_live_is_made_again(options: BusOptions) -> None:
+    """With everything that was declared on either side: servers, subscribers, publishers, askers, tokens, watches."""
+    token = KEYS.live("participant", "fem", "i1")
+    with options.open() as fem, options.open() as orchestrator:
+        fem.serve({ECHO: lambda payload: payload}, "echo").start()
+        fem.declare_live(token)
+        heard: Inbox[Received] = fem.subscribe(SAID)
+        watch = orchestrator.watch_live(KEYS.every_live("participant"))
+        asker = orchestrator.asker(ECHO, 2.0)
+        assert change(watch) == (token, True)
+        assert asker.start(b"before").collect() == b"before"
+        orchestrator.publish(SAID, b"before")
+        got = heard.get(PATIENCE)
+        assert got is not None and got.payload == b"before"
+
+        assert break_link(options.connect) >= 1
+        assert change(watch) == (token, False)
+        assert change(watch) == (token, True)
+        until(lambda: orchestrator.live(KEYS.every_live("participant")) == {token})
+        assert asker.start(b"after").collect() == b"after"
+        assert orchestrator.request(ECHO, b"plain", 2.0) == b"plain"
+        orchestrator.publish(SAID, b"after")
+        got = heard.get(PATIENCE)
+        assert got is not None and got.payload == b"after"
+        heard.close()
+        orchestrator.publish(SAID, b"nobody listens")
+        assert len(heard) == 0
+
+
+def test_who_leaves_for_good_is_let_go(options: BusOptions) -> None:
+    """Nobody joins anew for it."""
+    with options.open() as bus:
+        with options.open() as other:
+            until(lambda: len(names(bus) & names(other)) == 2)
+            stays = names(bus)
+        until(lambda: len(names(bus)) == 1)
+        mine = names(bus)
+        assert mine < stays
+        time.sleep(3 * LEASE)  # time in which it would
+        assert names(bus) == mine
+
+
+def test_clients_of_the_router_show_no_name(options: BusOptions) -> None:
+    with Bus(options.connect) as client, options.open():
+        until(lambda: len(names(client)) == 1)
