@@ -57,7 +57,11 @@ def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         yield "worst gap at the seam", _figure(report["seam"]["worst_gap"]["value"], 1e6, "um"), ""
         yield "exchanges a step", f"{exchanges['mean']:.2f}", f"at most {exchanges['max']:.0f}"
     yield "deepest penetration", _figure(report["penetration"]["worst"], 1e6, "um"), ""
-    yield "energy from nowhere", _figure(report["energy"]["balance_error"], 1e6, "uJ"), "dissipation below zero, summed"
+    energy = report["energy"]
+    yield "energy from nowhere", _figure(energy["balance_error"], 1e6, "uJ"), "dissipation below zero, summed"
+    if energy["largest"] > 0.0:
+        share = f"{100.0 * energy['damped'] / energy['largest']:.0f} % of the most that moved or was strained"
+        yield "damped by the steps", _figure(energy["damped"], 1e6, "uJ"), share
 
 
 def _times(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

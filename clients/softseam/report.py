@@ -97,7 +97,9 @@ class ReportBuilder:
                 "unit": "J",
                 "time": _list(c["time"]),
                 "ledger": {name: _list(c[f"energy.{name}"]) for name in c.names("energy.")},
-                "balance_error": self._balance_error(),
+                "balance_error": self._energy_from_nowhere(),
+                "damped": self._damped(),
+                "largest": _max(c["energy.kinetic"] + c["energy.strain"]),
             },
             "penetration": {"worst": _max(c["penetration"]), "unit": "m"},
             "slip": {"worst": _max(c["quantity.slip"]), "unit": "m"},
@@ -153,10 +155,13 @@ class ReportBuilder:
             }
         return found
 
-    def _balance_error(self) -> float:
+    def _energy_from_nowhere(self) -> float:
         """Largest violation of the ledger: energy that appeared from nowhere, dissipation below zero, in all [J]."""
-        dissipated = np.nan_to_num(self.columns["energy.dissipation"])
-        return float(-np.minimum(dissipated, 0.0).sum()) if len(dissipated) else 0.0
+        return _sum(np.maximum(-self.columns["energy.dissipation"], 0.0))
+
+    def _damped(self) -> float:
+        """What the integrators took from the motion, in all [J]: swings die out that much sooner than true ones."""
+        return _sum(np.maximum(self.columns["energy.dissipation"], 0.0))
 
     def _vectors(self, name: str) -> list[list[float | None]]:
         axes = [_list(self.columns[f"{name}.{axis}"]) for axis in "xyz"]

@@ -60,7 +60,14 @@ KEYS = {
         )
     },
     "quantities": {"grip_force": {"unit": str, "time": list, "values": list, "final": float, "max": float}},
-    "energy": {"unit": str, "time": list, "ledger": {"kinetic": list, "tool_work": list}, "balance_error": float},
+    "energy": {
+        "unit": str,
+        "time": list,
+        "ledger": {"kinetic": list, "tool_work": list},
+        "balance_error": float,
+        "damped": float,
+        "largest": float,
+    },
     "penetration": {"worst": float, "unit": str},
     "slip": {"worst": float, "unit": str},
     "momentum": {"unit": str, "values": list},
@@ -97,6 +104,15 @@ def test_it_says_everything_that_it_promises() -> None:
     assert len(report["quantities"]["lift_height"]["values"]) == len(report["energy"]["time"]) == 30
     assert [event["kind"] for event in report["events"]] == ["phase", "switch", "phase"]
     assert_allclose(report["exchanges"]["mean"], np.mean([1 + k % 3 for k in range(1, 31)]))
+
+
+def test_what_steps_damp_and_make_of_energy_is_told_apart() -> None:
+    builder = ReportBuilder(Squeeze(3).bundle)
+    steps = [message for message in Squeeze(3).messages() if isinstance(message, StepReport)]
+    for message, dissipation in zip(steps, (3e-3, -1e-6, 2e-3), strict=True):
+        builder.add(replace(message, energy={**message.energy, "kinetic": 0.5, "strain": 1.0, "dissipation": dissipation}))
+    energy = builder.build()["energy"]
+    assert_allclose([energy["damped"], energy["balance_error"], energy["largest"]], [5e-3, 1e-6, 1.5])
 
 
 def test_set_up_is_no_part_of_the_real_time_factor() -> None:
