@@ -110,7 +110,9 @@ def test_what_steps_damp_and_make_of_energy_is_told_apart() -> None:
     builder = ReportBuilder(Squeeze(3).bundle)
     steps = [message for message in Squeeze(3).messages() if isinstance(message, StepReport)]
     for message, dissipation in zip(steps, (3e-3, -1e-6, 2e-3), strict=True):
-        builder.add(replace(message, energy={**message.energy, "kinetic": 0.5, "strain": 1.0, "dissipation": dissipation}))
+        builder.add(
+            replace(message, energy={**message.energy, "kinetic": 0.5, "strain": 1.0, "dissipation": dissipation})
+        )
     energy = builder.build()["energy"]
     assert_allclose([energy["damped"], energy["balance_error"], energy["largest"]], [5e-3, 1e-6, 1.5])
 
