@@ -43,8 +43,9 @@ def _scene(n: int, probes: dict[str, list[float]] | None = None) -> Scene:
 
 
 def _sampled(body: Body, sample: Floats) -> Floats:
-    """Where each octant's stress is sampled, at rest (8 C, 3)."""
+    """Where each octant's stress is sampled, at rest (8 C, 3): in cells filled in part at octants' centres."""
     octant = (LOCAL - 1.0)[OCTANT_NODES].sum(axis=1) / 4.0
+    sample = np.where((body.fill < 1.0).any(axis=1), PBD_SAMPLE, sample)
     middle = body.x_rest[body.cell_nodes[:, 13]]
     at: Floats = middle[:, None, :] + 0.5 * sample[:, None, None] * octant * body.edges
     return at.reshape(-1, 3)

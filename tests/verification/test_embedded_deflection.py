@@ -1,4 +1,4 @@
-"""A body embedded in cells that it cuts bears load as its closed form says, closer on smaller cells."""
+"""A body embedded in cells that it cuts bears load between plates as its closed form says."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import solids
 from fem_run import FemRun
-from reference_values import fitted_order
 from scipy.optimize import brentq
 
 from softseam_protocol.scene import Scene
@@ -66,17 +65,14 @@ def _held(cell: float) -> float:
 
 
 def test_a_tilted_cylinder_is_as_stiff_as_its_closed_form() -> None:
-    """Uniform squeeze by a tenth: 3.5 % too soft with six cells across, and by order 1 closer on smaller cells.
+    """Uniform squeeze by a tenth: 0.5 % too soft with two cells across already, from how contact samples the ends.
 
-    Cells that the surface cuts take their octants' filled shares at Gauss points, so that a uniform stress leaves
-    forces on free nodes: the volume is exact, the patch test of cut cells is not.
+    With four times as many points on them it is 0.15 %, of which 0.1 is the floor under empty octants' stiffness.
     """
     mu, lam = 0.5 * YOUNG / (1.0 + POISSON), YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
     a = 1.0 - SQUEEZE
     b = brentq(lambda b: mu * (b - 1.0 / b) + lam * np.log(a * b * b) / b, 0.5, 2.0)
     area = 0.5 * SIDES * RADIUS**2 * np.sin(2.0 * np.pi / SIDES)
     exact = -area * (mu * (a - 1.0 / a) + lam * np.log(a * b * b) / a)
-    cells = (0.02, 0.014, 0.01, 0.007)
-    wrong = [1.0 - _held(cell) / exact for cell in cells]
-    assert 0.0 < wrong[-1] < 0.035
-    assert fitted_order(cells, wrong) > 0.8
+    wrong = [1.0 - _held(cell) / exact for cell in (0.02, 0.014, 0.01)]
+    assert np.abs(wrong).max() < 0.01

@@ -9,10 +9,11 @@ from solids import box, cylinder, join, obj, sphere
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
+from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS
 from softseam_services.body.interpolate import Functions, point_weights, rest_points
 from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES, SIMPSON
-from softseam_services.body.mass import FILL_FLOOR, FULL_MOMENTS, lump
+from softseam_services.body.mass import lump
 from softseam_services.body.region import BESIDE, build_region, shared_nodes
 from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 

@@ -9,7 +9,7 @@ same nodes, same masses, same energy density.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,8 @@ class Body:
     """(3,) [m/s^2]"""
     v_initial: Floats
     """(N, 3) [m/s]"""
+    moments: Floats = field(default_factory=lambda: np.zeros((0, 8, 27)))
+    """M_pqr of the part of each octant that the shape fills, see `filled`; (0, 8, 27) where all are full (C, 8, 27)"""
     boxes: bool = True
     """cells are boxes with `edges`; else hexahedra of any shape, wholly filled, whose shortest edge is in `edges`"""
     notes: tuple[str, ...] = ()

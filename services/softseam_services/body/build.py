@@ -130,6 +130,7 @@ def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Bo
         cell_mass=cell_mass,
         octant_material=octant_material,
         surface=solid.surface,
+        moments=solid.moments,
         notes=read_notes + solid.notes,
     )
 
@@ -158,6 +159,7 @@ def assemble(
     cell_mass: Floats,
     octant_material: Ints,
     surface: Surface,
+    moments: Floats | None = None,
     notes: tuple[str, ...] = (),
     boxes: bool = True,
 ) -> Body:
@@ -181,6 +183,7 @@ def assemble(
         surface=surface,
         gravity=np.array(scene.gravity),
         v_initial=v_initial,
+        moments=np.zeros((0, 8, 27)) if moments is None else moments,
         boxes=boxes,
         notes=notes,
     )

@@ -8,9 +8,10 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Ints, Surface
 from softseam_services.body.errors import MeshError
+from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS
 from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import divide, number_nodes
-from softseam_services.body.mass import FILL_FLOOR, FULL_MOMENTS, lump
+from softseam_services.body.mass import lump
 from softseam_services.body.mesh_io import read_surface
 from softseam_services.body.surface_check import check_surface
 from softseam_services.body.surface_points import contact_shares, refine, vertex_shares

@@ -13,34 +13,14 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.body import Floats
+from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS, LINEAR, quadratic
 from softseam_services.body.lattice import OCTANT_NODES, SIMPSON
-
-FILL_FLOOR = 1e-3
-"""Octants emptier than this, inside a kept cell, count as filled to this fraction in mass and stiffness alike: nodes
-that only empty octants touch then follow the body with an ordinary wave speed instead of falling freely."""
 
 MASS_SHARE = 0.2
 """least ratio of a node's mass to its m_octant"""
 
 _EXACT_CELL = 0.01
 """cells at least this full carry exactly their own mass; the floor's excess of emptier ones is taken off these"""
-
-
-FULL_MOMENTS = np.array([1.0 / ((p + 1) * (q + 1) * (r + 1)) for r in range(3) for q in range(3) for p in range(3)])
-"""M_pqr of a full octant (27,)"""
-
-
-def _powers(octant: int) -> Floats:
-    """Coefficients (3, 3) of the three quadratic functions in powers of s on octant 0 ([-1, 0]) or 1 ([0, 1])."""
-    shift = octant - 1.0
-    # t = shift + s in 0.5 t^2 - 0.5 t, 1 - t^2, 0.5 t^2 + 0.5 t
-    square = np.array([shift * shift, 2.0 * shift, 1.0])
-    line = np.array([shift, 1.0, 0.0])
-    return np.stack([0.5 * (square - line), np.array([1.0, 0.0, 0.0]) - square, 0.5 * (square + line)])
-
-
-_LINEAR = np.array([[1.0, -1.0], [0.0, 1.0]])
-"""coefficients of 1 - s and s in powers of s"""
 
 
 def lump_full(density: Floats, edges: Floats) -> Floats:
@@ -68,10 +48,10 @@ def lump(moments: Floats, edges: Floats, density: Floats | float) -> tuple[Float
     trilinear = np.zeros((len(fill), 27))
     spread = np.zeros((len(fill), 27))
     for octant in range(8):
-        x, y, z = (_powers((octant >> axis) & 1) for axis in range(3))
+        x, y, z = (quadratic((octant >> axis) & 1) for axis in range(3))
         cube = moments[:, octant].reshape(-1, 3, 3, 3)  # r, q, p
         row_sum += np.einsum("nrqp,cr,bq,ap->ncba", cube, z, y, x, optimize=True).reshape(-1, 27)
-        corners = np.einsum("nrqp,cr,bq,ap->ncba", cube[:, :2, :2, :2], _LINEAR, _LINEAR, _LINEAR, optimize=True)
+        corners = np.einsum("nrqp,cr,bq,ap->ncba", cube[:, :2, :2, :2], *[LINEAR[:, :2]] * 3, optimize=True)
         trilinear[:, OCTANT_NODES[octant]] += corners.reshape(-1, 8)
         spread[:, OCTANT_NODES[octant]] += (fill * share)[:, octant, None] / 8.0
     # m >= 0.2 m_octant on a node asks (1 - t)(m_rowsum - 0.2 m_octant) + t 0.8 m_trilinear >= 0.

@@ -3,8 +3,9 @@
 Superconvergent patch recovery: O. C. Zienkiewicz, J. Z. Zhu, Int. J. Numer. Meth. Engng 33 (1992) 1331-1364. Around
 each node a quadratic polynomial, of the order of the cell's displacements, is fitted component by component to the
 stresses at the sample points of the cells that share the node; its value there is the recovered stress. FEM samples at
-the 2 x 2 x 2 Gauss points, PBD at the centres of its blocks. Samples weigh as much as their octant is filled; empty
-octants have none.
+the 2 x 2 x 2 Gauss points, PBD at the centres of its blocks. In cells that the body fills in part FEM has the mean over
+the filled part of each octant, which a linear stress has at its centroid. Samples weigh as much as their octant is
+filled; empty octants have none.
 
     sigma*_n = m + a . A^+ <r', sigma> + b . S^+ <s', sigma>,   A = <r', r'>,   S = <s', s'>                       (1)
 
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.filled import FILL_FLOOR, filled_centroids, filled_moments
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.own_shapes import sample_places
 
@@ -94,6 +96,14 @@ def _offsets(body: Body, sample: Floats, cells: Ints) -> Floats:
     """From every node of these cells to their samples (c, 27, 8, 3), in cell edges on boxes, else in metres."""
     if not body.boxes:
         return np.asarray(sample_places(body, sample)[cells, None] - body.x_rest[body.cell_nodes[cells]][:, :, None])
-    place = LOCAL - 1.0
-    octant = place[OCTANT_NODES].sum(axis=1) / 4.0  # -1 or 1 along each axis
-    return np.asarray(0.5 * (sample[cells, None, None, None] * octant - place[:, None, :]))
+    return np.asarray(0.5 * (_sample_coordinates(body, sample, cells)[:, None] - (LOCAL - 1.0)[:, None, :]))
+
+
+def _sample_coordinates(body: Body, sample: Floats, cells: Ints) -> Floats:
+    """Local coordinates of the samples of box cells (c, 8, 3)."""
+    octant = (LOCAL - 1.0)[OCTANT_NODES].sum(axis=1) / 4.0  # -1 or 1 along each axis
+    at = sample[cells, None, None] * octant
+    cut = (sample[cells] == FEM_SAMPLE) & (body.fill[cells] < 1.0).any(axis=1)
+    fill = np.maximum(body.fill[cells[cut]], FILL_FLOOR)
+    at[cut] = filled_centroids(filled_moments(body, cells[cut], fill))
+    return np.asarray(at)

@@ -20,6 +20,7 @@ import numpy as np
 
 from softseam_protocol.kinds import ElementKind
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.filled import FILL_FLOOR, filled_centroids, filled_moments
 from softseam_services.body.interpolate import FUNCTIONS, hex27
 from softseam_services.body.kernels.cell_loads import stress_at_points
 from softseam_services.body.kernels.patch_error import patch_error
@@ -55,6 +56,10 @@ class MeshError:
         self._size = size[self._shape]
         self._middle = body.x_rest[region.nodes][region.cell_nodes[:, 13]]
         self._at = self._middle[:, None] + (at_samples @ shapes - middle)[self._shape]
+        if body.boxes and not (self._full or self._tetrahedra):  # means over the filled parts of octants
+            cut = np.flatnonzero((self._fill < 1.0).any(axis=1))
+            parts = filled_moments(body, region.cells[cut], np.maximum(self._fill[cut], FILL_FLOOR))
+            self._at[cut] = self._middle[cut, None] + 0.5 * body.edges * filled_centroids(parts)
         self._local = (at_points @ shapes - middle) / size[:, None]
         self._octant = np.ascontiguousarray(body.octant_material[region.cells])
         self._of_point = np.ascontiguousarray(self._octant[:, share.argmax(axis=1)])

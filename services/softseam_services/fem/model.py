@@ -7,14 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import FUNCTIONS, point_weights
 from softseam_services.by_reference import by_reference
 from softseam_services.fem.coarse import Grid, build_grid, no_grid
 from softseam_services.fem.dissection import Factoring, Tree, dissect, scratch
 from softseam_services.fem.elements import ELEMENTS
-from softseam_services.fem.elements.hex27_box import cell_tables
+from softseam_services.fem.elements.cut import with_cut_cells
+from softseam_services.fem.elements.hex27_box import cell_tables, patterns
 from softseam_services.fem.face_points import SOFT, face_points
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE, N_COLUMNS
@@ -23,9 +26,6 @@ from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.fem.sparse import sparse_tree
 from softseam_services.tools.tool_set import ToolSet
 
-# An octant that the body does not fill keeps this share of stiffness, so that its nodes stay where their cell takes
-# them and the matrix stays regular; it changes a partly filled cell by as much.
-FILL_FLOOR = 1e-3
 # Contact penalty r = PENALTY E A / h at a surface point, h the spacing of nodes: softer lets points sink in between
 # steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
@@ -80,9 +80,9 @@ class FemModel(NamedTuple):
     """f_q V/8, fill raised to FILL_FLOOR (c, 8) [m^3]"""
     filled: NDArray[np.bool_]
     """(c, 8)"""
-    mean_fill: Floats
-    """mean of f mu over the body's own mu, which the stabilisation below has in it (c,)"""
-    partial: bool
+    mean_mu: Floats
+    """mean of mu over the body's own mu, which the stabilisation below has in it (c,)"""
+    uneven: bool
     """that is not 1 in some cell"""
     gradient: Floats
     """(27, 24) [1/m]"""
@@ -93,9 +93,18 @@ class FemModel(NamedTuple):
     stabilisation: Floats
     """mu S (27, 27) [N/m]"""
     laplacian: Floats
-    """L of each pattern of f mu in octants (k, 27, 27) [N/m]"""
+    """L of each pattern of mu in octants, and of each cell that is cut (k, 27, 27) [N/m]"""
     pattern: Ints
     """pattern of each cell (c,)"""
+    any_cut: bool
+    cut: Ints
+    """number of each cell among those that the body fills in part, -1 for full ones (c,)"""
+    cut_gradient: Floats
+    """of these, as `gradient` (u, 27, 24) [1/m]"""
+    cut_gradient_t: Floats
+    """its transpose (u, 24, 27)"""
+    cut_stabilisation: Floats
+    """of these, fill and mu included (u, 27, 27) [N/m]"""
     seam: Ints
     """(s,)"""
     point_ptr: Ints
@@ -217,12 +226,8 @@ def build_model(
     fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
     weight = fill * (tables.volume / 8.0)
     materials, number = body.materials, body.octant_material[region.cells]
-    stiff = fill * np.array([material.mu / mu for material in materials])[number]
-    patterns, pattern = np.unique(stiff, axis=0, return_inverse=True)
-    gradient = tables.gradient.reshape(27, 8, 3)
-    squares = np.einsum("aqi,bqi->qab", gradient, gradient) * (mu * tables.volume / 8.0)
-    laplacian = np.einsum("kq,qab->kab", patterns, squares)
-    laplacian += patterns.mean(axis=1)[:, None, None] * (mu * tables.stabilisation)
+    relative = np.array([material.mu / mu for material in materials])[number]
+    moments = filled_moments(body, region.cells, fill)
     lanes = np.zeros((24, LANES))
     lanes[:, :27] = tables.gradient_t
     pointer, node, point_weight = point_weights(body, region, FUNCTIONS[element])
@@ -243,15 +248,19 @@ def build_model(
     general = element != "hex27" or len(x) > 1 or body.material.kind not in _SPLITS
     poisson = body.material.elastic.poisson
     crushable = element == "hex27" and body.material.kind != "linear"
+    boxes = slice(0 if general else None)  # cells of the fast path
+    special = patterns(tables, body.edges, mu * relative[boxes], moments[boxes])
     # the fast path needs no table of points but that of crushed cells
-    table = ELEMENTS["hex27_full" if crushable else element](x, poisson)
-    full = build_rule(table, fill, shape, body, region.cells)
+    kind: ElementKind = "hex27_full" if crushable else element
+    table, of_cell = with_cut_cells(kind, ELEMENTS[kind](x, poisson), shape, body.edges, moments, relative)
+    full = build_rule(table, fill, of_cell, body, region.cells)
     mean_gradient = (
         np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
     )
     rule = full
     if general and crushable:
-        rule = build_rule(ELEMENTS[element](x, poisson), fill, shape, body, region.cells)
+        table, of_cell = with_cut_cells(element, ELEMENTS[element](x, poisson), shape, body.edges, moments, relative)
+        rule = build_rule(table, fill, of_cell, body, region.cells)
     model = FemModel(
         general=general,
         rule=rule,
@@ -272,14 +281,19 @@ def build_model(
         edge=float(body.edges.min()),
         weight=weight,
         filled=body.fill[region.cells] > 0.0,
-        mean_fill=stiff.mean(axis=1),
-        partial=bool(np.any(stiff != 1.0)),
+        mean_mu=relative.mean(axis=1),
+        uneven=bool(np.any(relative != 1.0)),
         gradient=tables.gradient,
         gradient_t=tables.gradient_t,
         lanes=lanes,
         stabilisation=mu * tables.stabilisation,
-        laplacian=np.ascontiguousarray(laplacian),
-        pattern=pattern.reshape(-1).astype(np.int32),
+        laplacian=special.laplacian,
+        pattern=special.pattern,
+        cut=special.cut,
+        any_cut=bool(len(special.gradient_t)),
+        cut_gradient=np.ascontiguousarray(np.swapaxes(special.gradient_t, 1, 2)),
+        cut_gradient_t=special.gradient_t,
+        cut_stabilisation=special.stabilisation,
         seam=region.seam,
         point_ptr=pointer,
         point_node=node,

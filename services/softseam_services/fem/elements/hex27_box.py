@@ -1,10 +1,11 @@
 """Tables of the quadratic hexahedron with split quadrature on box cells of equal edges.
 
-The constant part mu/2 I1 is integrated with 3^3 Gauss points on a full cell, everything else with 2^3, one point an
-octant. On a partly filled cell the 2^3 points carry their octant's fill f_q, and the difference of the two rules, which
-is positive semi-definite and vanishes on linear fields, its mean:
-  L_ab = sum_q f_q V/8 mu grad N_a . grad N_b + mean(f) mu S_ab,  S = int_{3^3} - int_{2^3} grad N_a . grad N_b     (1)
-so a rest state is free of stress whatever the fill, and a full cell has exactly the 3^3 rule.
+The constant part mu/2 I1 is integrated with 3^3 Gauss points, everything else with 2^3, one point an octant, each with
+its octant's mu. The difference of the two rules is positive semi-definite and vanishes on linear fields; it has their
+mean:
+  L_ab = sum_q V/8 mu_q grad N_a . grad N_b + mean(mu) S_ab,  S = int_{3^3} - int_{2^3} grad N_a . grad N_b        (1)
+so a full cell of one material has exactly the 3^3 rule. Cells that the body fills in part have gradients and S of their
+own, and the weights f_q V/8: see `cut`.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_services.body.body import Floats
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.filled import mean_gradients
 from softseam_services.body.interpolate import hex27
+from softseam_services.fem.elements.cut import octant_stabilisation
 
 _TWO = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 _THREE = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
@@ -51,3 +54,39 @@ def cell_tables(edges: Floats) -> CellTables:
                 three += volume / 8.0 * weights[i] * weights[j] * weights[k] * (g @ g.T)
     flat = gradient.reshape(27, 24)
     return CellTables(flat.copy(), flat.T.copy(), three - two, volume)
+
+
+class Patterns(NamedTuple):
+    """What differs from cell to cell (c cells, k patterns, u of them of cells that are cut)."""
+
+    laplacian: Floats
+    """L of eq. (1) (k, 27, 27) [N/m]"""
+    pattern: Ints
+    """of each cell (c,)"""
+    cut: Ints
+    """place of each cell in the tables below, -1 for full cells (c,)"""
+    gradient_t: Floats
+    """row 3 q + axis (u, 24, 27) [1/m]"""
+    stabilisation: Floats
+    """with the octants' fill and mu (u, 27, 27) [N/m]"""
+
+
+def patterns(tables: CellTables, edges: Floats, mu: Floats, moments: Floats) -> Patterns:
+    """Tables of cells with shear moduli mu (c, 8) [Pa] of octants and moments (c, 8, 27) of their filled parts."""
+    fill = moments[:, :, 0]
+    cut = np.full(len(mu), -1, dtype=np.int32)
+    part = np.flatnonzero((fill < 1.0).any(axis=1))
+    cut[part] = np.arange(len(part))
+    kinds, pattern = np.unique(mu[cut < 0], axis=0, return_inverse=True)
+    number = np.empty(len(mu), dtype=np.int32)
+    number[cut < 0], number[part] = pattern.reshape(-1), len(kinds) + np.arange(len(part))
+    whole = tables.gradient.reshape(27, 8, 3)
+    squares = np.einsum("aqi,bqi->qab", whole, whole) * (tables.volume / 8.0)
+    laplacian = np.einsum("kq,qab->kab", kinds, squares)
+    laplacian += kinds.mean(axis=1)[:, None, None] * tables.stabilisation
+    gradient = mean_gradients(moments[part], edges).reshape(-1, 24, 27)
+    stiff = (fill * mu)[part]
+    stabilisation = np.tensordot(stiff, octant_stabilisation(edges), axes=1)
+    weighted = np.repeat(stiff * (tables.volume / 8.0), 3, axis=1)[:, :, None] * gradient
+    own = np.swapaxes(gradient, 1, 2) @ weighted + stabilisation
+    return Patterns(np.concatenate([laplacian, own]), number, cut, gradient, stabilisation)

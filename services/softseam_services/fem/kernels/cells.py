@@ -2,12 +2,13 @@
 
 The fast path of kernels/elements.py. A cell counts with its work.part, 1 but for crushed cells (kernels/crushed.py).
 With w_q = f_q V/8, H = cof F, mu and the volumetric part of the octant's material, s = dpsi_J/dJ, ds = d2psi_J/dJ2:
-  f_ia = sum_q w_q (mu F + s H)_ij dN_a,j + mean(f mu) sum_b S_ab x_ib                                          (1)
+  f_ia = sum_q w_q (mu F + s H)_ij dN_a,j + mean(mu) sum_b S_ab x_ib                                            (1)
   K_ia,kb = delta_ik L_ab + sum_q w_q [(ds + s/J) h_ia h_kb - s/J h_ka h_ib],  h_a = H grad N_a                 (2)
 For the small-strain material F = I in H, and the remainder stress of its file takes the place of s H:
   f_ia = sum_q w_q (mu F + mu F^T + (lambda tr(F - I) - 2 mu) I)_ij dN_a,j + ...                                (3)
   K_ia,kb = delta_ik L_ab + sum_q w_q [lambda dN_a,i dN_b,k + mu dN_a,k dN_b,i]                                 (4)
 so that both share one loop: K = delta_ik L_ab + sum_q (A_q h_ia h_kb + B_q h_ka h_ib).
+Cells that the body fills in part have gradients and stabilisation of their own (fem/elements/cut.py).
 """
 
 from __future__ import annotations
@@ -43,6 +44,23 @@ def deformation(x, model, work):
     """Fill work.xe and work.F: deformation gradients at the octants' points, F[c, i, 3 q + j] (c, 3, 24)."""
     gather(x, model.cell_nodes, work.xe)
     multiply(work.xe, model.gradient, work.F, 3 * len(model.cell_nodes), 24, 27, False, work.ints)
+    if model.any_cut:
+        for cell in range(len(model.cell_nodes)):
+            cut = model.cut[cell]
+            if cut >= 0:
+                multiply(work.xe[cell], model.cut_gradient[cut], work.F[cell], 3, 24, 27, False, work.ints)
+
+
+@njit(cache=True, error_model="numpy")
+def _cut_forces(model, work, cell):
+    """work.fe of a cell that is filled in part <- its forces, from work.P and work.xe; work.xe of it <- 0."""
+    cut, part, xe = model.cut[cell], work.part[cell], work.xe[cell]
+    multiply(work.P[cell], model.cut_gradient_t[cut], work.fe[cell], 3, 27, 24, False, work.ints)
+    for i in range(3):
+        for a in range(27):
+            xe[i, a] *= part
+    multiply(xe, model.cut_stabilisation[cut], work.fe[cell], 3, 27, 27, True, work.ints)
+    xe[:] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -90,9 +108,12 @@ def subtract_forces(x, model, work, r):
             if not least <= J:
                 least, worst = J, cell
     multiply(work.P, model.gradient_t, work.fe, 3 * n_cells, 27, 24, False, work.ints)
-    if model.partial or work.mixed[0] > 0:
+    if model.any_cut or model.uneven or work.mixed[0] > 0:
         for cell in range(n_cells):
-            scale = work.part[cell] * model.mean_fill[cell]
+            if model.cut[cell] >= 0:
+                _cut_forces(model, work, cell)
+                continue
+            scale = work.part[cell] * model.mean_mu[cell]
             for i in range(3):
                 for a in range(27):
                     work.xe[cell, i, a] *= scale
@@ -199,13 +220,14 @@ def add_cell_tangents(x, model, tree, work, safe):
     for cell in range(len(model.cell_nodes)):
         n_free = tree.cell_free[cell]
         local = tree.cell_local[cell]
+        gradient = model.gradient if model.cut[cell] < 0 else model.cut_gradient[model.cut[cell]]
         for q in range(8):
             mu, lam, weight = model.mu[cell, q], model.lambda_[cell, q], work.part[cell] * model.weight[cell, q]
             A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, mu, lam, weight, safe, H)
             at = 3 * q * LANES
             for b in range(n_free):
                 a = local[b]
-                g0, g1, g2 = model.gradient[a, 3 * q], model.gradient[a, 3 * q + 1], model.gradient[a, 3 * q + 2]
+                g0, g1, g2 = gradient[a, 3 * q], gradient[a, 3 * q + 1], gradient[a, 3 * q + 2]
                 h[at + b] = H[0, 0] * g0 + H[0, 1] * g1 + H[0, 2] * g2
                 h[at + LANES + b] = H[1, 0] * g0 + H[1, 1] * g1 + H[1, 2] * g2
                 h[at + 2 * LANES + b] = H[2, 0] * g0 + H[2, 1] * g1 + H[2, 2] * g2
@@ -222,7 +244,7 @@ def add_cell_tangents(x, model, tree, work, safe):
 
 @njit(cache=True, error_model="numpy")
 def strain_energy(x, model, work):
-    """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(f mu)/2 sum_ab S_ab x_a . x_b.
+    """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(mu)/2 sum_ab S_ab x_a . x_b.
 
     work.energy (c,) += each cell's
     """
@@ -253,10 +275,20 @@ def strain_energy(x, model, work):
                 density = 0.5 * mu * (square + 2.0 * trace) + volumetric(J, mu, lam)[0]
             own += model.weight[cell, q] * density
         quadratic = 0.0
-        for i in range(3):
-            for a in range(27):
-                quadratic += work.xe[cell, i, a] * work.fe[cell, i, a]
-        own = work.part[cell] * (own + 0.5 * model.mean_fill[cell] * quadratic)
+        if model.cut[cell] >= 0:
+            S = model.cut_stabilisation[model.cut[cell]]
+            for i in range(3):
+                for a in range(27):
+                    pull = 0.0
+                    for b in range(27):
+                        pull += S[a, b] * work.xe[cell, i, b]
+                    quadratic += work.xe[cell, i, a] * pull
+        else:
+            for i in range(3):
+                for a in range(27):
+                    quadratic += work.xe[cell, i, a] * work.fe[cell, i, a]
+            quadratic *= model.mean_mu[cell]
+        own = work.part[cell] * (own + 0.5 * quadratic)
         work.energy[cell] += own
         total += own
     return total
