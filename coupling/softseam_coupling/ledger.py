@@ -19,7 +19,7 @@ __all__ = ["Alarm", "Energies", "EnergyLedger", "LedgerEntry", "LedgerState"]
 class Alarm(Enum):
     """What the ledger warns of; the text names the remedy."""
 
-    SEAM_WORK = "the seam does work: tighten the seam's tolerance, or pair it with implicit Euler on both sides"
+    SEAM_WORK = "the seam does work: tighten its tolerance, pair it with implicit Euler, or under ph shorten the step"
     CREATED = "energy appears from nowhere: shorten the step; is the integrator pair stable with this scheme?"
     SWITCH = "the region switch cost more than its share of the energy: switch earlier or let the body calm down"
 

@@ -49,6 +49,10 @@ class SeamTie:
             return x_near - x_far
         return np.asarray(x_near - self.p @ x_far - self.c)
 
+    def rate(self, v_near: Floats, v_far: Floats) -> Floats:
+        """Of the gap (s, 3) [m/s]; clamped nodes of the seam do not move."""
+        return v_near - v_far if self.p is None else np.asarray(v_near - self.p @ v_far)
+
     def image(self, x_far: Floats) -> Floats:
         """Where the near side's seam nodes belong (s, 3) [m]."""
         return x_far if self.p is None else np.asarray(self.p @ x_far + self.c)

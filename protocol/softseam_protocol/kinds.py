@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 ModelKind = Literal["fem", "pbd"]
+SeamScheme = Literal["position", "ph", "staggered"]
 SeamAcceleration = Literal["exact", "iqn_ils", "aitken", "constant"]
 MaterialKind = Literal[
     "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
@@ -16,8 +17,17 @@ IntegratorKind = Literal[
     "implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler", "static"
 ]
 
-SEAM_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint")
-"""those that a seam's multiplier, constant over the step, gives no energy (docs/verification.md)"""
+SEAM_INTEGRATORS: dict[SeamScheme, tuple[IntegratorKind, ...]] = {
+    "position": ("implicit_euler", "midpoint"),
+    "ph": ("implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha"),
+    "staggered": ("implicit_euler",),
+}
+"""those that a scheme gives no energy (docs/verification.md); of staggered, no more than the scheme itself does"""
+_GIVES_ENERGY: dict[SeamScheme, str] = {
+    "position": "a multiplier that is constant over the step gives it energy",
+    "ph": "it is not among those that were found stable",
+    "staggered": "the control is to fail for one reason alone",
+}
 CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = (
     "implicit_euler",
     "midpoint",
@@ -28,16 +38,19 @@ CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = (
 """those under which a point that hits a tool comes to rest"""
 
 
-def integrator_problem(name: IntegratorKind, seam: bool, tools: bool, clamped: bool) -> str:
+def integrator_problem(name: IntegratorKind, seam: SeamScheme | None, tools: bool, clamped: bool) -> str:
     """Why FEM's integrator cannot meet the scene's seam, tools or free body, and what to do; '' where it can."""
     explicit = name == "symplectic_euler"
     if name == "static" and not clamped:
         return "static needs something that holds the body from the start: clamp nodes (body.fixed), or use bdf2"
-    if seam and name not in SEAM_INTEGRATORS:
+    if seam is not None and name not in SEAM_INTEGRATORS[seam]:
         why = {"symplectic_euler": "it solves no equations", "static": "the far side moves in time"}.get(
-            name, "a multiplier that is constant over the step gives it energy"
+            name, _GIVES_ENERGY[seam]
         )
-        use = " or ".join(SEAM_INTEGRATORS)
+        *most, last = SEAM_INTEGRATORS[seam]
+        use = f"{', '.join(most)} or {last}" if most else last
+        if name in SEAM_INTEGRATORS["ph"]:
+            use += ", or seam: {scheme: ph}"
         return f"{name} cannot meet a seam, {why}: use {use}, or give all cells to fem without regions.near"
     if tools and name not in CONTACT_INTEGRATORS:
         why = "it solves no equations" if explicit else "points that hit one gain energy"

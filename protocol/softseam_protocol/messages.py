@@ -176,10 +176,10 @@ class Advance:
     header: Header
     dt: float
     seam_force: Vectors
-    """force on this side's seam nodes, constant over the step (s, 3) [N]"""
+    """force on this side's seam nodes, constant over the step, or at its end (s, 3) [N]; see seam_force_start"""
     tools: ToolMotion
     compliance: bool = False
-    """also return d(seam_x)/d(seam_force)"""
+    """also return d(seam_x)/d(seam_force); where the force is linear in time, d(seam_v)/d(seam_force)"""
     seam_anchor: Vectors = field(default_factory=_NO_VECTORS)
     """where the other side would be without a change of force (s, 3) [m]; empty: the seam force is constant"""
     seam_stiffness: Matrix = field(default_factory=_NO_MATRIX)
@@ -187,6 +187,8 @@ class Advance:
     empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
     fields: bool = False
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
+    seam_force_start: Vectors = field(default_factory=_NO_VECTORS)
+    """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +199,7 @@ class Advanced:
     seam_x: Vectors
     """seam positions at the end of the step (s, 3) [m]"""
     compliance: Matrix
-    """(3s, 3s) [m/N], or empty (0, 0)"""
+    """(3s, 3s) [m/N], of a force that is linear in time [m/(N s)], or empty (0, 0)"""
     wrench: Wrenches
     """force and torque about each tool's centre that the body exerts on the tool (t, 6) [N, N m]"""
     kinetic: float
@@ -241,6 +243,8 @@ class Advanced:
     """PBD: what the stress of the blocks lacks to that of their shapes at the end of the step, relative [1]"""
     alarm: str = ""
     """what the participant's monitor saw and did about it in this step; empty where that was nothing"""
+    seam_v: Vectors = field(default_factory=_NO_VECTORS)
+    """seam velocities at the end of the step (s, 3) [m/s]; empty where the seam force was constant"""
 
 
 @dataclass(frozen=True, slots=True)

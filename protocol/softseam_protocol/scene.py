@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from softseam_protocol.kinds import ModelKind, SeamAcceleration, integrator_problem
+from softseam_protocol.kinds import ModelKind, SeamAcceleration, SeamScheme, integrator_problem
 from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
 from softseam_protocol.scene_models import DampingSpec, ModelsSpec
@@ -219,9 +219,22 @@ class RegionsSpec(Spec):
         return self
 
 
-class SeamSpec(Spec):
-    """When the two sides of the seam agree well enough."""
+_REFUSED_SCHEMES = {
+    "gc": "a multiplier in every substep (Gravouil-Combescure) takes energy at the seam and lets the gap drift: use ph",
+    "velocity": "velocities tied by a constant multiplier gain energy with every integrator: use position or ph",
+    "arlequin": "overlapping regions that share their energy are a study of linear bars so far: use position",
+}
 
+
+class SeamSpec(Spec):
+    """How the two sides of the seam are held together, and when they agree well enough."""
+
+    scheme: SeamScheme = Field(
+        default="position",
+        description="position: no gap at the end of a step, one multiplier over it; ph: no gap of the velocities, a "
+        "multiplier that is linear in time, which second-order integrators of fem can meet; staggered: one side after "
+        "the other, the control that fails where the near side is heavy or stiff",
+    )
     tolerance: Positive = Field(
         default=3e-4,
         description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]",
@@ -232,6 +245,23 @@ class SeamSpec(Spec):
         description="how the multiplier is corrected: by both sides' exact compliance, or without one, as for "
         "participants that cannot give it, by quasi-Newton of the rounds so far, Aitken's or constant relaxation",
     )
+
+    @field_validator("scheme", mode="before")
+    @classmethod
+    def _known_scheme(cls, name: Any) -> Any:
+        why = _REFUSED_SCHEMES.get(name) if isinstance(name, str) else None
+        if why:
+            raise wrong(f"{name} is not among the schemes, {why}")
+        return name
+
+    @model_validator(mode="after")
+    def _staggered_solves(self) -> SeamSpec:
+        if self.scheme == "staggered" and self.acceleration != "exact":
+            raise wrong(
+                "staggered puts the near side by its exact compliance: leave out acceleration, or use scheme: position",
+                "acceleration",
+            )
+        return self
 
 
 class BudgetSpec(Spec):
@@ -329,7 +359,9 @@ class Scene(Spec):
     def _kinds_meet(self, body: BodySpec) -> None:
         """Raise if integrator, models, seam and tools do not go together."""
         near = self.regions.near
-        problem = integrator_problem(self.models.fem.integrator, near is not None, bool(self.tools), bool(body.fixed))
+        problem = integrator_problem(
+            self.models.fem.integrator, self.seam.scheme if near else None, bool(self.tools), bool(body.fixed)
+        )
         models = {self.regions.default, near.model if near else self.regions.default}
         if problem and "fem" in models:
             raise wrong(problem, "models", "fem", "integrator")

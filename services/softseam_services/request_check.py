@@ -21,8 +21,13 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
     for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
         if pose.shape != (n_tools, width):
             return f"tool poses of {n_tools} tools have shape ({n_tools}, {width}), not {pose.shape}"
-    if not all_finite(*poses, force):
-        if not np.isfinite(force).all():
+    start = request.seam_force_start
+    if start.shape not in ((0, 3), (n_seam, 3)):
+        return f"the seam force at the step's start has shape {start.shape}, this region's seam needs ({n_seam}, 3)"
+    if len(start) and len(request.seam_anchor):
+        return "a seam force that is linear in time beside an anchor: send one of the two"
+    if not all_finite(*poses, force) or not np.isfinite(start).all():
+        if not (np.isfinite(force).all() and np.isfinite(start).all()):
             return "the seam force is not finite: the seam solver must send finite multipliers"
         return "tool poses are not finite: they hold NaN or infinity"
     return ""

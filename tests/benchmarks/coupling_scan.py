@@ -27,7 +27,8 @@ SCHEMES: dict[str, Scheme] = {
     "Prakash-Hjelmstad": PrakashHjelmstad(),
     "Gravouil-Combescure": GravouilCombescure(),
 }
-NEAR = ("implicit_euler", "midpoint", "theta", "bdf2", "newmark")
+NEAR = ("implicit_euler", "midpoint", "theta", "bdf2", "newmark", "generalised_alpha")
+TITLES = {"theta": "theta 0.51", "newmark": "Newmark, trapezoidal", "generalised_alpha": "generalised-alpha, 0.8"}
 RATIOS = (0.01, 0.1, 1.0, 10.0, 99.0)
 STEPS = (0.002, 0.02, 0.1, 0.3, 0.7, 2.0)
 """over the period of the whole"""
@@ -75,7 +76,7 @@ def draw(path: Path) -> None:
     masses, steps = np.geomspace(0.01, 99.0, 13), np.geomspace(0.002, 2.0, 13)
     levels = [-1.0, STABLE, 1e-4, 1e-2, 1.0, 1e6]
     colors = ListedColormap(["#3b6fb6", "#fddbc7", "#f4a582", "#d6604d", "#8b1a1a"])
-    figure, axes = plt.subplots(len(SCHEMES), len(NEAR), figsize=(12, 9.2), sharex=True, sharey=True)
+    figure, axes = plt.subplots(len(SCHEMES), len(NEAR), figsize=(14, 9.2), sharex=True, sharey=True)
     for (row, (name, scheme)), (column, near) in itertools.product(enumerate(SCHEMES.items()), enumerate(NEAR)):
         axis = axes[row, column]
         grown = over(scheme, near, masses.tolist(), steps.tolist())
@@ -84,7 +85,7 @@ def draw(path: Path) -> None:
         )
         axis.set(xscale="log", yscale="log")
         if row == 0:
-            axis.set_title("theta 0.51" if near == "theta" else near.replace("_", " "), fontsize=11)
+            axis.set_title(TITLES.get(near, near.replace("_", " ")), fontsize=11)
         if column == 0:
             axis.set_ylabel(f"{name}\n\nmass near / far", fontsize=9)
         if row == len(SCHEMES) - 1:

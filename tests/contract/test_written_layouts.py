@@ -45,7 +45,8 @@ def advances(draw: st.DrawFn) -> Advance:
     flag = draw(st.booleans())
     force, held = draw(arrays(s, 3)), draw(arrays(anchor, 3))
     stiffness = draw(arrays(3 * anchor, 3 * anchor))
-    return Advance(draw(headers()), draw(numbers), force, motion, flag, held, stiffness, draw(st.booleans()))
+    fields, start = draw(st.booleans()), draw(arrays(draw(shapes), 3))
+    return Advance(draw(headers()), draw(numbers), force, motion, flag, held, stiffness, fields, start)
 
 
 @st.composite
@@ -76,6 +77,7 @@ def advanceds(draw: st.DrawFn) -> Advanced:
         n_crushed=draw(counts),
         residual=draw(numbers),
         alarm=draw(st.sampled_from(["", "sweeps 2: über 3"])),
+        seam_v=draw(arrays(draw(shapes), 3)),
     )
 
 

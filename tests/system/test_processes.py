@@ -14,6 +14,7 @@ from trajectory import first_difference, same_frame
 
 from softseam.connected import ConnectedBackend
 from softseam.errors import SoftseamError
+from softseam.variants import with_settings
 from softseam_protocol.bus import Bus
 from softseam_protocol.codec import decode
 from softseam_protocol.messages import Bundle, Event, Frame, Observation, StepReport
@@ -109,6 +110,18 @@ def test_the_bus_changes_no_bit(
     assert first_difference(reference[0], reports) == ""
     assert observation.frame is not None and same_frame(reference[1], observation.frame)
     assert first_difference([observation.report], reports[-1:]) == ""
+
+
+def test_a_ramped_multiplier_changes_no_bit_on_the_bus(services: Services, bus: Bus, bar: Bundle) -> None:
+    """seam.scheme: ph, with an integrator that only it admits."""
+    scene = with_settings(parse_scene(bar.scene), ["seam.scheme=ph", "models.fem.integrator=generalised_alpha"])
+    bundle = bundle_scene(scene)
+    reports, observation, _ = run(services, bus, bundle)
+    simulation = Simulation(bundle, EmbeddedTransport())
+    alone = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
+    assert first_difference(alone, reports) == ""
+    assert observation.frame is not None and same_frame(simulation.frame(), observation.frame)
+    simulation.close()
 
 
 def test_a_sheet_is_gripped_the_same_over_the_bus(services: Services, bus: Bus) -> None:

@@ -44,7 +44,7 @@ def _worst(scheme: Scheme, near: str) -> tuple[float, Case]:
         (POSITION, "implicit_euler"),
         (POSITION, "midpoint"),
         (POSITION, "theta"),
-        *itertools.product((PH,), ("implicit_euler", "midpoint", "theta", "bdf2", "newmark")),
+        *itertools.product((PH,), ("implicit_euler", "midpoint", "theta", "bdf2", "newmark", "generalised_alpha")),
         *itertools.product((GC,), ("implicit_euler", "bdf2", "newmark")),
     ],
 )
@@ -58,6 +58,7 @@ def test_good_pairs_never_grow(scheme: Scheme, near: str) -> None:
     [
         (POSITION, "bdf2", 0.04),
         (POSITION, "newmark", 0.2),
+        (POSITION, "generalised_alpha", 0.002),
         (GC, "midpoint", 0.1),
         (GC, "theta", 0.1),
         *itertools.product((VELOCITY,), ("implicit_euler", "midpoint", "theta", "bdf2", "newmark"), (2.0,)),

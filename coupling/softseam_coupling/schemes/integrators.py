@@ -11,6 +11,8 @@ u and v of BDF2; else zero). A step of length h with the force F is y <- P y + Q
     bdf2            3 y1 - 4 y0 + y_-1 = 2 h y1' for y = u and v
     newmark         u* = u0 + h v0 + h^2 (1/2 - beta) a0,  v* = v0 + h (1 - gamma) a0,
                     (M + gamma h C + beta h^2 K) a1 = F1 - K u* - C v*  (trapezoidal: beta 1/4, gamma 1/2)
+    generalised_alpha   u*, v* likewise, M ((1 - am) a1 + am a0) = F_t - K u_t - C v_t at the fraction 1 - af, with
+                    Chung and Hulbert's am, af, beta, gamma of the spectral radius 0.8 (J. Appl. Mech. 60, 1993)
 """
 
 from __future__ import annotations
@@ -132,12 +134,32 @@ def _newmark(side: LinearSide, h: float, beta: float = 0.25, gamma: float = 0.5)
     return p, q, 1.0, gamma
 
 
+def _generalised_alpha(side: LinearSide, h: float, radius: float = 0.8) -> tuple[Floats, Floats, float, float]:
+    n, eye = side.n, np.eye(side.n)
+    am, af = (2.0 * radius - 1.0) / (radius + 1.0), radius / (radius + 1.0)
+    beta, gamma, share = 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af, 1.0 - af
+    yields = share * (gamma * h * side.viscous() + beta * h * h * side.stiffness)
+    inverse = np.linalg.inv((1.0 - am) * side.mass + yields)
+    guess_u = np.hstack([eye, h * eye, h * h * (0.5 - beta) * eye, 0.0 * eye])
+    guess_v = np.hstack([0.0 * eye, eye, h * (1.0 - gamma) * eye, 0.0 * eye])
+    u0, v0, a0 = (np.eye(n, 4 * n, k * n) for k in range(3))
+    a = -inverse @ (
+        am * side.mass @ a0
+        + side.stiffness @ (share * guess_u + af * u0)
+        + side.viscous() @ (share * guess_v + af * v0)
+    )
+    p = np.vstack([guess_u + beta * h * h * a, guess_v + gamma * h * a, a, np.zeros((n, 4 * n))])
+    q = np.vstack([beta * h * h * inverse, gamma * h * inverse, inverse, np.zeros((n, n))])
+    return p, q, share, share
+
+
 INTEGRATORS: dict[str, Callable[[LinearSide, float], tuple[Floats, Floats, float, float]]] = {
     "implicit_euler": _implicit_euler,
     "midpoint": _midpoint,
     "theta": _theta,
     "bdf2": _bdf2,
     "newmark": _newmark,
+    "generalised_alpha": _generalised_alpha,
 }
 
 
@@ -154,7 +176,7 @@ def start(side: LinearSide, integrator: str, h: float, u: Floats, v: Floats, lam
     y[:n], y[n : 2 * n] = u, v
     load = side.force() + side.link.T @ lambda_ - side.stiffness @ u - side.viscous() @ v
     a = np.linalg.solve(side.mass, load)
-    if integrator == "newmark":
+    if integrator in ("newmark", "generalised_alpha"):
         y[2 * n : 3 * n] = a
     elif integrator == "bdf2":
         y[2 * n : 3 * n] = u - h * v + 0.5 * h * h * a

@@ -14,7 +14,7 @@ from softseam_services.fem import substeps
 from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
-from softseam_services.fem.integrators.table import build_scheme
+from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.elements import cauchy_stress, strain_energy
 from softseam_services.fem.kernels.newton import (
@@ -157,11 +157,12 @@ class FemSolver:
                 return self._failed(request, self._why(status), began)
             self._tentative = True
             return self._reply(request, "converged", began)
-        status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
+        force = self._seam_force(request, now)
+        status = self._advance(now, end, request.dt, force, whole, self._spec.iterations, False)
         if status == STALLED:
             # slow, but not lost: points that slip on the bound of friction; go on with a new factor
             self._memo[FACTORED] = 0.0
-            status = self._advance(now, end, request.dt, request.seam_force, whole, self._spec.iterations, False)
+            status = self._advance(now, end, request.dt, force, whole, self._spec.iterations, False)
         if status != CONVERGED and self._scheme.kind != SYMPLECTIC_EULER:
             status = self._insist(now, end, request, whole)
         if status != CONVERGED:
@@ -172,7 +173,26 @@ class FemSolver:
             self._tree, whole, self._work, self._memo, self._inverse,
         ):  # fmt: skip
             return self._failed(request, self._why(INDEFINITE), began)
+        if len(request.seam_force_start):
+            self._ramped(request, now, end)
         return self._reply(request, "converged", began)
+
+    def _seam_force(self, request: Advance, begin: FemState, part: int = 0, parts: int = 1) -> Floats:
+        """Force on the seam over one of equal parts of the step, where the integrator takes it (s, 3) [N]."""
+        start = request.seam_force_start
+        if not len(start):
+            return request.seam_force
+        at = (part + forces_at(self._scheme, begin.past)) / parts
+        return np.asarray(start + at * (request.seam_force - start))
+
+    def _ramped(self, request: Advance, now: FemState, end: FemState) -> None:
+        """Compliance and seam's work where the seam force is linear in time."""
+        at = forces_at(self._scheme, now.past)
+        if request.compliance:
+            self._inverse *= at * velocity_gain(self._scheme, request.dt, now.past)
+        seam, growth = self._region.seam, request.seam_force - request.seam_force_start
+        work = (works_at(self._scheme, now.past) - at) * float(np.sum(growth * (end.x[seam] - now.x[seam])))
+        self._out[kernel.SEAM_WORK] += work
 
     def _advance(
         self,
@@ -234,13 +254,14 @@ class FemSolver:
                 tools = _part_of(whole, piece / pieces, (piece + 1) / pieces)
                 self._work.seam_coupled[0] &= pieces == 1  # over parts of a step the seam force is constant
                 dt = request.dt / pieces
+                force = self._seam_force(request, begin, piece, pieces)
                 for careful in (False, True):
                     if careful or pieces > 1:
                         self._memo[:] = 0.0
                         end.x[:] = begin.x
                         most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
                         status = self._advance(
-                            begin, end, dt, request.seam_force, tools, most, careful, pieces - piece, 1.0 / pieces
+                            begin, end, dt, force, tools, most, careful, pieces - piece, 1.0 / pieces
                         )
                         iterations += self._out[kernel.N_ITERATIONS]
                         if status == CONVERGED:
@@ -339,6 +360,7 @@ class FemSolver:
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
+            seam_v=self.state.v[self._region.seam] if len(request.seam_force_start) else np.zeros((0, 3)),
         )
 
     def commit(self) -> None:

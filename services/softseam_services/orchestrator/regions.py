@@ -36,10 +36,18 @@ from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
 from softseam_services.orchestrator.parts import CutStep
-from softseam_services.orchestrator.seam_answers import SeamDiverged, SeamSolution, SeamUnsettled, SideRequest
+from softseam_services.orchestrator.ramped_seam import RampedSeam
+from softseam_services.orchestrator.seam_answers import (
+    SeamDiverged,
+    SeamScheme,
+    SeamSolution,
+    SeamUnsettled,
+    SideRequest,
+)
 from softseam_services.orchestrator.seam_loop import SeamLoop
 from softseam_services.orchestrator.seam_solvers import build_seam_solver, mobility
 from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
+from softseam_services.orchestrator.staggered_seam import StaggeredSeam
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.orchestrator.undivided import Undivided
@@ -48,7 +56,7 @@ from softseam_services.server import Setup
 Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
-"""no forces, and no anchor"""
+"""no forces, no anchor, and no force at the start of a step"""
 _KEPT = np.zeros((0, 0))
 """stands for the stiffness that the near side has"""
 
@@ -78,7 +86,7 @@ class Regions:
         self._transport, self._clock, self._accounts, self._tell = transport, clock, accounts, tell
         seam = self._scene.seam
         self._solver = build_seam_solver(seam.acceleration, seam.tolerance * self._body.resolution)
-        self._loop: SeamLoop | None = None
+        self._loop: SeamScheme | None = None
         self._n_asked = -1  # exchanges of the tick at hand
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
@@ -120,7 +128,10 @@ class Regions:
                 last = fields and (self._n_asked > 0 or self._loop is None)  # it may well be
                 anchor = _FREE if side.anchor is None else side.anchor
                 stiffness = _KEPT if side.stiffness is None else side.stiffness
-                requests[name] = Advance(header, dt, side.force, motion, side.compliance, anchor, stiffness, last)
+                start = _FREE if side.start is None else side.start
+                requests[name] = Advance(
+                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start
+                )
             return self._advanced(self._exchange(requests))
 
         if self._loop is None:
@@ -241,9 +252,13 @@ class Regions:
             first = None
             if state is not None and cauchy is not None:
                 first = first_multiplier(body, sides, state, cauchy, tie, functions)
-            condensable = sides.models[NEAR] == "fem"
-            free = mobility(body, sides, tie)
-            self._loop = SeamLoop(self._solver, tie, free, first, condensable, max(scene.seam.exchanges, 1))
+            free, most = mobility(body, sides, tie), max(scene.seam.exchanges, 1)
+            if scene.seam.scheme == "ph":
+                self._loop = RampedSeam(self._solver, tie, free, first, most)
+            elif scene.seam.scheme == "staggered":
+                self._loop = StaggeredSeam(self._solver, tie, first, most)
+            else:
+                self._loop = SeamLoop(self._solver, tie, free, first, sides.models[NEAR] == "fem", most)
         return sum(reply.strain for reply in replies.values() if isinstance(reply, Configured))
 
     def close(self) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced
+from softseam_services.orchestrator.pace import Pace
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +24,8 @@ class SideRequest:
     compliance: bool = False
     anchor: Floats | None = None
     stiffness: Floats | None = None
+    start: Floats | None = None
+    """force at the step's start, where it is linear in time"""
 
 
 Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
@@ -49,6 +53,28 @@ class SeamDiverged(RuntimeError):
 
 class SeamUnsettled(RuntimeError):
     """The step would not converge; shorter ones may."""
+
+
+class SeamScheme(Protocol):
+    """How two sides are tied for one epoch: `SeamLoop` (the default), `RampedSeam`, `StaggeredSeam`."""
+
+    pace: Pace
+    """how finely the steps are cut"""
+
+    def multiplier(self) -> Floats:
+        """The last committed one (s, 3) [N]."""
+
+    def solve(self, ask: Ask, dt: float, may_cut: bool = False) -> SeamSolution:
+        """Take a step of length dt [s]. Raises SeamDiverged, and where the step may be cut also SeamUnsettled."""
+
+    def forget_told(self) -> None:
+        """The near side was restored or took a snapshot."""
+
+    def to_arrays(self) -> dict[str, Floats]:
+        """Everything that evolves, for a snapshot."""
+
+    def take(self, arrays: dict[str, Floats]) -> None:
+        """Continue from `to_arrays`."""
 
 
 def largest(vectors: Floats) -> float:

@@ -91,8 +91,10 @@ class SeamProbe:
     def n_blocks(self) -> int:
         return int((self._blocks.octant >= 0).sum())
 
-    def compliance(self, x: Floats, force: Floats, motion: ToolMotion) -> Floats:
+    def compliance(self, x: Floats, force: Floats, motion: ToolMotion, ramp: bool = False) -> Floats:
         """d(seam x at the end of a step)/d(seam force), constant over the step, about the positions x (3s, 3s) [m/N].
+
+        ramp: d(seam v)/d(seam force at the end), the force being linear in time, instead [m/(N s)].
 
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
         contacts stay as they are, tools stand still. Equal to the derivative of the step up to the motion within it.
@@ -109,7 +111,7 @@ class SeamProbe:
             *(np.ascontiguousarray(x[self._ids]), np.ascontiguousarray(force[self._used])),
             *(self._arrays, self._points, self._tools, self._contacts, self._solve, self._xw),
             *(motion.position, motion.orientation, self._seam, probe),
-            *(dt, self._model.substeps(dt), self._model.spec.sweeps, KAPPA),
+            *(dt, self._model.substeps(dt), self._model.spec.sweeps, KAPPA, ramp),
             *(np.array([0, blocks.n_batches], dtype=np.int32), self._crew, self._ws, result),
         )
         return result

@@ -45,6 +45,7 @@ TOUCH = 1e-3
 """gap below which a handed-over point touches a tool, in block edges"""
 COLLAPSE_STEP = 1e-4
 """size, relative to rest, that a body without shape is given again"""
+_NO_FORCES = np.zeros((0, 3))
 
 
 class PbdSolver:
@@ -196,6 +197,7 @@ class PbdSolver:
             n_substeps=self._n_substeps,
             residual=numbers[k.RESIDUAL],
             alarm=notice,
+            seam_v=work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES,
         )
 
     def _share_out(self, request: Advance) -> None:
@@ -243,11 +245,15 @@ class PbdSolver:
         if watch.needs_two_sweeps(work.monitor):
             n_sweeps = max(n_sweeps, 2)
         self._solve.used[:] = 0
+        force, growth = request.seam_force, _NO_FORCES
+        if len(request.seam_force_start):
+            growth = (force - request.seam_force_start) / n_substeps
+            force = request.seam_force_start + growth
         self._pair.run(
             n_substeps * n_sweeps,
             advance_step,
             *(work, self._nodes, self._blocks, self._points, self._tools, self._contacts, self._scratch, self._solve),
-            *(motion.position, motion.orientation, motion.position_next, motion.orientation_next, request.seam_force),
+            *(motion.position, motion.orientation, motion.position_next, motion.orientation_next, force, growth),
             *(self._wrench, self._cell_distance, self._result),
             *(request.dt, n_substeps, n_sweeps, KAPPA, self._margin),
         )
@@ -274,7 +280,8 @@ class PbdSolver:
     def _compliance(self, request: Advance) -> Floats:
         if self._probe is None or self._probe.dt != request.dt:
             self._probe = SeamProbe(self.model, request.dt)
-        return self._probe.compliance(self._committed.x, self._committed.force, request.tools)
+        ramp = len(request.seam_force_start) > 0
+        return self._probe.compliance(self._committed.x, self._committed.force, request.tools, ramp)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""

@@ -90,10 +90,10 @@ def run(what: str, ratio: float, scheme: str, integrator: str) -> Verdict:
     if worst > STABLE:
         grown = energy(solver, split(mass, stiffness, integrator, *at), N_STEPS)
         text += f"; simulated, the energy grows {grown:.1e} times in {N_STEPS} steps"
-        if scheme == PRODUCT and integrator not in SEAM_INTEGRATORS:
+        if scheme == PRODUCT and integrator not in SEAM_INTEGRATORS["position"]:
             return Verdict("refused", f"the product refuses {integrator} at a seam; {text}")
         return Verdict("unstable", text, None, (), ("the scan of the spectral radius",))
-    if scheme == PRODUCT and integrator not in SEAM_INTEGRATORS:
+    if scheme == PRODUCT and integrator not in SEAM_INTEGRATORS["position"]:
         return Verdict("refused", f"the product refuses {integrator} at a seam, which grows at other ratios")
     error = max(off(solver, split(mass, stiffness, integrator, FINE, substeps)) for substeps in SUBSTEPS)
     calm = energy(solver, split(mass, stiffness, integrator, *at), N_STEPS)

@@ -49,3 +49,33 @@ def halves_share(scheme: Scheme, dt: float, past: float) -> float:
     if scheme.kind == BDF2:
         return bdf2.halves_share(dt, past)
     return float(1.0 / (2 ** order(scheme) - 1))
+
+
+def _starts(scheme: Scheme, past: float) -> bool:
+    """Whether the step is the first of an integrator that needs a history: one of midpoint."""
+    return scheme.n_history > 0 and past == 0.0
+
+
+def forces_at(scheme: Scheme, past: float) -> float:
+    """Fraction of the step at which forces act, after a step of length `past` [1]."""
+    return 0.5 if _starts(scheme, past) else float(scheme.parameters[0])
+
+
+def works_at(scheme: Scheme, past: float) -> float:
+    """Fraction of the step at which a force that is linear in time, times the way, is its work [1].
+
+    Where it acts, of implicit Euler and midpoint; the mean, to second order, of those that end in balance: Newmark's
+    energy changes by exactly that.
+    """
+    return 0.5 if scheme.n_history > 0 else forces_at(scheme, past)
+
+
+def velocity_gain(scheme: Scheme, dt: float, past: float) -> float:
+    """d(velocity)/d(position) at the end of a step [1/s], see `finish` of the integrator."""
+    if scheme.kind == MIDPOINT or _starts(scheme, past):
+        return 1.0 / (forces_at(scheme, past) * dt)
+    if scheme.kind == BDF2:
+        return (past + 2.0 * dt) / ((past + dt) * dt)  # 1/(g dt)
+    if scheme.kind == GENERALISED_ALPHA:
+        return float(scheme.parameters[3] / (scheme.parameters[2] * dt))
+    return 1.0 / dt

@@ -34,6 +34,7 @@ def probe_seam(
     n_substeps,
     n_sweeps,
     kappa,
+    ramp,
     parts,
     crew,
     ws,
@@ -41,6 +42,7 @@ def probe_seam(
 ):
     """compliance[:, c] = (seam x after a step under `probe` [N] in component c - the same without it)/probe.
 
+    ramp: of the seam's velocities, under a probe that grows from nothing with the substeps [m/(N s)].
     compliance (3s, 3s) [m/N] is updated in place; `crew` says alone; the other shapes are those of `advance_step`.
     """
     nodes, volume, constants, law = blocks.nodes, blocks.volume, blocks.constants, blocks.law
@@ -48,7 +50,7 @@ def probe_seam(
     kind, shape, motion = tools.kind, tools.shape, contacts.motion
     n = len(x_start)
     h = dt / n_substeps
-    keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
+    keep, damped = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
     stress_start = np.zeros((len(nodes), N_STRESS))
     for i in range(n):
         for c in range(3):
@@ -84,14 +86,15 @@ def probe_seam(
         a[:] = 0.0
         stress[:] = stress_start
         contacts.pairs[:] = pairs_start
-        if column >= 0:
-            push[seam[column // 3], column % 3] = probe * xw[seam[column // 3], 3]
-        for _ in range(n_substeps):
+        for substep in range(n_substeps):
+            if column >= 0:
+                share = (substep + 1) / n_substeps if ramp else 1.0
+                push[seam[column // 3], column % 3] = share * probe * xw[seam[column // 3], 3]
             begin_pairs(
                 *(xw, indptr, node, weight, kind, shape, position, orientation, h),
                 *(contacts.start, contacts.rows, contacts.pairs),
             )
-            if share > 0.0:
+            if damped > 0.0:
                 note_shapes(ws, xw, nodes, volume, constants, law, solve.asked, solve.frame, 0, len(nodes))
             predict(xw, x_star, x, v, a, push, keep, h, 0, n)
             relax(
@@ -100,7 +103,8 @@ def probe_seam(
             )
             finish(xw, x_star, x, v, a, h, 0, n)
         for row in range(3 * len(seam)):
-            moved = x[seam[row // 3], row % 3]
+            at = seam[row // 3], row % 3
+            moved = v[at] if ramp else x[at]
             if column < 0:
                 base[row] = moved
             else:

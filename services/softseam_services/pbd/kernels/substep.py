@@ -88,6 +88,7 @@ def advance_step(
     position_next,
     orientation_next,
     seam_force,
+    seam_growth,
     # results, overwritten
     wrench,
     cell_distance,
@@ -105,6 +106,8 @@ def advance_step(
     ws,
 ):
     """Advance the state by dt; arguments before the tools' poses are records. The results are those of `Advanced`.
+
+    seam_force (s, 3) [N] acts in the first substep, and in each later one seam_growth (s, 3) more, (0, 3) where none.
 
     Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
     """
@@ -190,6 +193,12 @@ def advance_step(
             fraction = (substep + 1) / n_substeps
             tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
             tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], motion)
+            if substep > 0:
+                for s in range(len(seam_growth)):
+                    i = seam[s]
+                    for c in range(3):
+                        push[i, c] += xw[i, 3] * seam_growth[s, c]
+                        seam_work -= seam_growth[s, c] * x[i, c]
             begin_pairs(
                 xw,
                 indptr,
@@ -253,6 +262,9 @@ def advance_step(
     for s in range(len(seam)):
         for c in range(3):
             seam_work += seam_force[s, c] * x[seam[s], c]
+    for s in range(len(seam_growth)):
+        for c in range(3):
+            seam_work += (n_substeps - 1) * seam_growth[s, c] * x[seam[s], c]
     place_points(xw, indptr, node, weight, point_x)
     summarise(
         *(x, v, nodes_of.mass, nodes_of.x_rest, gravity, point_x, kind, shape, tools.near, pose[1], quaternion[1]),
