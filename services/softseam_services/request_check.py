@@ -26,7 +26,7 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
         return f"the seam force at the step's start has shape {start.shape}, this region's seam needs ({n_seam}, 3)"
     if len(start) and len(request.seam_anchor):
         return "a seam force that is linear in time beside an anchor: send one of the two"
-    if not all_finite(*poses, force) or not np.isfinite(start).all():
+    if not all_finite(*poses, force) or (len(start) and not np.isfinite(start).all()):
         if not (np.isfinite(force).all() and np.isfinite(start).all()):
             return "the seam force is not finite: the seam solver must send finite multipliers"
         return "tool poses are not finite: they hold NaN or infinity"
