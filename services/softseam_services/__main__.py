@@ -64,7 +64,7 @@ def _warm(what: Sequence[str]) -> int:
             if name == "orchestrator":
                 warm_orchestrator()
             else:
-                warm_participant(name)
+                warm_participant(name, mesh=True)
         except WarmUpFailed as error:
             say(f"{name}: {error}")
             return 1

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 import contextlib
 import fcntl
+import gc
 import hashlib
 import importlib.util
 import json
@@ -112,10 +113,14 @@ def _reached(module: str, imports: Mapping[str, set[str]]) -> list[str]:
 def compiling(model: str) -> Iterator[None]:
     """One process of a machine at a time compiles the kernels of `model`; those that waited load them from the cache.
 
-    The lock goes with its process, however that ends. Without a place for the lock there is none.
+    The lock goes with its process, however that ends. Without a place for the lock there is none. The collector of
+    garbage rests meanwhile: it would search what numba builds again and again, a tenth of the whole time.
     """
     lock = kernel_packages()[0] / "__pycache__" / f"{model}.lock"
     with contextlib.ExitStack() as held:
         with contextlib.suppress(OSError):
             fcntl.flock(held.enter_context(lock.open("w")), fcntl.LOCK_EX)
+        if gc.isenabled():
+            held.callback(gc.enable)
+            gc.disable()
         yield

@@ -1,6 +1,7 @@
-"""Compiles (or loads from numba's cache) everything that a service will run, before anybody waits for it.
+"""Compiles (or loads from numba's cache) what a service will run, before anybody waits for it.
 
-A small body between tools of every kind goes through every request that a participant answers.
+A small body between tools goes through every request that a participant answers. What reads a mesh as a tool is
+compiled with the first scene that has one, before its first step, or ahead of time where asked for.
 """
 
 from __future__ import annotations
@@ -39,8 +40,12 @@ class WarmUpFailed(RuntimeError):
     """A model cannot take its first step on this machine."""
 
 
-def warm_scene(model: str) -> Scene:
-    """A block of two cells on a plane under a ball, a plate at its side, split into two of `model`."""
+def warm_scene(model: str, mesh: bool = False) -> Scene:
+    """A block of two cells on a plane under a ball, a plate at its side, split into two of `model`; mesh: and a wedge.
+
+    The wedge is WEDGE, as the file wedge.obj.
+    """
+    wedge = {"wedge": {"kind": "mesh", "path": "wedge.obj", "scale": 0.01, "position": [0.1, 0.0, 0.0]}}
     return Scene.model_validate(
         {
             "softseam": 1,
@@ -56,7 +61,7 @@ def warm_scene(model: str) -> Scene:
                 "ground": {"kind": "plane", "friction": 0.5},
                 "plate": {"kind": "box", "size": [0.01, 0.04, 0.04], "position": [-0.025, 0.0, 0.02], "friction": 0.6},
                 "ball": {"kind": "sphere", "radius": 0.01, "position": [0.01, 0.0, 0.0301], "friction": 0.6},
-                "wedge": {"kind": "mesh", "path": "wedge.obj", "scale": 0.01, "position": [0.1, 0.0, 0.0]},
+                **(wedge if mesh else {}),
             },
             "motion": [{"tools": ["ball"], "move": [0.0, 0.0, -0.001], "speed": 0.02}],
             "regions": {
@@ -67,14 +72,14 @@ def warm_scene(model: str) -> Scene:
     )
 
 
-def warm_participant(model: str) -> None:
-    """Let a participant of `model` answer every kind of request. Raises WarmUpFailed."""
+def warm_participant(model: str, mesh: bool = False) -> None:
+    """Let a participant of `model` answer every kind of request; mesh: of a mesh as a tool too. Raises WarmUpFailed."""
     with compiling(model):
-        _ask_everything(model)
+        _ask_everything(model, mesh)
 
 
-def _ask_everything(model: str) -> None:
-    bundle = Bundle(warm_scene(model).model_dump_json(), {"wedge.obj": WEDGE})
+def _ask_everything(model: str, mesh: bool) -> None:
+    bundle = Bundle(warm_scene(model, mesh).model_dump_json(), {"wedge.obj": WEDGE} if mesh else {})
     setup = build_setup(bundle)
     server = ParticipantServer()
     server.adopt(bundle, setup)
@@ -120,7 +125,7 @@ def warm_orchestrator() -> None:
     from softseam_services.orchestrator.embedded import EmbeddedTransport
     from softseam_services.orchestrator.simulation import Simulation
 
-    bundle = Bundle(warm_scene("pbd").model_dump_json(), {"wedge.obj": WEDGE})
+    bundle = Bundle(warm_scene("pbd").model_dump_json(), {})
     with compiling("pbd"):
         simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
         for _ in range(3):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.materials.point import cauchy, stress
+from softseam_services.compiled_once import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,8 +9,9 @@ Pieces are triangles clipped to the octants. No ray is cast, so nothing depends 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from softseam_services.compiled_once import njit
 
 _MAX_CORNERS = 16
 

@@ -14,9 +14,9 @@ Valid: any rotation, strains of some ten percent; it does not stiffen when crush
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.materials.principal import assemble, signed_svd
+from softseam_services.compiled_once import njit
 
 LEAST_SUM = 1e-3
 

@@ -15,7 +15,8 @@ dcof_ij/dF_kl = e_ikm e_jln F_mn                                                
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 
 @njit(cache=True, error_model="numpy")

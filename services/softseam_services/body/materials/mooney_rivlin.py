@@ -14,7 +14,8 @@ Valid: any F; data of rubber fit up to stretches of about 2. 0 <= ratio <= 1, mu
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 J_MIN = 0.2
 

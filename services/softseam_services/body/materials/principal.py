@@ -15,7 +15,8 @@ nearest such matrix in the Frobenius norm.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 _MOST_SWEEPS = 30
 _ROUNDING = 1e-16

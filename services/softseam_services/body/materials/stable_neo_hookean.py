@@ -15,7 +15,8 @@ great pressure cells may turn over; F = 0 alone is a state without force. mu > 0
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,9 +15,9 @@ History: a0; after a first step without one, its mean acceleration (v1 - v0)/dt.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.body import Floats
+from softseam_services.compiled_once import njit
 
 N_HISTORY = 1
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 from softseam_services.body.body import Floats
 from softseam_services.by_reference import by_reference
+from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators import bdf2, generalised_alpha, implicit_euler, midpoint, static
 
 IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER, STATIC = 0, 1, 2, 3, 4, 5

@@ -10,8 +10,8 @@ equations and so cannot close contacts or a seam: an oracle for the implicit one
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.kernels.newton import CONVERGED, LEAST_J, NOT_FINITE, WORST_CELL
 from softseam_services.fem.model import FemModel, Work

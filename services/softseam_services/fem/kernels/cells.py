@@ -14,9 +14,9 @@ Cells that the body fills in part have gradients and stabilisation of their own 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.materials.neo_hookean import volumetric
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import add_block_row
 from softseam_services.fem.kernels.lapack import multiply
 

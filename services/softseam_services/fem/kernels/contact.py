@@ -25,8 +25,8 @@ penetration that it starts with: all of it in a shorter time would throw the bod
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, faced_side, side_gap
 from softseam_services.fem.kernels.fronts import add_block
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap

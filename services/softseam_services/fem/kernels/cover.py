@@ -8,8 +8,8 @@ two overlaps with the face: exact where sides are along the tool's axes, and con
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.tools.kernels import rotate, rotate_back
 
 CARRY_POWER = 8

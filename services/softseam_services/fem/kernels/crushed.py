@@ -9,8 +9,8 @@ b stays over the step: the force is that of an energy, and a step's end depends 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cells import least_square_stretch
 
 FIRST, LAST = 0.55, 0.45

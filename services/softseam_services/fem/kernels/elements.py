@@ -6,8 +6,7 @@ hex27 that are crushed count in part with full quadrature, see kernels/crushed.p
 
 from __future__ import annotations
 
-from numba import njit
-
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels import cells, point_tangents, points
 
 

@@ -9,8 +9,7 @@ at places that are used again: they stay in the cache, and need a small part of 
 
 from __future__ import annotations
 
-from numba import njit
-
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.lapack import product
 from softseam_services.fem.kernels.panel import ascend, descend, factor_panel, inverse_triangle
 

@@ -11,11 +11,12 @@ from typing import Any
 
 import llvmlite.binding
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.core import config
 from numba.extending import get_cython_function_address
 
 from softseam_services.blas import use_one_thread
+from softseam_services.compiled_once import njit
 
 _ROUTINES = {
     "dsyrk": ("scipy.linalg.cython_blas", 10),

@@ -17,10 +17,10 @@ Gauss-Newton's part, which is positive semi-definite where A_bar is, leaves out 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.materials.invariants import cofactor
 from softseam_services.body.materials.neo_hookean import J_MIN
+from softseam_services.compiled_once import njit
 
 
 @njit(cache=True, error_model="numpy")

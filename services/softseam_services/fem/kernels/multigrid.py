@@ -10,8 +10,8 @@ translations, so that the momentum of a free body is as exact as with a factor.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import ALL, ROW, VALUES, add_seam_stiffness, solve
 from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.fem.kernels.pair import factor

@@ -10,8 +10,8 @@ old factor or a new one, leaves the sum of r zero: momentum is exact to rounding
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import begin
 from softseam_services.fem.kernels.contact import (
     RELAXED,

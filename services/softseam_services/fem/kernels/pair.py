@@ -12,11 +12,12 @@ import sys
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit, types
+from numba import cfunc, types
 from numba.core import cgutils, config
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import factor_fronts
 
 _N_ARGUMENTS = 16

@@ -12,8 +12,8 @@ their speed.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.lapack import apply, minus_square, product
 
 STRIP = 24

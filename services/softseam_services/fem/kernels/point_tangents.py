@@ -9,9 +9,9 @@ v = sum_q w_q c_q : dF_q/dx and s = sum_q w_q e_q of the terms c, e with dJ_bar,
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.materials.point import stress, tangent
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cells import gather
 from softseam_services.fem.kernels.mean_volume import mean_pressure, modify, modify_tangent
 from softseam_services.fem.kernels.points import group_volumes, point_gradients

@@ -9,9 +9,9 @@ is 1 unless two elements share the cell. `rule` is a `model.Rule`.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.materials.point import energy, stress
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cells import gather
 from softseam_services.fem.kernels.mean_volume import (
     mean_pressure,

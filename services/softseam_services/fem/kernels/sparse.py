@@ -10,8 +10,8 @@ number once. With A = L + D + L^T:
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import ALL, ROW, VALUES
 
 

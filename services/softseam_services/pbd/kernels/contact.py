@@ -13,8 +13,8 @@ every point is one node and (1) is the exact local solution.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.tools.kernels import box_gap, rotate, rotate_back, tool_gap
 from softseam_services.tools.tool_set import BOX, PLANE
 

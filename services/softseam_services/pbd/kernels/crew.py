@@ -15,9 +15,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import config, njit, types
+from numba import config, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from softseam_services.compiled_once import njit
 
 LINE = 16
 """numbers in two lines of the cache: so far apart, what one thread writes does not stop the other"""

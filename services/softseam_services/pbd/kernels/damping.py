@@ -15,9 +15,8 @@ one that fits F_n best to the F of the prediction, with f_a the columns of F_n:
 
 from __future__ import annotations
 
-from numba import njit
-
 from softseam_services.body.materials.point import LINEAR
+from softseam_services.compiled_once import njit
 
 from .block import (
     N_STRESS,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 from .block import N_STRESS
 from .sweep import block_forces, exact_stress
@@ -21,23 +22,25 @@ def highest_frequency(ws, x_rest, inverse_mass, nodes, volume, constants, law, p
     """
     n = len(x_rest)
     xw = np.zeros((n + 8, 4))
-    xw[n:, :3] = padding_x
+    for i in range(8):
+        for c in range(3):
+            xw[n + i, c] = padding_x[i, c]
     stress = np.zeros((len(nodes), N_STRESS))
     force = np.zeros((n + 8, 4))
     u = np.empty((n, 3))
     # A fixed pseudo-random start (a linear congruential generator): no direction of the lattice is left out.
     seed = 12345
+    square = 0.0
     for i in range(n):
         for c in range(3):
             seed = (1103515245 * seed + 12345) % 2147483648
             u[i, c] = (seed / 1073741824.0 - 1.0) if inverse_mass[i] > 0.0 else 0.0
+            square += u[i, c] * u[i, c]
     step = 1e-6 * (padding_x[7, 0] + padding_x[7, 1] + padding_x[7, 2]) / 3.0
-    square = 0.0
     for _ in range(ITERATIONS):
-        norm = np.sqrt((u * u).sum())
-        if norm == 0.0:
+        if square == 0.0:
             break
-        scale = step / norm
+        scale = step / np.sqrt(square)
         for i in range(n):
             for c in range(3):
                 xw[i, c] = x_rest[i, c] + scale * u[i, c]

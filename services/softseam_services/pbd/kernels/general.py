@@ -9,9 +9,9 @@ a symmetric, positive definite system of nine. Exact where `block`'s is an estim
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.materials import point
+from softseam_services.compiled_once import njit
 
 from .block import (
     BOUND,

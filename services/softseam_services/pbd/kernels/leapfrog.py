@@ -19,7 +19,8 @@ Tools and seams are the sweeps': here nothing is solved for that could hold them
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 from .block import (
     VOLUME,

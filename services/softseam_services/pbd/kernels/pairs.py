@@ -24,8 +24,7 @@ node, as on a block), DEEP 1 (some point was inside the tool). Groups start[t] .
 
 from __future__ import annotations
 
-from numba import njit
-
+from softseam_services.compiled_once import njit
 from softseam_services.tools.kernels import tool_gap, tool_reach
 
 from .lanes import LANES, four, three, transpose_four

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 from .block import N_STRESS
 from .contact import begin_pairs

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from softseam_services.compiled_once import njit
 from softseam_services.tools.kernels import tool_gap
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
+from softseam_services.compiled_once import njit
 
 from .block import WANTED, gather, of_batch
 from .general import cauchy_lanes_general

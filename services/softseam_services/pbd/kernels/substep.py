@@ -8,8 +8,8 @@ which is v += h (g + a_seam + A) with the new A: the mean of the substeps' conta
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs

@@ -6,8 +6,8 @@ Quaternions are unit, w x y z, and turn the tool's frame into the world's: y_wor
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.tools.kernels.grid import grid_gap
 from softseam_services.tools.kernels.solids import box_gap, capsule_gap, cylinder_gap
 from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, PLANE, SPHERE

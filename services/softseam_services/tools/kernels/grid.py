@@ -12,7 +12,8 @@ then the values with the last axis fastest.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 HALF, ORIGIN, SPACING, COUNTS, VALUES = 0, 3, 6, 7, 10
 """where in the row they start"""

@@ -9,7 +9,8 @@ Source: Baerentzen and Aanaes 2005, IEEE Trans. Vis. Comput. Graph. 11, 243.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 FACE, EDGE, VERTEX = 0, 1, 4
 """features of a triangle a b c: the face; edges ab, bc, ca; vertices a, b, c"""

@@ -8,8 +8,8 @@ one are alike (Bergou et al. 2006; the coefficients of a hinge of two triangles 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.lanes import batch_kernel, move_four
 
 from .corners import CORNER as NODE

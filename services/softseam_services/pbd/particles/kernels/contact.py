@@ -9,8 +9,8 @@ particle sticks exactly, a sliding one is braked by mu N. The force of the subst
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.lanes import four, three
 from softseam_services.pbd.kernels.tool_motion import twelve
 from softseam_services.tools.kernels import tool_gap, tool_reach

@@ -8,7 +8,8 @@ Neighbours on the sheet are left out: springs hold them apart.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -9,8 +9,8 @@ f_b d_ka) with f_a the columns of F and d_k the rows of D_m^-1; that of x_0 is m
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.lanes import batch_kernel
 
 from .tetrahedron import deformation

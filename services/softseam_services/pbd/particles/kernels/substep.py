@@ -8,8 +8,8 @@ Multipliers begin at zero in each substep.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.tool_motion import tool_motions, tool_pose
 from softseam_services.tools.kernels import tool_travel
 

@@ -1,0 +1,130 @@
+"""Kernels are optimised once, in what Python calls; and what a start compiles does not grow unseen."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+import softseam_services
+from softseam_services.compiled_once import njit
+
+SERVICES = Path(softseam_services.__file__).parent
+
+
+@njit(cache=False, error_model="numpy")
+def _lowest(x, i):  # type: ignore[no-untyped-def]
+    return x[i] * 2.0
+
+
+@njit(cache=False, error_model="numpy")
+def _middle(x, scale=3.0):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(len(x)):
+        total += scale * _lowest(x, i)
+    return total
+
+
+@njit(cache=False, error_model="numpy")
+def _highest(x):  # type: ignore[no-untyped-def]
+    if len(x) == 0:
+        raise ValueError("nothing to add up")
+    return _middle(x) + _middle(x, 1.0) + _lowest(x, 0)
+
+
+@numba.njit
+def _plain(x):  # type: ignore[no-untyped-def]
+    return _highest(x) + _middle(x)
+
+
+def test_kernels_call_each_other_and_answer_python() -> None:
+    x = np.array([1.0, 2.0])
+    assert _highest(x) == 18.0 + 6.0 + 2.0
+    assert _middle(x) == 18.0 and _middle(x, scale=1.0) == 6.0 and _lowest(x, 1) == 4.0
+    assert _plain(x) == 26.0 + 18.0
+    with pytest.raises(ValueError, match="nothing"):
+        _highest(x[:0])
+
+
+def test_only_what_python_calls_becomes_machine_code() -> None:
+    """Of three kernels that call each other, two specialisations of the middle one: one whole, which holds all."""
+
+    @njit(cache=False, error_model="numpy")
+    def lowest(x):  # type: ignore[no-untyped-def]
+        return x + 1
+
+    @njit(cache=False, error_model="numpy")
+    def middle(x):  # type: ignore[no-untyped-def]
+        return lowest(x) + 1
+
+    @njit(cache=False, error_model="numpy")
+    def highest(x):  # type: ignore[no-untyped-def]
+        return middle(x) + middle(2.0 * x)
+
+    assert highest(1) == 7.0
+    assert len(highest.overloads) == 1 and not middle.overloads and not lowest.overloads
+    assert _specialisations(highest) == 5
+
+
+def _specialisations(kernel) -> int:  # type: ignore[no-untyped-def]
+    """How many functions a kernel was compiled from, one for each set of argument types: each leaves an environment."""
+    modules = [known.library._get_module_for_linking() for known in kernel.overloads.values()]
+    return sum(variable.name.startswith("_ZN08NumbaEnv") for module in modules for variable in module.global_variables)
+
+
+def test_kernels_of_services_are_compiled_once() -> None:
+    """No source of the services takes njit from numba, which would compile it again in whatever calls it."""
+    taken = [
+        f"{path.relative_to(SERVICES)}: from softseam_services.compiled_once import njit"
+        for path in sorted(SERVICES.rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module == "numba" and any(a.name == "njit" for a in node.names)
+    ]
+    assert taken == []
+
+
+COUNT = """
+import gc, json, sys
+from softseam_services.compiled_once import _Kernel
+from softseam_services.warm_up import warm_participant
+
+warm_participant(sys.argv[1])
+found = {}
+for kernel in [k for k in gc.get_objects() if isinstance(k, _Kernel) and k.overloads]:
+    functions = instructions = 0
+    for known in kernel.overloads.values():
+        module = known.library._get_module_for_linking()
+        functions += sum(variable.name.startswith("_ZN08NumbaEnv") for variable in module.global_variables)
+        instructions += sum(len(list(b.instructions)) for f in module.functions for b in f.blocks)
+    found[kernel.__qualname__] = functions, instructions
+print(json.dumps(found))
+"""
+
+BUDGET = {
+    "fem": ({"advance": 180, "seam_compliance": 150, "strain_energy": 36, "cauchy_stress": 40}, 140_000),
+    "pbd": ({"advance_step": 180, "probe_seam": 150, "highest_frequency": 62, "exact_stress": 52}, 130_000),
+}
+"""most functions in the largest kernels that a first start compiles, and most instructions of all"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+def test_a_start_compiles_no_more_than_it_did(model: str) -> None:
+    """Counts, not seconds: each function costs some 0.1 s to type and translate, each thousand instructions 0.15 s.
+
+    Where this fails, look whether a rare path can do without the common kernels, or an argument without a second type;
+    then raise the budget (docs/decisions/0097-compiled-once.md).
+    """
+    done = subprocess.run([sys.executable, "-c", COUNT, model], capture_output=True, text=True, check=True, timeout=300)
+    found: dict[str, tuple[int, int]] = json.loads(done.stdout)
+    functions, instructions = BUDGET[model]
+    others = {name: n for name, (n, _) in found.items() if n > functions.get(name, 40)}
+    assert others == {}
+    assert sum(n for _, n in found.values()) <= instructions
+    assert len(found) <= 16
