@@ -13,7 +13,8 @@ Where the samples cannot tell a slope or curvature (a body one cell thick), the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_services.compiled_once import njit
 
 N_TERMS = 10
 NEIGHBOUR = 0.05
