@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,8 +30,17 @@ def open(
     record    file to record to (in this process), or True to have the bus's recorder record the session
     timeout   longest wait for an answer over the bus [s]
     """
-    if model is None and with_settings(bundle_of(scene)[0], settings).tolerance is not None:
-        from softseam.plan.command import planned_quietly
 
-        settings = (*settings, *planned_quietly(scene, settings))
-    return open_as_given(scene, connect, model=model, settings=settings, record=record, timeout=timeout)
+    def begin(settings: Sequence[str]) -> Session:
+        return open_as_given(scene, connect, model=model, settings=settings, record=record, timeout=timeout)
+
+    if model is not None or with_settings(bundle_of(scene)[0], settings).tolerance is None:
+        return begin(settings)
+    from rich.console import Console
+
+    from softseam.plan.command import Wishes, find
+    from softseam.plan.watch import PlanWatch
+
+    # progress goes to the terminal's standard error, if there is one
+    console, wishes = Console(stderr=True, quiet=not sys.stderr.isatty()), Wishes(scene, tuple(settings))
+    return PlanWatch(wishes, find(wishes, console), console, begin).begin()

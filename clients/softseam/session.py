@@ -105,6 +105,8 @@ class Session:
         """after `close`: where the recording is, and what it lost; None without one"""
         self.unrecorded = ""
         """after `close`: why nothing is known of a recording that was asked for"""
+        self.plan_anew: Callable[[messages.ErrorEstimate | None], Session | None] | None = None
+        """of a session that was planned: another one, where this one's errors are not what the plan expected"""
 
     @property
     def done(self) -> bool:
@@ -200,6 +202,22 @@ class Session:
         session that is stepped by hand has no end, so it says it when asked. It costs about a step.
         """
         return self._begun().estimate()
+
+    def replan(self) -> bool:
+        """Plan anew where the body as it stands errs more than it did in the run that the plan was found by.
+
+        A scene with a `tolerance` is planned for its own motion; one that is stepped by hand may be held harder. Its
+        errors are then taken to be as much larger, and the session begins anew, so call `reset`: cells, and with them
+        the shapes of fields and snapshots, are others. Returns whether that was needed; planning takes up to minutes.
+        """
+        if self.plan_anew is None:
+            raise BadInput("this session has no plan: give its scene a `tolerance`, and open it without a model")
+        other = self.plan_anew(self.estimate_errors())
+        if other is None:
+            return False
+        self.close()
+        vars(self).update(vars(other))  # whoever holds this session goes on with it
+        return True
 
     def close(self) -> None:
         """End the session and free what it holds; closing twice does nothing."""

@@ -64,6 +64,31 @@ def test_a_plan_is_found_kept_and_followed(folder: Path, monkeypatch: pytest.Mon
         assert planned.run().quantities["grip_force"] == pytest.approx(plain.run().quantities["grip_force"], rel=0.4)
 
 
+def sheared(session: softseam.Session) -> None:
+    """Close by hand as far as the scene does, then shear by 8 mm, which the scene does not."""
+    session.reset()
+    n = round(0.08 / session.scene.step)
+    session.step({"left": [0.02, 0, 0], "right": [-0.02, 0, 0]}, count=n, fields=False)
+    session.step({"left": [0, 0, 0.05], "right": [0, 0, -0.05]}, count=2 * n, fields=False)
+
+
+@pytest.mark.slow
+def test_a_motion_that_errs_more_is_planned_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    with softseam.open(folder / "tolerant.yaml") as session:
+        before = session.scene
+        own = session.run().error_estimate
+        assert own is not None and not session.replan(), "the motion that it was planned for"
+        sheared(session)
+        asked = session.estimate_errors()
+        assert asked is not None and asked.answer > 5.0 * own.answer
+        assert session.replan() and session.scene != before
+        sheared(session)
+        assert not session.replan(), "it was planned for this"
+    with softseam.open(folder / "pressed.yaml") as session, pytest.raises(softseam.BadInput, match="tolerance"):
+        session.replan()
+
+
 @pytest.mark.slow
 def test_what_cannot_be_reached_is_said_before_a_run(folder: Path) -> None:
     refused = ask(folder, "run", "pressed.yaml", "--tolerance", "0.2", "--set", "budget.rtf=1e6")

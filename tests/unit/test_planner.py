@@ -7,13 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from softseam.chart.configurations import Configuration
 from softseam.chart.errors import Truth
 from softseam.chart.measure import Outcome
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
+from softseam.plan.command import Wishes
 from softseam.plan.planner import Goal, NoPlan, Plan, choose
+from softseam.plan.watch import PlanWatch
+from softseam_protocol.messages import ErrorEstimate
 
 TIME = np.linspace(0.0, 1.0, 5)
 FLAT = np.ones(5)
@@ -99,6 +103,35 @@ def test_where_the_accurate_ones_are_too_slow_both_sides_are_named() -> None:
         choose(Goal(0.05, rtf=5.0), reference(), WANTED, Bench(runs))
     assert "middle is accurate at 1 times, cheap fast enough with 20 % (grip_force)" in str(caught.value)
     assert choose(Goal(0.05, rtf=0.5), reference(), WANTED, Bench(runs)).choice.label == "middle"
+
+
+def test_in_a_harder_motion_what_a_run_estimates_of_itself_grows() -> None:
+    """The cheap one is 4 % off, half of it by its mesh; thrice that is too much for 5 %, not for 10 %."""
+    cheap, middle = replace(outcome(0.1, 0.04), estimate=0.02), replace(outcome(1.0, 0.03), estimate=0.001)
+    for tolerance, harder, wanted in ((0.05, 1.0, "cheap"), (0.05, 3.0, "middle"), (0.1, 3.0, "cheap")):
+        plan = choose(
+            Goal(tolerance, harder=harder), reference(1e-6), WANTED, Bench({"cheap": cheap, "middle": middle})
+        )
+        assert plan.choice.label == wanted
+        assert Plan.from_json(plan.as_json()) == plan
+
+
+def estimated(answer: float) -> ErrorEstimate:
+    return ErrorEstimate(0.0, 0.0, 0.0, answer, 1.0, "", False)
+
+
+def test_a_plan_holds_until_its_error_and_what_is_added_exceed_the_tolerance() -> None:
+    """4 % off, estimated at 2 %: 3 % is 5 % together, and 3.2 % needs a plan 1.6 times as hard."""
+    bench = Bench({"cheap": replace(outcome(0.1, 0.04), estimate=0.02)})
+    plan = choose(Goal(0.0501), reference(1e-6), WANTED[1:2], bench)
+    watch = PlanWatch(Wishes("nothing"), plan, Console(), lambda settings: pytest.fail("not opened"))
+    for answer, harder in ((0.01, None), (0.02, None), (0.03, None), (0.032, 1.6)):
+        assert watch.needed(estimated(answer)) == harder
+    assert watch.needed(None) is None
+    again = replace(watch, plan=replace(plan, goal=Goal(0.0501, harder=1.6)))
+    assert again.needed(estimated(0.032)) is None, "it is what this one was made for"
+    unknown = replace(plan, choice=replace(plan.choice, estimate=0.0))
+    assert replace(watch, plan=unknown).needed(estimated(0.5)) is None
 
 
 def test_a_plan_is_read_as_it_was_written() -> None:

@@ -68,6 +68,8 @@ class Outcome:
     steps: int = 0
     n_cells: int = 0
     n_nodes: int = 0
+    estimate: float = 0.0
+    """what the run itself estimated that forces and displacements are off by, 0 where it could not [1]"""
 
     @property
     def seconds(self) -> float:
@@ -107,7 +109,9 @@ class Outcome:
         return cls(**{name: data[name] for name in _PLAIN}, walls=walls, series=series)
 
 
-_PLAIN = ("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes")
+_PLAIN = (
+    *("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes", "estimate"),
+)
 
 
 class _Watch:
@@ -200,6 +204,7 @@ def _timed(
         steps=last.step,
         n_cells=sum(region.n_cells for region in regions),
         n_nodes=sum(region.n_nodes for region in regions),
+        estimate=0.0 if last.error_estimate is None else last.error_estimate.answer,
     )
     assert outcome.series is not None
     if not outcome.series.finite():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -48,6 +47,8 @@ class Wishes:
     quantities: tuple[str, ...] = ()
     minutes: float = 5.0
     fresh: bool = False
+    harder: float = 1.0
+    """see `Goal`"""
 
 
 def plan(wishes: Wishes, console: Console) -> Plan:
@@ -148,13 +149,12 @@ def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:
         f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time"
     )
     console.print(Text(text, style="dim"), soft_wrap=True)
-    return (*AS_GIVEN, *choice.settings)
+    return settings_of(found)
 
 
-def planned_quietly(scene: str | Path | Scene, settings: Sequence[str]) -> tuple[str, ...]:
-    """The same for a program: progress goes to the terminal's standard error, if there is one."""
-    console = Console(stderr=True, quiet=not sys.stderr.isatty())
-    return planned(Wishes(scene, tuple(settings)), console)
+def settings_of(found: Plan) -> tuple[str, ...]:
+    """The settings that a plan consists of."""
+    return (*AS_GIVEN, *found.choice.settings)
 
 
 def show(found: Plan, console: Console) -> None:
@@ -194,7 +194,7 @@ def _goal(wishes: Wishes, scene: Scene) -> Goal:
         raise BadInput(f"--rtf {rtf:g}: give a number above zero, e.g. 20 for twenty times real time")
     if not 0.0 < wishes.minutes < 1e5:
         raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
-    return Goal(tolerance, rtf)
+    return Goal(tolerance, rtf, wishes.harder)
 
 
 def _names(scene: Scene, wanted: Sequence[str]) -> tuple[str, ...]:

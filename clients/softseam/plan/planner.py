@@ -60,6 +60,8 @@ class Goal:
     """largest error of any quantity, L2 over time and relative [1]"""
     rtf: float = 0.0
     """least real-time factor, 0 for any"""
+    harder: float = 1.0
+    """how many times as large errors of mesh and model are in the motion to plan for as in the scene's own [1]"""
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,8 @@ class Tried:
     """its worst error, the reference's counted in: infinite where it failed [1]"""
     decided_by: str
     """the quantity that is worst, or why it failed"""
+    estimate: float = 0.0
+    """what the run itself estimated that it is off by, 0 where it could not [1]"""
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,7 @@ class Plan:
         return {
             "tolerance": self.goal.tolerance,
             "rtf": self.goal.rtf,
+            "harder": self.goal.harder,
             "uncertainty": self.uncertainty,
             "left_out": dict(self.left_out),
             "choice": self.tried.index(self.choice),
@@ -107,10 +112,11 @@ class Plan:
                 float(one["rtf"]),
                 float("inf") if one["error"] is None else float(one["error"]),
                 str(one["decided_by"]),
+                float(one.get("estimate", 0.0)),
             )
             for one in data["tried"]
         )
-        goal = Goal(float(data["tolerance"]), float(data["rtf"]))
+        goal = Goal(float(data["tolerance"]), float(data["rtf"]), float(data.get("harder", 1.0)))
         left_out = {str(name): str(why) for name, why in dict(data.get("left_out", {})).items()}
         return cls(goal, tried[int(data["choice"])], tried, float(data["uncertainty"]), left_out)
 
@@ -146,7 +152,7 @@ def choose(
         except NoPlan as error:
             why = error
         least = 0.0 if plan is None else FASTER * plan.choice.rtf
-        open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal.tolerance))
+        open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal))
         vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance or _in_reach(reference, goal.tolerance)
         better = refine() if vague or any(open_ones) else None
         if better is not None:
@@ -174,7 +180,7 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
             continue
         outcome = measure(configuration)
         learn(pace, configuration, outcome)
-        one = judged(configuration, outcome, reference)
+        one = judged(configuration, outcome, reference, goal.harder)
         tried.append(one)
         if one.error <= goal.tolerance and (best is None or one.rtf > best.rtf):
             best, least = one, outcome.seconds
@@ -193,10 +199,11 @@ def _in_reach(reference: Reference, tolerance: float) -> bool:
     )
 
 
-def _undecided(outcome: Outcome, reference: Reference, tolerance: float) -> bool:
+def _undecided(outcome: Outcome, reference: Reference, goal: Goal) -> bool:
     """Whether a run may be accurate enough and may be not, for all that is known of the truth."""
     if outcome.status != "done" or outcome.series is None:
         return False
+    tolerance = goal.tolerance - _grown(outcome, goal.harder)
     found = errors(outcome.series, reference.time, reference.truth)
     vague = {name: reference.truth[name].uncertainty for name in reference.counted}
     may_be = all(found[name].bound or found[name].value - vague[name] <= tolerance for name in vague)
@@ -204,15 +211,21 @@ def _undecided(outcome: Outcome, reference: Reference, tolerance: float) -> bool
     return may_be and not is_so
 
 
-def judged(configuration: Configuration, outcome: Outcome, reference: Reference) -> Tried:
-    """A run's worst error: what it differs from the reference by, and what that may be off by."""
+def judged(configuration: Configuration, outcome: Outcome, reference: Reference, harder: float = 1.0) -> Tried:
+    """A run's worst error: what it differs from the reference by, what that may be off by, and a harder motion adds."""
     label, settings = configuration.label, configuration.settings
     if outcome.status != "done" or outcome.series is None:
         return Tried(label, settings, 0.0, float("inf"), f"{outcome.status}: {outcome.reason}")
     found = errors(outcome.series, reference.time, reference.truth)
     bounds = {name: _with(found[name], reference.truth[name].uncertainty) for name in reference.counted}
     decisive = max(bounds, key=lambda name: bounds[name])
-    return Tried(label, settings, outcome.rtf, bounds[decisive], decisive)
+    error = bounds[decisive] + _grown(outcome, harder)
+    return Tried(label, settings, outcome.rtf, error, decisive, outcome.estimate)
+
+
+def _grown(outcome: Outcome, harder: float) -> float:
+    """By how much more a run is off in a harder motion: what it estimates of itself grows, other errors stay."""
+    return (harder - 1.0) * outcome.estimate
 
 
 def _with(error: Error, uncertainty: float) -> float:
