@@ -97,6 +97,7 @@ class Outcome:
 
     def as_json(self) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in _PLAIN}
+        plain |= {"estimate": self.estimate}
         return plain | {"walls": list(self.walls), "series": None if self.series is None else self.series.as_json()}
 
     @classmethod
@@ -106,12 +107,11 @@ class Outcome:
             raise ValueError(f"no status is called {data['status']!r}")
         series = None if data["series"] is None else Series.from_json(data["series"])
         walls = tuple(float(wall) for wall in data["walls"])
-        return cls(**{name: data[name] for name in _PLAIN}, walls=walls, series=series)
+        estimate = float(data.get("estimate", 0.0))  # runs that were kept before they estimated anything have none
+        return cls(**{name: data[name] for name in _PLAIN}, walls=walls, series=series, estimate=estimate)
 
 
-_PLAIN = (
-    *("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes", "estimate"),
-)
+_PLAIN = ("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes")
 
 
 class _Watch:

@@ -59,8 +59,17 @@ def rows_of(wanted: Sequence[Configuration], outcomes: Mapping[str, Outcome], re
 
 def busy(rows: Sequence[Row]) -> str:
     """What to say of a machine that had other work, which is left out of the speeds; '' where it had none."""
+    return busy_by(core_share(rows))
+
+
+def core_share(rows: Sequence[Row]) -> float:
+    """What other work left the median run of a core [1]."""
     shares = [row.outcome.cpu / statistics.median(row.outcome.walls) for row in rows if row.outcome.cpu > 0.0]
-    share = statistics.median(shares) if shares else 1.0
+    return statistics.median(shares) if shares else 1.0
+
+
+def busy_by(share: float) -> str:
+    """The same of a share of a core [1]."""
     told = f"; other work left the runs {100 * share:.0f} % of a core, so their processor time counts"
     return "" if share > 0.85 else told
 
