@@ -71,7 +71,7 @@ class BlockShape(Spec):
     grading: Annotated[float, Field(ge=1.0, le=20.0)] = Field(
         default=1.0,
         description="how many times thinner cells are at the faces than in the middle, where stress peaks at edges; "
-        "more than 1 for tools that cover whole faces",
+        "more than 1 in pbd for tools that cover whole faces",
     )
 
     @model_validator(mode="after")

@@ -16,6 +16,7 @@ from softseam_services.fem.kernels.cover import covered, overlap, side_gap
 # compressions of 5, 10 and 15 %, graded hex20 extrapolated over three meshes; its own uncertainty is 1 %.
 REFERENCE = np.array([1.604, 3.251, 4.947])
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+MIDDLE = np.zeros(2)
 
 
 def pads(n_cells: int, edge: float = 0.03, aside: float = 0.0, clear: float = 0.0) -> FemRun:
@@ -81,19 +82,21 @@ def test_coverage_is_the_area_of_the_overlap() -> None:
     assert overlap(9.0, 1.0, 3.0) == 0.0
     # a face of 2 x 2 at z = 0 that looks down, a box below it
     x = np.array([[0.0, 0, 0], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]])
-    nodes = np.arange(5)
+    nodes = np.array([0, 1, 2, 3, 4, 0, 0, 0, 0])
     half = np.array([0.6, 5.0, 0.5])
     at = np.array([0.0, 0.0, -0.5])
     middles = (2.0 * np.arange(PATCHES) + 1.0) / PATCHES - 1.0
     shares = [
-        covered(x, nodes, np.array([u, v, 0.0]), float(PATCHES), half, at, UPRIGHT) for u in middles for v in middles
+        covered(x, nodes, np.array([u, v, 0.0]), float(PATCHES), MIDDLE, half, at, UPRIGHT)
+        for u in middles
+        for v in middles
     ]
     assert np.mean([share for share, _, _ in shares]) == pytest.approx(0.6)
     assert [whole for _, whole, _ in shares] == pytest.approx([0.6] * PATCHES**2)
     assert {side for _, _, side in shares} == {5}
     assert side_gap(5, half, at, UPRIGHT, np.array([0.9, 0.0, 0.1])) == (pytest.approx(0.1), 0.0, 0.0, 1.0)
     # from the other side of the box its faces do not count
-    assert covered(x, nodes, np.zeros(3), 4.0, half, -at, UPRIGHT)[2] == -1
+    assert covered(x, nodes, np.zeros(3), 4.0, MIDDLE, half, -at, UPRIGHT)[2] == -1
 
 
 def test_forces_at_nodes_and_inside_faces_have_the_same_sums() -> None:

@@ -8,13 +8,15 @@ cell, and so does the force. Points at the middles of 4 x 4 patches a face know 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, rest_points
+from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, hex27, rest_points
 from softseam_services.body.kernels.shape_functions import fill_weights
+from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.region import node_of_point
 from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import BOX, ToolSet
@@ -25,7 +27,37 @@ SOFT = 8.0
 """contact penalty at these points, E A/h with h the spacing of nodes; see the decision note"""
 MARGIN = 0.02
 """cell edges by which a tool's face has to stand out beyond the body if no edge of it is to touch"""
-_STRIDE = (1, 3, 9)
+
+
+def _face_nodes() -> Ints:
+    """`FacePoints.face_nodes` of each face 2 axis + (0 or 1) in a cell (6, 9)."""
+    stride, found = np.array([1, 3, 9]), []
+    for axis, side in product(range(3), (-1, 1)):
+        u, v = stride[(axis + 1) % 3], side * stride[(axis + 2) % 3]
+        found.append(13 + side * stride[axis] + np.array([0, -u, u, -v, v, -u - v, v - u, u - v, u + v]))
+    return np.array(found, dtype=np.int32)
+
+
+def _middles() -> tuple[Floats, Floats, Floats]:
+    """Places of the patches of each face in the cell (6, 16, 3), derivatives of the cell's functions along u and v
+    there (6, 16, 27, 2), and the places along u and v as of `_face_nodes` (6, 16, 2)."""
+    at = (2.0 * np.arange(PATCHES) + 1.0) / PATCHES - 1.0
+    along = np.stack([np.repeat(at, PATCHES), np.tile(at, PATCHES)], axis=1)
+    place, slope = np.empty((6, PATCHES**2, 3)), np.empty((6, PATCHES**2, 27, 2))
+    value, full = np.empty(27), np.empty((27, 3))
+    for face, (axis, side) in enumerate(product(range(3), (-1.0, 1.0))):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        place[face, :, axis] = side
+        place[face][:, [u, v]] = along
+        for point, out in zip(place[face], slope[face], strict=True):
+            hex27(point, value, full)
+            out[:] = full[:, [u, v]]
+    sides = np.tile([-1.0, 1.0], 3)
+    return place, slope, np.stack([np.stack([along[:, 0], side * along[:, 1]], axis=1) for side in sides])
+
+
+_NODES = _face_nodes()
+_MIDDLES, _SLOPES, _PATCHES = _middles()
 
 
 @dataclass(frozen=True)
@@ -44,8 +76,13 @@ class FacePoints:
     """(q,)"""
     area: Floats
     """(q,) [m^2]"""
+    patch: Floats
+    """middle of the point's patch along u and v, each in [-1, 1]; 0 on boxes, whose patches are alike (q, 2)"""
+    edge: Floats
+    """of the face's cell, see `cell_edges` (f,) [m]"""
     face_nodes: Ints
-    """local ids of the middle, and of the middles of the sides at -u, +u, -v, +v; u x v is outward (f, 5)"""
+    """local ids of the middle, of the middles of the sides at -u, +u, -v, +v, u x v being outward, and of the corners
+    -u-v, -u+v, +u-v, +u+v; on boxes the middle stands for corners (f, 9)"""
     indptr: Ints
     node: Ints
     weight: Floats
@@ -61,34 +98,17 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
     edged = np.zeros(n_tools, dtype=np.bool_)
     own = node_of_point(body)[region.points]
     owns = len(region.seam) == 0 or bool(np.isin(own, region.nodes[region.seam]).any())
-    if tools is not None and owns and _is_block(body):
+    if tools is not None and owns and _is_covered_by_faces(body):
         edged[:] = [_has_edge(tools, tool, body) for tool in range(n_tools)]
-    cells: list[Ints] = []
-    locals_: list[Floats] = []
-    nodes: list[Ints] = []
-    middles = (2.0 * np.arange(PATCHES) + 1.0) / PATCHES - 1.0
-    areas: list[Floats] = []
-    if edged.any():
-        taken = {tuple(cell) for cell in body.cell_grid.tolist()}
-        grid = body.cell_grid[region.cells]
-        for axis in range(3):
-            u, v = (axis + 1) % 3, (axis + 2) % 3
-            for side in (-1, 1):
-                beyond = grid.copy()
-                beyond[:, axis] += side
-                outer = np.flatnonzero([tuple(cell) not in taken for cell in beyond.tolist()]).astype(np.int32)
-                centre = _STRIDE[0] + _STRIDE[1] + _STRIDE[2] + side * _STRIDE[axis]
-                across = (-_STRIDE[u], _STRIDE[u], -side * _STRIDE[v], side * _STRIDE[v])
-                nodes.append(region.cell_nodes[outer][:, [centre, *(centre + step for step in across)]])
-                place = np.empty((PATCHES * PATCHES, 3))
-                place[:, axis] = side
-                place[:, u], place[:, v] = np.repeat(middles, PATCHES), np.tile(middles, PATCHES)
-                cells.append(np.repeat(outer, PATCHES * PATCHES))
-                locals_.append(np.tile(place, (len(outer), 1)))
-                areas.append(np.full(len(cells[-1]), body.edges[u] * body.edges[v] / PATCHES**2))
-    cell = np.concatenate(cells) if cells else np.zeros(0, dtype=np.int32)
-    local = np.concatenate(locals_) if cells else np.zeros((0, 3))
-    face_nodes = np.concatenate(nodes) if cells else np.zeros((0, 5), dtype=np.int32)
+    outer = outer_faces(body, region) if edged.any() else np.zeros((0, 2), dtype=np.int32)
+    carrier, side = outer.T
+    nodes = region.cell_nodes[carrier[:, None], _NODES[side]]
+    area = _areas(body, region, outer)
+    patch = _PATCHES[side].reshape(-1, 2)
+    if body.boxes:
+        nodes[:, 5:] = nodes[:, :1]
+        patch = np.zeros_like(patch)
+    cell, local = np.repeat(carrier, PATCHES**2), _MIDDLES[side].reshape(-1, 3)
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))
     count = fill_weights(local, cell, region.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
@@ -98,19 +118,52 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
         alone=~held,
         cell=cell,
         local=local,
-        face=np.repeat(np.arange(len(face_nodes), dtype=np.int32), PATCHES * PATCHES),
-        area=np.concatenate(areas) if cells else np.zeros(0),
-        face_nodes=np.ascontiguousarray(face_nodes, dtype=np.int32),
+        face=np.repeat(np.arange(len(nodes), dtype=np.int32), PATCHES**2),
+        area=area.ravel(),
+        patch=patch,
+        edge=cell_edges(body, region.cells[carrier]),
+        face_nodes=np.ascontiguousarray(nodes, dtype=np.int32),
         indptr=indptr,
         node=node[:count].copy(),
         weight=weight[:count].copy(),
     )
 
 
-def _is_block(body: Body) -> bool:
-    """Whether the surface points are the lattice nodes of filled boxes."""
+def outer_faces(body: Body, region: Region) -> Ints:
+    """Local cell, and number 2 axis + (0 or 1) in it, of the region's faces on the body's surface (f, 2), by number."""
+    count = np.bincount(body.cell_nodes[:, _NODES[:, 0]].ravel(), minlength=body.n_nodes)
+    number, cell = np.nonzero(count[body.cell_nodes[region.cells][:, _NODES[:, 0]]].T == 1)
+    return np.stack([cell, number], axis=1).astype(np.int32)
+
+
+def _areas(body: Body, region: Region, outer: Ints) -> Floats:
+    """Of the patches of faces (f, 2) at rest (f, 16) [m^2]:  |x_u x x_v| du dv."""
+    x = body.x_rest[body.cell_nodes[region.cells[outer[:, 0]]]]  # (f, 27, 3)
+    along = np.einsum("fpak,fai->fpki", _SLOPES[outer[:, 1]], x)
+    return np.asarray(np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=2) * (2.0 / PATCHES) ** 2)
+
+
+def cell_edges(body: Body, cells: Ints) -> Floats:
+    """Edge of a cell [m], twice the spacing of nodes that contact goes by: of a cube of its volume where cells are of
+    any shape, so that thin cells are neither too soft beside a tool's edge nor too stiff beneath it (c,)."""
+    return np.full(len(cells), body.resolution) if body.boxes else np.cbrt(cell_volumes(body)[cells])
+
+
+def point_edges(body: Body, region: Region) -> Floats:
+    """The mean `cell_edges` of the body's cells around each of the region's surface points (p,) [m]."""
+    if body.boxes:
+        return cell_edges(body, region.cells)[region.point_cell]
+    edge = cell_edges(body, np.arange(body.n_cells, dtype=np.int32))
+    held = body.cell_nodes.ravel()
+    count, total = np.bincount(held), np.bincount(held, np.repeat(edge, 27))
+    at = node_of_point(body)[region.points]
+    return np.asarray(total[at] / count[at])
+
+
+def _is_covered_by_faces(body: Body) -> bool:
+    """Whether the surface points are the lattice nodes of cells that are filled."""
     local = body.surface.local
-    return body.boxes and bool(np.abs(local - np.rint(local)).max(initial=0.0) < 1e-9 and (body.fill == 1.0).all())
+    return bool(np.abs(local - np.rint(local)).max(initial=0.0) < 1e-9 and (body.fill == 1.0).all())
 
 
 def _has_edge(tools: ToolSet, tool: int, body: Body) -> bool:

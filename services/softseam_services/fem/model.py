@@ -18,7 +18,7 @@ from softseam_services.fem.dissection import Factoring, Tree, dissect, scratch
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.cut import with_cut_cells
 from softseam_services.fem.elements.hex27_box import cell_tables, patterns
-from softseam_services.fem.face_points import SOFT, face_points
+from softseam_services.fem.face_points import SOFT, face_points, point_edges
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE, N_COLUMNS
 from softseam_services.fem.kernels.multigrid import MULTIGRID, NONE
@@ -26,8 +26,8 @@ from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.fem.sparse import sparse_tree
 from softseam_services.tools.tool_set import ToolSet
 
-# Contact penalty r = PENALTY E A / h at a surface point, h the spacing of nodes: softer lets points sink in between
-# steps, stiffer slows the stick-slip iteration.
+# Contact penalty r = PENALTY E A / h at a surface point, h half an edge of the cells there: softer lets points sink in
+# between steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
 # Unknowns beyond which a matrix is not factored. A cube of as many, in contact, takes as long a step either way, and
 # beyond that the factor's time grows with the power 1.8 and its memory with 1.35 (tests/benchmarks/fem.py).
@@ -124,8 +124,12 @@ class FemModel(NamedTuple):
     point_face: Ints
     """face that a point inside it belongs to; these come last, p counts them too. -1 at nodes of such faces, -2 at
     other points (p,)"""
+    point_patch: Floats
+    """as `FacePoints.patch`, 0 at other points (p, 2)"""
     face_nodes: Ints
-    """as of `FacePoints` (f, 5)"""
+    """as of `FacePoints` (f, 9)"""
+    face_edge: Floats
+    """as `FacePoints.edge` (f,) [m]"""
     edged: NDArray[np.bool_]
     """tools that touch at points inside faces (t,)"""
 
@@ -237,13 +241,13 @@ def build_model(
     point_cell = np.concatenate([region.point_cell, inner.cell]).astype(np.int32)
     of_point = np.repeat(np.arange(len(point_cell)), np.diff(pointer))
     local = np.argmax(region.cell_nodes[point_cell[of_point]] == node[:, None], axis=1)
-    spacing = 0.5 * float(body.edges.min())
+    spacing = 0.5 * np.concatenate([point_edges(body, region), inner.edge[inner.face]])
     octant = (np.concatenate([region.point_local, inner.local]) >= 0.0) @ np.array([1, 2, 4])
     of_points = number[point_cell, octant]
-    per_area = np.array([material.young / spacing for material in materials])[of_points]
+    young = np.array([material.young for material in materials])[of_points]
+    density = np.array([material.density for material in materials])[of_points]
     factor = np.repeat([PENALTY, SOFT], [len(region.points), len(inner.cell)])
-    stiffness = factor * per_area * np.concatenate([body.surface.area[region.points], inner.area])
-    swiftness = np.array([material.density * spacing**2 / (3.0 * material.young) for material in materials])
+    stiffness = factor * (young / spacing) * np.concatenate([body.surface.area[region.points], inner.area])
     x, shape = cell_shapes(body, region)
     general = element != "hex27" or len(x) > 1 or body.material.kind not in _SPLITS
     poisson = body.material.elastic.poisson
@@ -302,9 +306,11 @@ def build_model(
         point_weight=point_weight,
         point_cell=point_cell,
         point_stiffness=stiffness,
-        swiftness=swiftness[of_points],
+        swiftness=density * spacing**2 / (3.0 * young),
         point_face=np.concatenate([np.where(inner.alone, ALONE, -1), inner.face]).astype(np.int32),
+        point_patch=np.concatenate([np.zeros((len(region.points), 2)), inner.patch]),
         face_nodes=inner.face_nodes,
+        face_edge=inner.edge,
         edged=inner.edged,
     )
     return model, tree

@@ -40,7 +40,8 @@ ALONE = -2
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 _BESIDE = 0.25
-"""depth below a side of a box, in cell edges, at which a point that did not touch before came in beside that side"""
+"""depth below a side of a box, in edges of the face's cell and beyond what the box moves in the step, at which a point
+that did not touch before came in beside that side"""
 # columns of work.contact
 GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
 N_COLUMNS = 13
@@ -72,8 +73,11 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     states; returns how many.
     """
     n_tools = len(tools.kind)
-    xp = np.empty(3)
+    xp, travel = np.empty(3), np.empty(n_tools)
     count = 0
+    for tool in range(n_tools):
+        way = tools.position_next[tool] - tools.position[tool]
+        travel[tool] = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
     patches = np.sqrt(len(model.point_face[model.point_face >= 0]) / max(1, len(model.face_nodes)))
     for point in range(len(model.point_stiffness)):
         if model.point_stiffness[point] == 0.0:
@@ -90,10 +94,12 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
             touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
             share, carry, side = 1.0, 1.0, -1
             if face >= 0:
-                share, whole, side = covered(x, model.face_nodes[face], xp, patches, shape, position, turn)
+                share, whole, side = covered(
+                    x, model.face_nodes[face], xp, patches, model.point_patch[point], shape, position, turn
+                )
                 carry = whole**CARRY_POWER
                 gap = side_gap(side, shape, position, turn, xp)[0] if side >= 0 else 0.0
-                if side < 0 or (gap < -_BESIDE * model.edge and not touched):
+                if side < 0 or (gap < -_BESIDE * model.face_edge[face] - travel[tool] and not touched):
                     work.factored_state[point, tool] = OPEN
                     continue
             else:

@@ -2,7 +2,8 @@
 
 The box touches with the face whose outward normal is most opposed to the patch's. Along each of the two axes beside it
 the patch, a parallelogram with half sides a and b, spans 2 (|a_i| + |b_i|); the covered fraction is the product of the
-two overlaps with the face: exact where sides are along the tool's axes, and continuous in the tool's pose always.
+two overlaps with the face: exact where sides are along the axes of the tool, and continuous in its pose always. Patches
+of a box are alike; faces of other cells are quadrangles m + s u + t v + s t w with a = u + t w and b = v + s w.
 """
 
 from __future__ import annotations
@@ -24,10 +25,11 @@ def overlap(middle, reach, half):
 
 
 @njit(cache=True, error_model="numpy")
-def covered(x, nodes, point, patches, shape, position, orientation):
+def covered(x, nodes, point, patches, patch, shape, position, orientation):
     """What a box covers around a point (3,): share of its patch, share of its face of a cell, side of the box.
 
-    x (n, 3), nodes (5,) as `FacePoints.face_nodes`; side is axis + 3 (outward along +axis), -1 where nothing is covered
+    x (n, 3), nodes (9,) as `FacePoints.face_nodes`, patches along each side of the face, patch (2,) this one's middle
+    s, t; side is axis + 3 (outward along +axis), -1 where nothing is covered
     """
     u0, u1, u2 = rotate_back(
         orientation,
@@ -48,21 +50,36 @@ def covered(x, nodes, point, patches, shape, position, orientation):
     if abs(n2) > abs(normal):
         axis, normal = 2, n2
     p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
-    m = rotate_back(
-        orientation,
-        x[nodes[0], 0] - position[0],
-        x[nodes[0], 1] - position[1],
-        x[nodes[0], 2] - position[2],
-    )
     # On the far half of the box the surface of the body is not what this face presses.
     if p[axis] * normal > 0.0:
         return 0.0, 0.0, -1
-    reach = (abs(u0) + abs(v0), abs(u1) + abs(v1), abs(u2) + abs(v2))
     share = whole = 1.0
+    if nodes[5] == nodes[0]:
+        m = rotate_back(
+            orientation,
+            x[nodes[0], 0] - position[0],
+            x[nodes[0], 1] - position[1],
+            x[nodes[0], 2] - position[2],
+        )
+        reach = (abs(u0) + abs(v0), abs(u1) + abs(v1), abs(u2) + abs(v2))
+        for beside in range(3):
+            if beside != axis:
+                share *= overlap(p[beside], reach[beside] / patches, shape[beside])
+                whole *= overlap(m[beside], reach[beside], shape[beside])
+        return share, whole, (axis if normal > 0.0 else axis + 3) if share > 0.0 else -1
+    u, v = (u0, u1, u2), (v0, v1, v2)
+    corner = np.empty((4, 3))
+    for i in range(4):
+        away = x[nodes[5 + i]] - position
+        corner[i] = rotate_back(orientation, away[0], away[1], away[2])
     for beside in range(3):
         if beside != axis:
-            share *= overlap(p[beside], reach[beside] / patches, shape[beside])
-            whole *= overlap(m[beside], reach[beside], shape[beside])
+            at = corner[:, beside]
+            w = 0.25 * ((at[0] - at[1]) - (at[2] - at[3]))
+            reach_here = abs(u[beside] + patch[1] * w) + abs(v[beside] + patch[0] * w)
+            share *= overlap(p[beside], reach_here / patches, shape[beside])
+            low, high = at.min(), at.max()
+            whole *= overlap(0.5 * (low + high), 0.5 * (high - low), shape[beside])
     side = axis if normal > 0.0 else axis + 3
     return share, whole, side if share > 0.0 else -1
 
