@@ -27,7 +27,6 @@ from softseam_services.fem.kernels.newton import (
     NOT_FINITE,
     STALLED,
     WORST_CELL,
-    seam_compliance,
 )
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tools, build_model, build_work
@@ -168,11 +167,10 @@ class FemSolver:
         if status != CONVERGED:
             return self._failed(request, self._why(status), began)
         self._tentative = True
-        if request.compliance and not seam_compliance(
-            self._scheme, now.x, now.v, now.past, now.history, now.contact, request.dt, end.x, self._model,
-            self._tree, whole, self._work, self._memo, self._inverse,
-        ):  # fmt: skip
-            return self._failed(request, self._why(INDEFINITE), began)
+        if request.compliance:
+            status = self._advance(now, end, request.dt, request.seam_force, whole, 0, False, derive=True)
+            if status != CONVERGED:
+                return self._failed(request, self._why(status), began)
         if len(request.seam_force_start):
             self._ramped(request, now, end)
         return self._reply(request, "converged", began)
@@ -205,19 +203,24 @@ class FemSolver:
         careful: bool,
         parts_left: int = 1,
         pace: float = 1.0,
+        derive: bool = False,
     ) -> int:
         """One step, or one of the parts left of it, from `now` into `end`, whose x is the first guess.
+
+        derive: nothing but the seam's compliance at the end of the step.
 
         Returns a status of `kernels.newton`.
         """
         static = self._scheme.kind == STATIC
-        past = raised(now.past, parts_left) if static else now.past
+        past = raised(now.past, parts_left) if static and not derive else now.past
         status: int = kernel.advance(
             self._scheme, now.x, now.v, past, now.history, now.contact, dt, pace, force, self._model, self._tree, tools,
             self._tolerance, most, careful, self._work, self._memo,
             end.x, end.v, end.history, end.contact, self._wrench, self._out, self._seam_x, self._distance,
+            derive, self._inverse,
         )  # fmt: skip
-        end.past = past if static else dt
+        if not derive:
+            end.past = past if static else dt
         return status
 
     def _adapt(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:

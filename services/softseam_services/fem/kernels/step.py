@@ -21,7 +21,7 @@ from softseam_services.fem.kernels.contact import (
 )
 from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.fem.kernels.elements import strain_energy
-from softseam_services.fem.kernels.newton import CONVERGED, farthest, newton, seam_pull
+from softseam_services.fem.kernels.newton import CONVERGED, INDEFINITE, farthest, newton, seam_compliance, seam_pull
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 # entries of `out`
@@ -151,13 +151,19 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
 
 @njit(cache=True, error_model="numpy")
 def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model, tree, tools, tolerance, most, careful,
-            work, memo, x, v, history_next, contact, wrench, out, seam_x, distance):  # fmt: skip
+            work, memo, x, v, history_next, contact, wrench, out, seam_x, distance, derive, inverse):  # fmt: skip
     """One step from x0, v0, history, contact0 over dt; returns a status of `newton`.
+
+    derive: in place of the step its `seam_compliance` at the end x, into inverse (3s, 3s) [m/N]: a kernel of its own
+    would be compiled from the same hundred and forty functions once more.
 
     pace: share of a penetration at the start that the step takes out, 1 but for parts of a step; see kernels/contact.py
     x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
     CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
     """
+    if derive:
+        good = seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree, tools, work, memo, inverse)
+        return CONVERGED if good else INDEFINITE
     load = past if scheme.kind == STATIC else 1.0
     for node in range(len(x0)):
         for i in range(3):

@@ -8,6 +8,7 @@ from softseam_services.compiled_once import njit
 
 from .block import N_STRESS
 from .contact import begin_pairs
+from .copy_rows import copy_rows
 from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
 from .pairs import find_pairs, place_points
@@ -59,7 +60,7 @@ def probe_seam(
     exact_stress(ws, xw, nodes, volume, stress_start, constants, law)
     point_x = np.zeros((len(force_start), 3))
     place_points(xw, indptr, node, weight, point_x)
-    blocks.softness[:] = blocks.softness_free
+    copy_rows(blocks.softness, blocks.softness_free)
     find_pairs(
         *(kind, shape, position, orientation, point_x, points.active, indptr, node, weight, points.softness),
         *(force_start, np.zeros_like(force_start), 0.0, h * h, n, np.empty(n, dtype=np.int32)),
@@ -70,8 +71,8 @@ def probe_seam(
     )
     pairs_start = contacts.pairs.copy()
     for now in range(2):
-        contacts.position[now] = position
-        contacts.orientation[now] = orientation
+        copy_rows(contacts.position[now], position)
+        copy_rows(contacts.orientation[now], orientation)
     tool_motions(position, orientation, position, orientation, motion)
     x = np.empty((n, 3))
     v = np.empty((n, 3))
@@ -81,12 +82,12 @@ def probe_seam(
     stress = np.empty_like(stress_start)
     base = np.zeros(3 * len(seam))
     for column in range(-1, 3 * len(seam)):
-        x[:] = x_start
-        xw[:n, :3] = x_start
+        copy_rows(x, x_start)
+        copy_rows(xw, x_start)
         v[:] = 0.0
         a[:] = 0.0
-        stress[:] = stress_start
-        contacts.pairs[:] = pairs_start
+        copy_rows(stress, stress_start)
+        copy_rows(contacts.pairs, pairs_start)
         for substep in range(n_substeps):
             if column >= 0:
                 share = (substep + 1) / n_substeps if ramp else 1.0

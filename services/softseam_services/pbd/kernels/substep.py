@@ -13,6 +13,7 @@ from softseam_services.compiled_once import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs
+from .copy_rows import copy_rows
 from .crew import done, first_share, next_share, wait_for
 from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
@@ -167,7 +168,7 @@ def advance_step(
             pair_rows,
             pairs,
         )
-        blocks.softness[:] = blocks.softness_free
+        copy_rows(blocks.softness, blocks.softness_free)
         find_held_blocks(
             nodes, volume, indptr, node, weight, pair_start, pair_rows, contacts.held, contacts.held_blocks
         )
@@ -188,8 +189,8 @@ def advance_step(
     for substep in range(n_substeps):
         if rank == 0:
             wait_for(crew, before)
-            pose[0] = pose[1]
-            quaternion[0] = quaternion[1]
+            copy_rows(pose[0], pose[1])
+            copy_rows(quaternion[0], quaternion[1])
             fraction = (substep + 1) / n_substeps
             tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
             tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], motion)
