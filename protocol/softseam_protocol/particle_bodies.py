@@ -99,7 +99,7 @@ class RopeBody(_Particles):
 
 
 class TetMeshBody(_Particles):
-    """A solid of tetrahedra from a file, a particle at each corner; St. Venant and Kirchhoff's material."""
+    """A solid of tetrahedra from a file, a particle at each corner."""
 
     kind: Literal["tet_mesh"]
     path: str = Field(min_length=1, description="file of tetrahedra read through meshio, relative to the scene file")
@@ -108,6 +108,11 @@ class TetMeshBody(_Particles):
     density: Positive = Field(description="[kg/m^3]")
     young: Positive = Field(description="Young's modulus [Pa]")
     poisson: float = Field(gt=0.0, lt=0.5, description="Poisson's ratio [1]")
+    law: Literal["st_venant_kirchhoff", "neo_hookean"] = Field(
+        default="st_venant_kirchhoff",
+        description="material: st_venant_kirchhoff, by seven strains a tetrahedron, for small strains; neo_hookean, "
+        "by a pair of constraints, for large ones and what may turn inside out",
+    )
 
 
 ParticleBodySpec = SheetBody | RopeBody | TetMeshBody

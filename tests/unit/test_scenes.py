@@ -22,7 +22,7 @@ from softseam_services.tools.build import build_tools
 SCENES = Path(__file__).parents[2] / "scenes"
 CELLS = ["calamari", "cantilever", "dumpling", "heavy_on_soft", "sausage", "sausage_bend", "silken_tofu"]
 CELLS += ["stiff_inclusion", "tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab"]
-PARTICLES = ["cloth_fold", "pudding", "rope"]
+PARTICLES = ["cloth_fold", "jelly", "pudding", "rope"]
 
 
 def maker() -> ModuleType:

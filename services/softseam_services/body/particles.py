@@ -62,13 +62,18 @@ class Bends:
 
 @dataclass(frozen=True)
 class Solid:
-    """m tetrahedra of St. Venant and Kirchhoff's material."""
+    """m tetrahedra of one material."""
 
     nodes: Ints
     """corners, the last above the first three (m, 4)"""
     elastic: ElasticConstants
     wave_time: float
     """a P wave's way over the least height of a tetrahedron [s]"""
+    law: str = "st_venant_kirchhoff"
+    """as in the scene file"""
+
+
+_CONSTRAINTS = {"st_venant_kirchhoff": "seven strains", "neo_hookean": "a neo-Hookean pair"}
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,7 @@ class ParticleBody:
             "particles": f"{self.n_nodes}, {int(self.fixed.sum())} of them clamped, {1e3 * self.spacing:.3g} mm apart",
             "constraints": f"{len(self.springs.rest)} springs, {len(self.bends.stiffness)} bends"
             if self.solid is None
-            else f"{len(self.solid.nodes)} tetrahedra of seven strains",
+            else f"{len(self.solid.nodes)} tetrahedra of {_CONSTRAINTS[self.solid.law]}",
             "surface": f"{len(self.skin.triangles)} triangles; tools keep {1e3 * self.radius:.3g} mm from particles",
         }
 

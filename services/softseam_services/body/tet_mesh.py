@@ -52,7 +52,7 @@ def build_tet_mesh(scene: Scene, spec: TetMeshBody, files: Mapping[str, bytes]) 
         radius=0.0,
         self_contact=False,
         self_friction=0.0,
-        solid=Solid(raw.cells, elastic, _least_height(corners, volume) / wave_speed),
+        solid=Solid(raw.cells, elastic, _least_height(corners, volume) / wave_speed, spec.law),
     )
 
 

@@ -46,8 +46,15 @@ class ParticleModel:
     bend_compliance: Floats
     """(c, 8) [m/N]"""
     tetrahedra: Tetrahedra
+    """held by strains"""
     strain_compliance: Floats
     """of stretches, shears and the trace (d, 3, 8) [1/J]"""
+    paired: Tetrahedra
+    """held by neo-Hookean pairs"""
+    pair_compliance: Floats
+    """of C_D and C_H (e, 2, 8) [1/J]"""
+    pair_gamma: Floats
+    """(e, 8) [1]"""
 
     @property
     def classic(self) -> bool:
@@ -92,8 +99,12 @@ def build_model(body: ParticleBody, tools: ToolSet, spec: PbdSpec) -> ParticleMo
     coefficient, stiffness = body.bends.coefficient[: len(nodes)], body.bends.stiffness[: len(nodes)]
     bends = batches(body.n_nodes, nodes)
     none = np.zeros((0, 4), dtype=np.int32)
-    tetrahedra = build_tetrahedra(body.x_rest, none if body.solid is None else body.solid.nodes)
+    solid = body.solid
+    by_pairs = solid is not None and solid.law == "neo_hookean"
+    tetrahedra = build_tetrahedra(body.x_rest, none if solid is None or by_pairs else solid.nodes)
+    paired = build_tetrahedra(body.x_rest, solid.nodes if solid is not None and by_pairs else none)
     elastic = ElasticConstants(1.0, 1.0) if body.solid is None else body.solid.elastic
+    pair_compliance, pair_gamma = paired.pair(elastic, 1.0)
     return ParticleModel(
         body=body,
         tools=tools,
@@ -107,4 +118,7 @@ def build_model(body: ParticleBody, tools: ToolSet, spec: PbdSpec) -> ParticleMo
         bend_compliance=bends.lanes(1.0 / stiffness, 1.0),
         tetrahedra=tetrahedra,
         strain_compliance=tetrahedra.strains(elastic, 1.0),
+        paired=paired,
+        pair_compliance=pair_compliance,
+        pair_gamma=pair_gamma,
     )

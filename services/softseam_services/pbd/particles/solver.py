@@ -15,7 +15,7 @@ from softseam_services.pbd.kernels.lanes import aligned
 from softseam_services.request_check import problem_of
 from softseam_services.tools.tool_set import ToolSet
 
-from .kernels import bending, distance, strain
+from .kernels import bending, distance, neo_hookean, strain
 from .kernels import summary as k
 from .kernels.contact import N_PUSH
 from .kernels.grip import take_hold
@@ -83,6 +83,17 @@ class ParticleSolver:
             np.zeros_like(model.strain_compliance),
             np.zeros((len(tets.batches.row), strain.N_STRAINS, 8)),
         )
+        tets = model.paired
+        self._hyper = (
+            tets.batches.nodes,
+            tets.inverse,
+            model.pair_compliance,
+            np.zeros_like(model.pair_compliance),
+            np.zeros_like(model.pair_compliance),
+            model.pair_gamma,
+            aligned(n + 8, 4),
+            aligned(neo_hookean.N_WORK),
+        )
         self._no_grip = np.zeros(t, dtype=np.int8)
         self._xw = aligned(n + 8, 4)
         self._work_arrays = (
@@ -100,7 +111,7 @@ class ParticleSolver:
         self._poses = np.zeros((2, t, 3)), np.zeros((2, t, 4)), np.zeros((2, t, 12))
         self._mean, self._felt, self._wrench = np.zeros((n, 3)), np.zeros((n, t)), np.zeros((t, 6))
         self._outcome, self._result = np.zeros(N_OUTCOMES), np.zeros(k.N_RESULTS)
-        self._measure, self._strain = np.zeros((3, 5)), np.zeros(n + 8)
+        self._measure, self._strain = np.zeros((4, 5)), np.zeros(n + 8)
         self._layers = (APART * float(body.spacing) if body.self_contact else 0.0, float(body.self_friction))
         self._load_kernels()
         self._fill(start.x)
@@ -126,6 +137,7 @@ class ParticleSolver:
             self._springs[6],
             self._bends[6],
             self._solid[5],
+            self._hyper[4],
         ):
             array[:] = 0.0
 
@@ -204,6 +216,7 @@ class ParticleSolver:
             self._springs,
             self._bends,
             self._solid,
+            self._hyper,
             tools.kind,
             tools.shape,
             tools.friction,
@@ -249,10 +262,17 @@ class ParticleSolver:
         bending.measure_bends(self._xw, nodes, row, coefficient, soft, lam_bends, h, spacing, self._measure[1])
         nodes, row, inverse, _, soft, lam_strains = self._solid
         strain.measure_strains(self._xw, nodes, row, inverse, soft, lam_strains, h, self._strain, self._measure[2])
+        nodes, inverse, compliance, soft, lam_pairs, _, _, _ = self._hyper
+        row = self.model.paired.batches.row
+        neo_hookean.measure_pairs(
+            self._xw, nodes, row, inverse, compliance, soft, lam_pairs, self._strain, self._measure[3]
+        )
 
     def _measures(self) -> ParticleReport:
-        springs, (bend, off, off_total, _, n_bends), strains = self._measure.tolist()
-        stretch, worst, total, most, count = springs if self.model.body.solid is None else strains
+        springs, (bend, off, off_total, _, n_bends), strains, pairs = self._measure.tolist()
+        solid = self.model.body.solid
+        of_solid = pairs if solid is not None and solid.law == "neo_hookean" else strains
+        stretch, worst, total, most, count = springs if solid is None else of_solid
         return ParticleReport(
             worst_stretch=most,
             stretch_violation=worst,

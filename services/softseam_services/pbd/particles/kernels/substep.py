@@ -17,6 +17,8 @@ from .bending import add_bend_forces, prepare_bends, project_bends
 from .contact import bounce, list_contacts, note_approach, project_contacts, settle_contacts
 from .distance import add_distance_forces, prepare_distances, project_distances
 from .grip import carry, list_held, list_holding, settle_held
+from .neo_hookean import begin_pairs, prepare_pairs
+from .neo_hookean import project_pairs as project_neo_hookean
 from .self_contact import list_pairs, project_pairs
 from .strain import prepare_strains, project_strains
 
@@ -76,6 +78,7 @@ def advance_step(
     springs,
     bends,
     solid,
+    hyper,
     kind,
     shape,
     friction,
@@ -108,6 +111,7 @@ def advance_step(
     springs         nodes, row, rest, compliance, inverse, soft, lambda, which of `distance`
     bends           nodes, row, coefficient, compliance, inverse, soft, lambda, which of `bending`
     solid           nodes, row, inverse, compliance, soft, lambda of `strain`
+    hyper           nodes, inverse, compliance, soft, lambda, gamma, pull, workspace of `neo_hookean`
     layers          (apart, friction): pairs at least so far apart at rest keep 2 radius [m]; apart = 0 for none
     stretch_share, bending_share  stiffness of classic PBD, 0 for XPBD
     margin          way that a particle may make before contacts are listed anew [m]
@@ -131,6 +135,8 @@ def advance_step(
     prepare_distances(xw, s_nodes, s_compliance, h, stretch_share, s_inverse, s_soft)
     t_nodes, t_row, t_inverse, t_compliance, t_soft, t_lambda = solid
     prepare_strains(t_compliance, h, t_soft)
+    p_nodes, p_inverse, p_compliance, p_soft, p_lambda, p_gamma, p_pull, ws_pairs = hyper
+    prepare_pairs(p_compliance, h, p_soft)
     prepare_bends(xw, b_nodes, b_coefficient, b_compliance, h, bending_share, b_inverse, b_soft)
     n_springs, n_bends = 0, 0
     if n_held > 0:
@@ -170,9 +176,11 @@ def advance_step(
         s_lambda[:] = 0.0
         b_lambda[:] = 0.0
         t_lambda[:] = 0.0
+        begin_pairs(ws_pairs, xw, p_nodes, p_inverse, p_soft, p_gamma, p_lambda, p_pull)
         for _ in range(n_sweeps):
             project_distances(ws_springs, xw, s_nodes, s_rest, s_inverse, s_soft, s_lambda)
             project_strains(xw, t_nodes, t_row, t_inverse, t_soft, 1.0, t_lambda)
+            project_neo_hookean(ws_pairs, xw, p_nodes, p_inverse, p_soft, p_gamma, p_lambda)
             project_bends(ws_bends, xw, b_nodes, b_coefficient, b_inverse, b_soft, b_lambda)
             if n_pairs > 0:
                 outcome[TOUCHING] = project_pairs(xw, x_prev, n_pairs, first, second, 2.0 * radius, layers[1])
