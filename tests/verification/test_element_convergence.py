@@ -107,12 +107,23 @@ def test_no_locking(element: str, poisson: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("element", "poisson", "error"),
-    [("hex8_full", 0.495, 0.15), ("tet4", 0.495, 0.03), ("tet4", 0.4999, 0.04)],
+    ("element", "poisson", "n", "error"),
+    [
+        ("hex8_full", 0.495, 4, 0.15),
+        ("hex8_full", 0.4999, 2, 20.0),
+        ("tet4", 0.495, 4, 0.03),
+        ("tet4", 0.4999, 4, 0.04),
+    ],
 )
-def test_uncured_elements_lock(element: str, poisson: float, error: float) -> None:
-    """The failing controls of the test above; hex8_full at 0.4999 is in Cook's membrane."""
-    assert _bonded(element, 4, poisson) / BONDED[poisson] - 1.0 > error
+def test_uncured_elements_lock(element: str, poisson: float, n: int, error: float) -> None:
+    """The failing controls of the test above."""
+    assert _bonded(element, n, poisson) / BONDED[poisson] - 1.0 > error
+
+
+@pytest.mark.parametrize("element", ["hex27", "hex8", "hex8_bbar", "hex8_reduced"])
+def test_cured_elements_do_not_where_hex8_full_is_22_times_too_stiff(element: str) -> None:
+    """On the same 2^3 cells of an eighth at nu 0.4999."""
+    assert abs(_bonded(element, 2, 0.4999) / BONDED[0.4999] - 1.0) < 0.04
 
 
 def _sag(element: str, n: int, poisson: float = 0.3) -> float:

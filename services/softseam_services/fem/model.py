@@ -101,10 +101,8 @@ class FemModel(NamedTuple):
     """number of each cell among those that the body fills in part, -1 for full ones (c,)"""
     cut_gradient: Floats
     """of these, as `gradient` (u, 27, 24) [1/m]"""
-    cut_gradient_t: Floats
-    """its transpose (u, 24, 27)"""
-    cut_stabilisation: Floats
-    """of these, fill and mu included (u, 27, 27) [N/m]"""
+    cut_force: Floats
+    """its transpose above their stabilisation, fill and mu included: what F and x give a force with (u, 24 + 27, 27)"""
     seam: Ints
     """(s,)"""
     point_ptr: Ints
@@ -296,8 +294,7 @@ def build_model(
         cut=special.cut,
         any_cut=bool(len(special.gradient_t)),
         cut_gradient=np.ascontiguousarray(np.swapaxes(special.gradient_t, 1, 2)),
-        cut_gradient_t=special.gradient_t,
-        cut_stabilisation=special.stabilisation,
+        cut_force=np.concatenate([special.gradient_t, special.stabilisation], axis=1),
         seam=region.seam,
         point_ptr=pointer,
         point_node=node,

@@ -43,7 +43,7 @@ def gather(x, cell_nodes, xe):
 def deformation(x, model, work):
     """Fill work.xe and work.F: deformation gradients at the octants' points, F[c, i, 3 q + j] (c, 3, 24)."""
     gather(x, model.cell_nodes, work.xe)
-    multiply(work.xe, model.gradient, work.F, 3 * len(model.cell_nodes), 24, 27, False, work.ints)
+    _multiply_full(model, work.xe, model.gradient, work.F, 24, 27, False, work.ints)
     if model.any_cut:
         for cell in range(len(model.cell_nodes)):
             cut = model.cut[cell]
@@ -52,15 +52,20 @@ def deformation(x, model, work):
 
 
 @njit(cache=True, error_model="numpy")
-def _cut_forces(model, work, cell):
-    """work.fe of a cell that is filled in part <- its forces, from work.P and work.xe; work.xe of it <- 0."""
-    cut, part, xe = model.cut[cell], work.part[cell], work.xe[cell]
-    multiply(work.P[cell], model.cut_gradient_t[cut], work.fe[cell], 3, 27, 24, False, work.ints)
-    for i in range(3):
-        for a in range(27):
-            xe[i, a] *= part
-    multiply(xe, model.cut_stabilisation[cut], work.fe[cell], 3, 27, 27, True, work.ints)
-    xe[:] = 0.0
+def _multiply_full(model, a, b, c, n, k, add, ints):
+    """c (c, 3, n) <- a (c, 3, k) b (k, n) [+ c where add] of full cells, as many in a row as there are."""
+    n_cells = len(model.cell_nodes)
+    if not model.any_cut:
+        multiply(a, b, c, 3 * n_cells, n, k, add, ints)
+        return
+    first = 0
+    while first < n_cells:
+        last = first
+        while last < n_cells and model.cut[last] < 0:
+            last += 1
+        if last > first:
+            multiply(a[first:last], b, c[first:last], 3 * (last - first), n, k, add, ints)
+        first = last + 1
 
 
 @njit(cache=True, error_model="numpy")
@@ -107,17 +112,24 @@ def subtract_forces(x, model, work, r):
             J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, weight, work.P[cell])
             if not least <= J:
                 least, worst = J, cell
-    multiply(work.P, model.gradient_t, work.fe, 3 * n_cells, 27, 24, False, work.ints)
-    if model.any_cut or model.uneven or work.mixed[0] > 0:
+    _multiply_full(model, work.P, model.gradient_t, work.fe, 27, 24, False, work.ints)
+    if model.any_cut:
+        both = np.empty((3, 51))
         for cell in range(n_cells):
-            if model.cut[cell] >= 0:
-                _cut_forces(model, work, cell)
-                continue
+            cut = model.cut[cell]
+            if cut >= 0:
+                for i in range(3):
+                    both[i, :24] = work.P[cell, i]
+                    for a in range(27):
+                        both[i, 24 + a] = work.part[cell] * work.xe[cell, i, a]
+                multiply(both, model.cut_force[cut], work.fe[cell], 3, 27, 51, False, work.ints)
+    if model.uneven or work.mixed[0] > 0:
+        for cell in range(n_cells):
             scale = work.part[cell] * model.mean_mu[cell]
             for i in range(3):
                 for a in range(27):
                     work.xe[cell, i, a] *= scale
-    multiply(work.xe, model.stabilisation, work.fe, 3 * n_cells, 27, 27, True, work.ints)
+    _multiply_full(model, work.xe, model.stabilisation, work.fe, 27, 27, True, work.ints)
     for cell in range(n_cells):
         for a in range(27):
             place = model.cell_order[cell, a]
@@ -250,7 +262,7 @@ def strain_energy(x, model, work):
     """
     deformation(x, model, work)
     n_cells = len(model.cell_nodes)
-    multiply(work.xe, model.stabilisation, work.fe, 3 * n_cells, 27, 27, False, work.ints)
+    _multiply_full(model, work.xe, model.stabilisation, work.fe, 27, 27, False, work.ints)
     total = 0.0
     for cell in range(n_cells):
         F = work.F[cell]
@@ -276,7 +288,7 @@ def strain_energy(x, model, work):
             own += model.weight[cell, q] * density
         quadratic = 0.0
         if model.cut[cell] >= 0:
-            S = model.cut_stabilisation[model.cut[cell]]
+            S = model.cut_force[model.cut[cell], 24:]
             for i in range(3):
                 for a in range(27):
                     pull = 0.0
