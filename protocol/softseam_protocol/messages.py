@@ -189,6 +189,9 @@ class Advance:
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
     seam_force_start: Vectors = field(default_factory=_NO_VECTORS)
     """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
+    seam_settle: Vectors = field(default_factory=_NO_VECTORS)
+    """force on this side's seam nodes (s, 3) [N] by whose linear answer the tentative step before is moved on before it
+    is committed; empty: it is committed as it is"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,6 +248,11 @@ class Advanced:
     """what the participant's monitor saw and did about it in this step; empty where that was nothing"""
     seam_v: Vectors = field(default_factory=_NO_VECTORS)
     """seam velocities at the end of the step (s, 3) [m/s]; empty where the seam force was constant"""
+    settles: bool = False
+    """whether this tentative step can be settled by a force on the seam without being solved again"""
+    seam_yield: Matrix = field(default_factory=_NO_MATRIX)
+    """beside an anchor: d(seam_x)/d(seam_force) with the stiffness (3s, 3s) [m/N], by which it would be settled; empty:
+    as in the reply before"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,11 +280,16 @@ class Commit:
     """Accept the tentative step (done by the next Advance otherwise)."""
 
     header: Header
+    seam_settle: Vectors = field(default_factory=_NO_VECTORS)
+    """as in `Advance`"""
+    fields: bool = False
+    """also return the fields"""
 
 
 @dataclass(frozen=True, slots=True)
 class Committed:
     header: Header
+    fields: Fields | None = None
 
 
 @dataclass(frozen=True, slots=True)

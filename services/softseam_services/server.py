@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Advance,
@@ -28,6 +30,7 @@ from softseam_protocol.messages import (
     Restored,
     Snapshot,
     SnapshotTaken,
+    Vectors,
 )
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
@@ -39,6 +42,7 @@ from softseam_services.participant import Solver
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.tool_set import ToolSet
 
+_NOTHING = np.zeros((0, 3))
 _BODIES_KEPT = 4
 _SEATS_KEPT = 64
 """of sessions whose orchestrators may have died without a Release"""
@@ -187,7 +191,7 @@ class ParticipantServer:
             return _stale(request, seat)
         if isinstance(request, Advance):
             if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat)
+                _commit(seat, request.seam_settle)
             if header.step != seat.committed or header.exchange <= seat.exchange:
                 return _stale(request, seat)
             reply = seat.solver.advance(request)
@@ -199,11 +203,11 @@ class ParticipantServer:
             return seat.solver.fields(header, request.indicators, request.own)
         if isinstance(request, Commit | Snapshot):
             if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat)
+                _commit(seat, request.seam_settle if isinstance(request, Commit) else _NOTHING)
             if header.step != seat.committed:
                 return _stale(request, seat)
             if isinstance(request, Commit):
-                return Committed(header)
+                return Committed(header, seat.solver.fields(header) if request.fields else None)
             return SnapshotTaken(header, seat.solver.snapshot())
         if isinstance(request, Restore):
             seat.solver.restore(request.state)
@@ -213,7 +217,10 @@ class ParticipantServer:
         return Failure("invalid", f"a participant does not answer {type(request).__name__}")
 
 
-def _commit(seat: _Seat) -> None:
+def _commit(seat: _Seat, settle: Vectors) -> None:
+    """Commit the tentative step, settled by this force on the seam (s, 3) [N] where there is one."""
+    if len(settle):
+        seat.solver.settle(settle)
     seat.solver.commit()
     seat.committed += 1
     seat.exchange = -1

@@ -105,9 +105,12 @@ def _ask_everything(model: str, mesh: bool) -> None:
         for exchange in range(2):
             force = np.full((len(shared), 3), 1e-4 * exchange)
             ask(Advance(header(step, exchange), scene.step, force, motion, exchange == 0))
+        if model == "fem":
+            anchor, stiffness = setup.body.x_rest[shared], np.eye(3 * len(shared))
+            ask(Advance(header(step, 2), scene.step, force, motion, False, anchor, stiffness))
         position = motion.position_next
         ask(Observe(header(step), indicators=step == 1, own=True))
-    ask(Commit(header(2)))
+    ask(Commit(header(2), force))
     taken = ask(Snapshot(header(2)))
     assert isinstance(taken, SnapshotTaken)
     ask(Restore(header(2), taken.state))

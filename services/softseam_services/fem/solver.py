@@ -12,11 +12,12 @@ from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.fem import substeps
 from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
-from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER
+from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.elements import cauchy_stress, strain_energy
+from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
     FACTORED,
@@ -28,6 +29,7 @@ from softseam_services.fem.kernels.newton import (
     STALLED,
     WORST_CELL,
 )
+from softseam_services.fem.kernels.settle import seam_yield, settle
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
@@ -96,6 +98,8 @@ class FemSolver:
         self._tentative = False
         self._knows_stiffness = False
         self._step: tuple[int, int] | None = None
+        self._dt = 0.0  # of the last advance [s]
+        self._told = -1.0  # factor whose yield of the seam was last told
         self._n_tools, self._n_seam = n_tools, len(region.seam)
         poses = (np.zeros((n_tools, width)) for width in (3, 4, 3, 4))
         self._whole = Tools(tools.kind, tools.shape, tools.friction, tools.near, *poses)
@@ -139,7 +143,7 @@ class FemSolver:
         again = self._tentative and self._step == key
         if not again:
             self.commit()
-        self._step = key
+        self._step, self._dt = key, request.dt
         problem = self._refuse(request)
         if problem:
             return self._failed(request, problem, began)
@@ -338,6 +342,7 @@ class FemSolver:
         out, numbers = self._out, self._out.tolist()
         taken = self._substeps or _AT_ONCE
         whole = request.compliance and status == "converged"
+        settles = status == "converged" and self._settles()
         return Advanced(
             request.header,
             status,
@@ -364,7 +369,30 @@ class FemSolver:
             n_rejected=taken.n_rejected,
             step_error=taken.error,
             seam_v=self.state.v[self._region.seam] if len(request.seam_force_start) else np.zeros((0, 3)),
+            settles=settles,
+            seam_yield=self._news_of_yield() if settles else np.zeros((0, 0)),
         )
+
+    def _settles(self) -> bool:
+        """Whether the tentative step has a factor that says how it would answer the seam beside the other side."""
+        at_once = self._substeps is None and self._scheme.kind == IMPLICIT_EULER and self._tree.kind == NONE
+        return bool(at_once and self._work.seam_coupled[0] and self._memo[FACTORED])
+
+    def _news_of_yield(self) -> Floats:
+        """d(seam_x)/d(seam_force) of the factor at hand (3s, 3s) [m/N]; empty where that was told before."""
+        if self._told == self._memo[N_FACTORS]:
+            return np.zeros((0, 0))
+        self._told = float(self._memo[N_FACTORS])
+        seam_yield(self._tree, self._work, self._inverse)
+        return self._inverse.copy()
+
+    def settle(self, force: Floats) -> None:
+        """Move the tentative step on by its linear answer to a force (s, 3) [N] on the seam; see `kernels.settle`."""
+        if not (self._tentative and self._settles()) or force.shape != (self._n_seam, 3):
+            raise ValueError(
+                "this step cannot be settled: only one that was solved with a seam anchor, and at once, can"
+            )
+        settle(self._model, self._tree, self._work, force, self._dt, self._next.x, self._next.v)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
@@ -431,6 +459,7 @@ class FemSolver:
         self._tentative = False
         self._step = None
         self._knows_stiffness = False
+        self._told = -1.0
         for work, memo in self._both:
             memo[:] = 0.0
             work.factored_state[:] = 0

@@ -15,6 +15,8 @@ from softseam_protocol.messages import (
     Advanced,
     BodyState,
     Bundle,
+    Commit,
+    Committed,
     Configure,
     Configured,
     Fields,
@@ -88,6 +90,7 @@ class Regions:
         self._solver = build_seam_solver(seam.acceleration, seam.tolerance * self._body.resolution)
         self._loop: SeamScheme | None = None
         self._n_asked = -1  # exchanges of the tick at hand
+        self._settle: dict[str, Floats] = {}  # forces that the last step is to be settled by, not sent yet
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
         self.sides: Sides
@@ -129,15 +132,20 @@ class Regions:
                 anchor = _FREE if side.anchor is None else side.anchor
                 stiffness = _KEPT if side.stiffness is None else side.stiffness
                 start = _FREE if side.start is None else side.start
+                settle = self._settle.get(name, _FREE)
                 requests[name] = Advance(
-                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start
+                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, settle
                 )
-            return self._advanced(self._exchange(requests))
+            replies = self._advanced(self._exchange(requests))
+            for name in wanted:
+                self._settle.pop(name, None)
+            return replies
 
         if self._loop is None:
             solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
         else:
             solution = self._loop.solve(ask, dt, may_cut)
+        self._settle = dict(solution.settle)
         self._clock.tick += 1
         self._n_asked = -1
         return solution
@@ -228,6 +236,7 @@ class Regions:
         """
         self._clock.epoch += 1
         self._n_asked = -1
+        self._settle = {}
         scene, body = self._scene, self._body
         self.sides = sides = cut(body, self.near.mask, self.near.model, scene.regions.default)
         replies = self._exchange(
@@ -293,16 +302,31 @@ class Regions:
 
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
         """Each side's fields, with its errors where asked for; of them only what its own model errs."""
+        settled = self._settle_now(not indicators)
+        if settled:
+            return settled
         requests = {name: Observe(self._clock.request(name), indicators, own) for name in self.sides.names}
         replies = self._exchange(requests)
         return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
 
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""
+        self._settle_now(False)
         if self._loop is not None:
             self._loop.forget_told()
         replies = self._exchange({name: Snapshot(self._clock.request(name)) for name in self.sides.names})
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
+
+    def _settle_now(self, fields: bool) -> dict[str, Fields]:
+        """Have the last step settled and committed, where that waits for the next; each side's fields if asked for."""
+        forces, self._settle = self._settle, {}
+        if not forces:
+            return {}
+        replies = self._exchange(
+            {name: Commit(self._clock.request(name), force, fields) for name, force in forces.items()}
+        )
+        found = {name: reply.fields for name, reply in replies.items() if isinstance(reply, Committed)}
+        return {name: seen for name, seen in found.items() if seen is not None}
 
     def seam_arrays(self) -> dict[str, Floats]:
         """What of the seam evolves, for a snapshot; empty where there is none."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -45,6 +45,8 @@ class SeamSolution:
     """'' or what fell short"""
     parts: int = 1
     """that the step was taken in"""
+    settle: dict[str, Floats] = field(default_factory=dict)
+    """forces on each side's seam nodes (s, 3) [N] that its state is to be settled by before it is committed"""
 
 
 class SeamDiverged(RuntimeError):

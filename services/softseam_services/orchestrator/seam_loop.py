@@ -1,9 +1,11 @@
 """One step of the seam: exchange until the two sides agree.
 
-Two ways. *Direct*: both sides advance at once with the predicted multiplier, and the gap corrects it through the
-compliance of both (`softseam_coupling.seam`); one exchange where the prediction was good. *Condensed*: where the near
-side answers unevenly (points that begin to touch, stick or slip), it is given the far side as a linear model, and the
-far side then feels the force that the near side found:
+Three ways. *Linked* (`linked`): both sides advance at once, each with what the other is expected to answer, and what
+was missed is made up by their linear answers; one exchange where it is little. Where it is not, or where a side cannot
+be settled, the other two take over. *Direct*: both sides advance at once with the predicted multiplier, and the gap
+corrects it through the compliance of both (`softseam_coupling.seam`). *Condensed*: where the near side answers unevenly
+(points that begin to touch, stick or slip), it is given the far side as a linear model, and the far side then feels the
+force that the near side found:
 
     far advances with lambda                       -> x_far
     near solves with lambda + S (P x_far + c - x)  -> x_near, lambda'        S = (P H_far P^T)^-1
@@ -28,6 +30,7 @@ from softseam_coupling.kernels.stiffness import learn_stiffness
 from softseam_coupling.mortar import SeamTie, stiffness_of
 from softseam_coupling.seam import Outcome, SeamSolver, SeamState
 from softseam_protocol.messages import Advanced
+from softseam_services.orchestrator.linked import Link
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import (
     Ask,
@@ -112,6 +115,7 @@ class SeamLoop:
         self._resumed = False  # to advance both at once again: the near side's compliance is old
         self._far_compliance = np.zeros((0, 0))
         self._dt = 0.0  # of the last step, 0 before the first [s]
+        self._link = Link(tie, solver.tolerance, len(mobility) // 3)
         self.pace = Pace()
         """how finely the steps are cut"""
 
@@ -136,11 +140,21 @@ class SeamLoop:
                 self._fresh = True
             self._dt = dt
         lambda_ = self._solver.predict(self.state)
+        if not (self._fresh or self._stale) and self.pace.parts == 1 and self._link.due():
+            if not self._link.worn and self._touched == (self._n_contacts > 0):
+                return self._linked(ask, lambda_, may_cut)
+            far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True)})[FAR]
+            self._take_far(far, lambda_)
+            return self._condense(ask, lambda_, far, 1)
+        return self._unlinked(ask, lambda_, may_cut, 0)
+
+    def _unlinked(self, ask: Ask, lambda_: Floats, may_cut: bool, before: int) -> SeamSolution:
+        """A step, condensed or direct, in which there were exchanges `before`."""
         if self._condensed and not self._fresh:
             renew = self._stale or (self._touched and self._n_contacts == 0)
             far = ask({FAR: SideRequest(self._tie.far_force(lambda_), renew)})[FAR]
-            self._take_far(far)
-            return self._condense(ask, lambda_, far, 1)
+            self._take_far(far, lambda_)
+            return self._condense(ask, lambda_, far, before + 1, before + self._most)
         replies: dict[str, Advanced] = {}
         for exchange in range(1, self._most + 1):
             compliance = self._fresh
@@ -151,7 +165,7 @@ class SeamLoop:
                 }
             )
             if compliance or self._resumed:
-                self._rebuild(replies)
+                self._rebuild(replies, lambda_)
             answer = self._solver.update(self.state, lambda_, self._tie.gap(replies[NEAR].seam_x, replies[FAR].seam_x))
             if answer.outcome is Outcome.NOT_FINITE:
                 raise SeamDiverged(answer.outcome.value)
@@ -159,27 +173,50 @@ class SeamLoop:
                 self._repeated = self._repeated + 1 if exchange > 1 and _touches(replies) else 0
                 if self._repeated >= _REPEATS:
                     self._condense_on()
-                return self._agree(replies, lambda_, answer.gap, exchange, "")
+                return self._agree(replies, lambda_, answer.gap, before + exchange, "")
             # without contact the answers are smooth, and the solver's corrections learn them faster
             rough = _touches(replies)
             slow = rough and exchange >= _DIRECT_EXCHANGES and answer.kappa > _SLOW
             toil = rough and replies[NEAR].iterations > _TOIL
             if (slow or toil) and self._condensable and self._stiffness is not None:
                 self._condense_on()
-                return self._condense(ask, lambda_, replies[FAR], exchange)
+                return self._condense(ask, lambda_, replies[FAR], before + exchange, before + self._most)
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
                 lambda_ = answer.lambda_
         if may_cut:
             raise SeamUnsettled
-        return self._agree(replies, lambda_, answer.gap, self._most, "the sides' exchanges did not converge")
+        return self._agree(replies, lambda_, answer.gap, before + self._most, "the sides' exchanges did not converge")
+
+    def _linked(self, ask: Ask, lambda_: Floats, may_cut: bool) -> SeamSolution:
+        """A step with both sides at once; where it does not work out, it goes on as one that is not linked."""
+        base = self._base
+        assert base is not None
+
+        def coupled(multiplier: Floats, anchor: Floats) -> SideRequest:
+            return self._coupled(multiplier, anchor, base)
+
+        step = self._link.solve(ask, lambda_, self._dt, coupled, self._n_contacts)
+        if not step.agreed and not _touches(step.replies):
+            return self._unlinked(ask, step.lambda_, may_cut, step.exchanges)
+        if not step.agreed:
+            self._condense_on()
+            return self._condense(ask, step.lambda_, step.replies[FAR], step.exchanges, self._most + step.exchanges)
+        self._solver.commit(self.state, step.lambda_)
+        self._n_contacts = step.replies[FAR].n_contacts
+        return SeamSolution(step.replies, step.lambda_, step.gap, step.exchanges, "", settle=step.settle)
 
     def _condense_on(self) -> None:
         """Condense the near side in the steps to come, if it can be."""
         if self._condensable and self._stiffness is not None:
             self._condensed, self._wait, self._repeated = True, _PATIENCE, 0
 
-    def _condense(self, ask: Ask, lambda_: Floats, far: Advanced, exchanges: int) -> SeamSolution:
+    def _condense(
+        self, ask: Ask, lambda_: Floats, far: Advanced, exchanges: int, most: int | None = None
+    ) -> SeamSolution:
+        """Go on from the far side's answer to lambda_, after so many exchanges of the `most` that are allowed."""
+        most = self._most if most is None else most
+        strict = _STRICT + most - self._most
         assert self._stiffness is not None and self._base is not None and self._used is not None
         tolerance = self._solver.tolerance
         renewed = False
@@ -191,8 +228,9 @@ class SeamLoop:
                 far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True)})[FAR]
                 exchanges += 1
                 renewed = True
-                self._take_far(far)
+                self._take_far(far, lambda_)
             near = ask({NEAR: self._coupled(lambda_, anchor, self._used)})[NEAR]
+            self._link.hear(near)
             if best is None:
                 self._wait -= 1
                 self._condensed = self._wait > 0
@@ -204,9 +242,11 @@ class SeamLoop:
             gap = largest(near.seam_x - image)
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
-            if gap <= tolerance or (exchanges > _STRICT and gap <= _SLACK * tolerance):
+            if gap <= tolerance or (exchanges > strict and gap <= _SLACK * tolerance):
                 calm = best is None and largest(image - anchor) <= _CALM * tolerance
                 self._repeated = self._repeated + 1 if calm else 0
+                if calm:
+                    self._link.resume()
                 if self._condensed and self._repeated == _CALM_STEPS:
                     self._condensed, self._resumed = False, True
                 if not self._condensed:
@@ -214,7 +254,7 @@ class SeamLoop:
                 return self._agree({NEAR: near, FAR: far}, found, gap, exchanges, "")
             if best is None or gap < best.gap:
                 best = _Round(gap, lambda_, anchor, self._used, found, image)
-            if exchanges + 4 > self._most:
+            if exchanges + 4 > most:
                 if self._may_cut:
                     raise SeamUnsettled
                 return self._settle(ask, best, gap, {NEAR: near, FAR: far}, found, exchanges)
@@ -247,13 +287,14 @@ class SeamLoop:
         self._stiffness, self._used = self._base.copy(), self._base
         if best.gap < 0.7 * gap:
             near = ask({NEAR: self._coupled(best.lambda_, best.anchor, best.stiffness)})[NEAR]
+            self._link.hear(near)
             found = near.seam_force
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             replies, exchanges = {NEAR: near, FAR: far}, exchanges + 2
             gap = largest(self._tie.gap(near.seam_x, far.seam_x))
         return self._agree(replies, found, gap, exchanges, "the far side's contact jumps with the seam's force")
 
-    def _take_far(self, far: Advanced) -> None:
+    def _take_far(self, far: Advanced, lambda_: Floats) -> None:
         """Keep the far side's answer to a request for its compliance."""
         if far.compliance.size:
             self._far_compliance = far.compliance
@@ -261,8 +302,9 @@ class SeamLoop:
             self._stiffness, self._used = self._base.copy(), self._base
             self._touched = far.n_contacts > 0
             self._stale = False
+            self._link.renew(far, self._base, lambda_)
 
-    def _rebuild(self, replies: dict[str, Advanced]) -> None:
+    def _rebuild(self, replies: dict[str, Advanced], lambda_: Floats) -> None:
         near, far = replies[NEAR].compliance, replies[FAR].compliance
         if far.size == 0:
             far = self._far_compliance
@@ -271,13 +313,14 @@ class SeamLoop:
         self._solver.reset(self.state, self._tie.compliance(near, far))
         self._fresh = self._resumed = False
         if self._condensable:
-            self._take_far(replies[FAR])
+            self._take_far(replies[FAR], lambda_)
 
     def _agree(
         self, replies: dict[str, Advanced], lambda_: Floats, gap: float, exchanges: int, note: str
     ) -> SeamSolution:
         self._solver.commit(self.state, lambda_)
         self._n_contacts = replies[FAR].n_contacts
+        self._link.note(replies, lambda_)
         return SeamSolution(replies, lambda_, gap, exchanges, note)
 
     def to_arrays(self) -> dict[str, NDArray[np.float64]]:
@@ -300,7 +343,7 @@ class SeamLoop:
             *self.pace.to_list(),
         ]
         arrays["flags"] = np.array(flags, dtype=np.float64)
-        return arrays
+        return arrays | self._link.to_arrays()
 
     def take(self, arrays: dict[str, NDArray[np.float64]]) -> None:
         """Continue from `to_arrays`."""
@@ -319,3 +362,4 @@ class SeamLoop:
         self._touched, self._n_contacts, self._stale = bool(touched), int(n_contacts), bool(stale)
         self._dt = float(dt)
         self.pace.take([float(number) for number in pace])
+        self._link.take(arrays, self._far_compliance, self._base)

@@ -1,10 +1,14 @@
-"""Seam compliance by probing: the real sweeps answer small forces on the blocks near the seam."""
+"""Seam compliance by probing: the real sweeps answer small forces on the blocks near the seam.
+
+Blocks further away are left out. Nodes at which the probed ones meet them carry their mass, so that a region without
+clamps takes up all the momentum that it is given; where some are clamped, these nodes are held still.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from softseam_protocol.messages import ToolMotion
 from softseam_services.body.body import Floats
 
 from .blocks import build_blocks
@@ -14,12 +18,21 @@ from .kernels.probe import probe_seam
 from .model import KAPPA, PbdModel
 from .records import PointArrays, block_arrays, new_contacts, solve_arrays, tool_arrays
 
+Ways = NDArray[np.float32]
+
 REACH = 0.45
-"""blocks further from the seam than this share of a P wave's way in a step are held still: measured, what they would
+"""blocks further from the seam than this share of a P wave's way in a step are left out: measured, what they would
 add to the compliance is below 3 %"""
 LEAST_LAYERS, MOST_LAYERS = 3, 8
 STRAIN = 1e-6
 """displacement that a probe aims at, in block edges"""
+MOST_WAYS = 4_000_000
+"""numbers that are kept of what a probe found, so that steps can be settled by it; beyond that none are"""
+
+
+def no_ways() -> Ways:
+    """Of nothing."""
+    return np.zeros((0, 2, 0, 3), dtype=np.float32)
 
 
 class SeamProbe:
@@ -49,19 +62,31 @@ class SeamProbe:
         held = np.zeros(model.n_nodes, dtype=np.bool_)
         held[all_nodes[~inside]] = True
         held[region.seam] = False
-        inverse_mass = np.where(held, 0.0, model.inverse_mass)[ids]
+        outside = np.ones(model.n_nodes, dtype=np.bool_)
+        outside[ids] = False
+        left_out, edge = np.flatnonzero(outside), np.flatnonzero(held & ~outside)
+        clamped = bool((model.inverse_mass[np.concatenate([left_out, edge])] == 0.0).any())
+        self.ids = ids.astype(np.int32)
+        """nodes that are probed (k,)"""
+        self.beyond = left_out[: 0 if clamped else len(left_out)].astype(np.int32)
+        """free nodes that are not, and go along with the nodes at which they begin"""
+        mass = region.mass[edge]
+        lighter = 0.0 if clamped else mass.sum() / (mass.sum() + region.mass[left_out].sum()) if len(edge) else 1.0
+        inverse_mass = np.where(held, lighter * model.inverse_mass, model.inverse_mass)[ids]
+        self._edge = number[edge[: 0 if clamped else len(edge)]]
+        self._share_of_edge = mass[: len(self._edge)] / max(mass.sum(), 1e-300)
         self._dt = dt
-        self._model, self._ids, self._blocks = model, ids, blocks
+        self._model, self._blocks = model, blocks
         nodes = number[blocks.nodes]
         padded = np.concatenate([model.inverse_mass[ids], np.zeros(8)])
         self._arrays = block_arrays(blocks, nodes, np.ascontiguousarray(8.0 * padded[nodes].max(axis=1)))
         self._seam = number[region.seam]
         # Points that follow nodes of the probed blocks only.
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
-        outside = np.zeros(model.n_points, dtype=np.bool_)
-        outside[rows[number[model.node] < 0]] = True
-        self._used = np.flatnonzero(~outside & model.active)
-        kept = ~outside[rows] & model.active[rows]
+        astray = np.zeros(model.n_points, dtype=np.bool_)
+        astray[rows[number[model.node] < 0]] = True
+        self._used = np.flatnonzero(~astray & model.active)
+        kept = ~astray[rows] & model.active[rows]
         indptr = np.zeros(len(self._used) + 1, dtype=np.int32)
         np.cumsum(np.diff(model.indptr)[self._used], out=indptr[1:])
         self._points = PointArrays(
@@ -91,27 +116,39 @@ class SeamProbe:
     def n_blocks(self) -> int:
         return int((self._blocks.octant >= 0).sum())
 
-    def compliance(self, x: Floats, force: Floats, motion: ToolMotion, ramp: bool = False) -> Floats:
+    @property
+    def keeps_ways(self) -> bool:
+        """Whether what every node does is small enough to be kept."""
+        return 18 * len(self._seam) * (len(self.ids) + 1) <= MOST_WAYS
+
+    def compliance(
+        self, x: Floats, force: Floats, position: Floats, orientation: Floats, ramp: bool = False
+    ) -> tuple[Floats, Ways]:
         """d(seam x at the end of a step)/d(seam force), constant over the step, about the positions x (3s, 3s) [m/N].
 
         ramp: d(seam v)/d(seam force at the end), the force being linear in time, instead [m/(N s)].
 
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
         contacts stay as they are, tools stand still. Equal to the derivative of the step up to the motion within it.
+        Also d(x, v)/d(seam force) of every probed node, and last of `beyond` (3s, 2, k + 1, 3), where `keeps_ways`.
         """
         blocks, dt = self._blocks, self._dt
         seam_mass = self._xw[self._seam, 3]
         n_seam = len(self._seam)
+        result = np.zeros((3 * n_seam, 3 * n_seam))
+        ways = no_ways()
+        if self.keeps_ways:
+            ways = np.zeros((3 * n_seam, 2, len(self.ids) + 1, 3), dtype=np.float32)
         free = seam_mass[seam_mass > 0.0]
         if n_seam == 0 or len(free) == 0:
-            return np.zeros((3 * n_seam, 3 * n_seam))
+            return result, ways
         probe = STRAIN * float(blocks.edges.min()) / (dt * dt * float(np.median(free)))
-        result = np.zeros((3 * n_seam, 3 * n_seam))
         probe_seam(
-            *(np.ascontiguousarray(x[self._ids]), np.ascontiguousarray(force[self._used])),
+            *(np.ascontiguousarray(x[self.ids]), np.ascontiguousarray(force[self._used])),
             *(self._arrays, self._points, self._tools, self._contacts, self._solve, self._xw),
-            *(motion.position, motion.orientation, self._seam, probe),
+            *(position, orientation, self._seam, probe),
             *(dt, self._model.substeps(dt), self._model.spec.sweeps, KAPPA, ramp),
-            *(np.array([0, blocks.n_batches], dtype=np.int32), self._crew, self._ws, result),
+            *(np.array([0, blocks.n_batches], dtype=np.int32), self._crew, self._ws),
+            *(self._edge, self._share_of_edge, result, ways),
         )
-        return result
+        return result, ways

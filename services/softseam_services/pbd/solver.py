@@ -13,12 +13,13 @@ from softseam_services.request_check import problem_of
 from softseam_services.tools.tool_set import ToolSet
 
 from . import watch
-from .compliance import SeamProbe
+from .compliance import SeamProbe, Ways, no_ways
 from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.energy import cell_energies
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
+from .kernels.settle import settle
 from .kernels.split import split_forces
 from .kernels.stress import octant_stress
 from .kernels.substep import advance_step
@@ -62,6 +63,9 @@ class PbdSolver:
         self._work = new_state(n, model.blocks.n_batches, p, t)
         self._tentative = False
         self._probe: SeamProbe | None = None
+        self._probed = np.zeros(0)  # the state that was probed, see `_compliance`; empty: none
+        self._ways = no_ways()  # what came of it, see `SeamProbe.compliance`; empty: not found yet
+        self._to_plan = False  # whether the tentative step was taken in one attempt
         self._measure: ModelError | None = None
         self._ws = new_workspace()
         self._pair = Pair(self._ws, model.blocks.colours, n)
@@ -144,7 +148,7 @@ class PbdSolver:
         start = time.perf_counter()
         committed, work = self._committed, self._work
         result = self._result
-        iterations, notice, unfinished = 0, "", 0
+        iterations, notice, unfinished, self._to_plan = 0, "", 0, False
         fault = watch.Fault.ANCHOR if len(request.seam_anchor) else watch.Fault.INPUT
         wrong = problem_of(request, self.model.n_tools, len(self.model.region.seam))
         if fault is watch.Fault.INPUT and not wrong:
@@ -167,6 +171,7 @@ class PbdSolver:
             self._wrench[:] = 0.0
             self._cell_distance[:] = 0.0
         else:
+            self._to_plan = fault is watch.Fault.NONE and attempt == 0
             if watch.remember(work.monitor, result, self._floor):
                 notice = "; ".join(filter(None, (notice, watch.GAINS)))
         self._tentative = True
@@ -198,6 +203,7 @@ class PbdSolver:
             residual=numbers[k.RESIDUAL],
             alarm=notice,
             seam_v=work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES,
+            settles=self._settles(),
         )
 
     def _share_out(self, request: Advance) -> None:
@@ -278,10 +284,43 @@ class PbdSolver:
         )
 
     def _compliance(self, request: Advance) -> Floats:
-        if self._probe is None or self._probe.dt != request.dt:
-            self._probe = SeamProbe(self.model, request.dt)
-        ramp = len(request.seam_force_start) > 0
-        return self._probe.compliance(self._committed.x, self._committed.force, request.tools, ramp)
+        """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
+        committed, tools, ramp = self._committed, request.tools, len(request.seam_force_start) > 0
+        parts = (committed.x, committed.force, tools.position, tools.orientation)
+        self._probed = np.concatenate([[request.dt], *(part.ravel() for part in parts)])
+        compliance, self._ways = self._probe_again(ramp)
+        if ramp:
+            self._probed, self._ways = np.zeros(0), no_ways()  # steps of such forces are not settled
+        return compliance
+
+    def _probe_again(self, ramp: bool = False) -> tuple[Floats, Ways]:
+        """Compliance of the seam and ways of the nodes in the state that is in `_probed`."""
+        model, dt = self.model, float(self._probed[0])
+        if self._probe is None or self._probe.dt != dt:
+            self._probe = SeamProbe(model, dt)
+        shapes = ((model.n_nodes, 3), (model.n_points, model.n_tools, 3), (model.n_tools, 3), (model.n_tools, 4))
+        ends = np.cumsum([1, *(int(np.prod(shape)) for shape in shapes)])
+        parts = (self._probed[ends[at] : ends[at + 1]].reshape(shape) for at, shape in enumerate(shapes))
+        return self._probe.compliance(*parts, ramp=ramp)
+
+    def _settles(self) -> bool:
+        """Whether the tentative step is one that the probe speaks of."""
+        planned = self._to_plan and not self.model.explicit and len(self._probed) > 0
+        return bool(planned and self._probe is not None and self._probed[0] == self._dt and self._probe.keeps_ways)
+
+    def settle(self, force: Floats) -> None:
+        """Move the tentative step on by its linear answer to a force (s, 3) [N] on the seam, as the probe found it."""
+        if not (self._tentative and self._settles()) or force.shape != (len(self.model.region.seam), 3):
+            raise ValueError("this step cannot be settled: only one as long as the probed one, taken to plan, can")
+        if len(self._ways) == 0:
+            self._ways = self._probe_again()[1]
+        probe, work, result = self._probe, self._work, self._result
+        assert probe is not None
+        settle(
+            *(self._ws, self._xw, self._blocks, self._nodes, self._figures, probe.ids, probe.beyond),
+            *(self._ways, force, np.empty(self._ways.shape[1:]), work.x, work.v, result),
+        )
+        watch.settle(work.monitor, result)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
@@ -337,9 +376,14 @@ class PbdSolver:
     def snapshot(self) -> bytes:
         """Commit, then everything that the future depends on; there is no cache that could change later bits."""
         self.commit()
-        return encode_state(self._committed)
+        return encode_state(self._committed, self._probed)
 
     def restore(self, state: bytes) -> None:
         """Take over a snapshot of the same region; a tentative step is dropped."""
-        decode_state(state, self._committed)
+        model, t = self.model, self.model.n_tools
+        most_probed = 1 + 3 * model.n_nodes + 3 * model.n_points * t + 7 * t
+        self._probed = decode_state(state, self._committed, most_probed)
+        self._ways = no_ways()
+        if len(self._probed):
+            self._probe = SeamProbe(model, float(self._probed[0]))
         self._tentative = False

@@ -46,23 +46,30 @@ def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     return PbdState(buffer, *views)
 
 
-MAGIC = b"softseam pbd 3\n"
+MAGIC = b"softseam pbd 4\n"
 
 
-def encode_state(state: PbdState) -> bytes:
-    """Magic line, count of float64 as 8 bytes little-endian, the values little-endian."""
-    return MAGIC + len(state.buffer).to_bytes(8, "little") + state.buffer.astype("<f8", copy=False).tobytes()
+def encode_state(state: PbdState, probed: Floats) -> bytes:
+    """Magic line, counts of float64 in the state and in `probed` as 8 bytes little-endian each, the values likewise."""
+    counts = len(state.buffer).to_bytes(8, "little") + len(probed).to_bytes(8, "little")
+    return MAGIC + counts + np.concatenate([state.buffer, probed]).astype("<f8", copy=False).tobytes()
 
 
-def decode_state(data: bytes, state: PbdState) -> None:
-    """Overwrite `state` by a snapshot. Raises ValueError where it is not one of this region."""
-    head = len(MAGIC) + 8
+def decode_state(data: bytes, state: PbdState, most_probed: int) -> Floats:
+    """Overwrite `state` by a snapshot; returns `probed`, of none or so many numbers.
+
+    Raises ValueError where it is no snapshot of this region.
+    """
+    head = len(MAGIC) + 16
     if data[: len(MAGIC)] != MAGIC or len(data) < head:
         raise ValueError("this is not a snapshot of a PBD participant: restore the bytes that `snapshot` returned")
-    count = int.from_bytes(data[len(MAGIC) : head], "little")
-    if count != len(state.buffer) or len(data) != head + 8 * count:
+    count = int.from_bytes(data[len(MAGIC) : head - 8], "little")
+    probed = int.from_bytes(data[head - 8 : head], "little")
+    if count != len(state.buffer) or probed not in (0, most_probed) or len(data) != head + 8 * (count + probed):
         raise ValueError(
             f"the snapshot holds {count} numbers in {len(data)} bytes, this region needs {len(state.buffer)}: "
             "configure the region that the snapshot was taken from"
         )
-    state.buffer[:] = np.frombuffer(data, dtype="<f8", offset=head)
+    values = np.frombuffer(data, dtype="<f8", offset=head)
+    state.buffer[:] = values[:count]
+    return values[count:].astype(np.float64)

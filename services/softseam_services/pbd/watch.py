@@ -65,6 +65,11 @@ def remember(monitor: Floats, result: Floats, floor: float) -> bool:
     return halves
 
 
+def settle(monitor: Floats, result: Floats) -> None:
+    """A step was settled: monitor (N_MONITOR,) <- the energies that it has now."""
+    monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
+
+
 def _rise(result: Floats, monitor: Floats) -> float:
     """By how much the energy rose beyond the work that was done on the body [J]."""
     now, before = result.tolist(), monitor.tolist()

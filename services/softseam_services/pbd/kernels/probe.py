@@ -1,4 +1,4 @@
-"""Response of the seam to small forces on it, column by column, by the same sweeps as the step's."""
+"""Response of a region to small forces on its seam, column by column, by the same sweeps as the step's."""
 
 from __future__ import annotations
 
@@ -40,12 +40,17 @@ def probe_seam(
     parts,
     crew,
     ws,
+    edge,
+    share_of_edge,
     compliance,
+    ways,
 ):
     """compliance[:, c] = (seam x after a step under `probe` [N] in component c - the same without it)/probe.
 
     ramp: of the seam's velocities, under a probe that grows from nothing with the substeps [m/(N s)].
-    compliance (3s, 3s) [m/N] is updated in place; `crew` says alone; the other shapes are those of `advance_step`.
+    ways[c] likewise, of x and v of every node, and last of what lies beyond: the mean of the nodes `edge` (e,) by
+    `share_of_edge` (e,). compliance (3s, 3s) [m/N] and ways (3s, 2, n + 1, 3) [m/N, m/s/N] are updated in place, ways
+    unless it is empty; `crew` says alone; the other shapes are those of `advance_step`.
     """
     nodes, volume, constants, law = blocks.nodes, blocks.volume, blocks.constants, blocks.law
     indptr, node, weight = points.indptr, points.node, points.weight
@@ -80,7 +85,7 @@ def probe_seam(
     x_star = np.empty((n, 3))
     push = np.zeros((n, 3))
     stress = np.empty_like(stress_start)
-    base = np.zeros(3 * len(seam))
+    rest = np.zeros((2, n, 3))
     for column in range(-1, 3 * len(seam)):
         copy_rows(x, x_start)
         copy_rows(xw, x_start)
@@ -104,12 +109,22 @@ def probe_seam(
                 *(parts, 0, crew, 0, 0),
             )
             finish(xw, x_star, x, v, a, h, 0, n)
+        if column < 0:
+            rest[0], rest[1] = x, v
+            continue
+        push[seam[column // 3], column % 3] = 0.0
         for row in range(3 * len(seam)):
-            at = seam[row // 3], row % 3
-            moved = v[at] if ramp else x[at]
-            if column < 0:
-                base[row] = moved
-            else:
-                compliance[row, column] = (moved - base[row]) / probe
-        if column >= 0:
-            push[seam[column // 3], column % 3] = 0.0
+            i, c = seam[row // 3], row % 3
+            end = v[i, c] if ramp else x[i, c]
+            compliance[row, column] = (end - rest[1 if ramp else 0, i, c]) / probe
+        if len(ways) > 0:
+            for which in range(2):
+                state = x if which == 0 else v
+                way = ways[column, which]
+                for i in range(n):
+                    for c in range(3):
+                        way[i, c] = (state[i, c] - rest[which, i, c]) / probe
+                for c in range(3):
+                    way[n, c] = 0.0
+                    for place in range(len(edge)):
+                        way[n, c] += share_of_edge[place] * way[edge[place], c]

@@ -288,6 +288,10 @@ class ParticleSolver:
         n = len(x)
         self._xw[:n, :3], self._xw[:n, 3] = x, self.model.weight
 
+    def settle(self, force: np.ndarray) -> None:
+        """Particles have no seam."""
+        raise ValueError("a body of particles has no seam whose force could settle a step")
+
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
         if self._tentative:

@@ -1,0 +1,90 @@
+"""The linear algebra of a linked round; equations and signs are those of `orchestrator.linked`.
+
+With H the compliance of the far side as the near side's nodes see it, S its inverse, Y the near side's yield beside S:
+
+    c = P x_far + H lambda_far                          where the far side's image would be without a force     (1)
+    m = c - a - H lambda_near                           what the near side was told wrong
+    dx = Y S m,  lambda = lambda' + S (m - dx)          the near side's linear answer                           (2)
+    P dx_far = -H (lambda - lambda_far)                 the far side's                                          (3)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from softseam_coupling.kernels.quasi_newton import multiply
+
+
+@njit(cache=True, error_model="numpy")
+def longest(vectors):
+    """Greatest length of the vectors (3s,), NaN where one is."""
+    most = 0.0
+    for i in range(0, len(vectors), 3):
+        square = vectors[i] ** 2 + vectors[i + 1] ** 2 + vectors[i + 2] ** 2
+        if not square <= most:
+            most = square
+    return np.sqrt(most)
+
+
+@njit(cache=True, error_model="numpy")
+def foretell(h, line, multiplier, yielded, anchor):
+    """anchor (n,) <- c - H lambda, where the image of the far side will be, and yielded (n,) <- H lambda."""
+    multiply(h, multiplier, yielded)
+    for i in range(len(anchor)):
+        anchor[i] = line[i] - yielded[i]
+
+
+@njit(cache=True, error_model="numpy")
+def link_round(
+    h, s, y, x_near, found, image, anchor, yielded_near, yielded_far, told_far, line, push, moved, multiplier, given
+):
+    """Eqs. (1) to (3) for one round; h, s, y (n, n), the others (n,) in the order x, y, z of each node.
+
+    x_near, found               what the near side answered to the anchor and its multiplier: x_near and lambda'
+    image                       what the far side answered to told_far: P x_far
+    yielded_near, yielded_far   H times the multipliers that the two were told
+    line, push, moved, multiplier, given    updated in place: c, S m, dx, lambda, H (lambda - lambda_far)
+    Returns the lengths of the gap that is left, of what the far side is moved by and of m [m].
+    """
+    n = len(line)
+    away = np.empty(n)
+    lost = np.empty(n)
+    for i in range(n):
+        line[i] = image[i] + yielded_far[i]
+        away[i] = line[i] - anchor[i] - yielded_near[i]
+    multiply(s, away, push)
+    multiply(y, push, moved)
+    multiply(s, moved, lost)
+    for i in range(n):
+        multiplier[i] = found[i] + push[i] - lost[i]
+        lost[i] = multiplier[i] - told_far[i]
+    multiply(h, lost, given)
+    for i in range(n):
+        lost[i] = x_near[i] + moved[i] - image[i] + given[i]
+    return longest(lost), longest(given), longest(away)
+
+
+@njit(cache=True, error_model="numpy")
+def settled(x, moved, start, force, final, dt, seam_work, momentum, angular):
+    """x (s, 3) += moved, and momentum and angular momentum (3,) by the impulse of final - force; updated in place.
+
+    start (s, 3) [m] is where the step began, force and final (s, 3) [N] what acts on the seam's nodes as the step was
+    solved and as it is settled. Returns by how much the seam's work is then another than seam_work [J].
+    """
+    work = 0.0
+    for node in range(len(x)):
+        ax, ay, az = start[node, 0], start[node, 1], start[node, 2]
+        px = dt * (final[node, 0] - force[node, 0])
+        py = dt * (final[node, 1] - force[node, 1])
+        pz = dt * (final[node, 2] - force[node, 2])
+        for k in range(3):
+            x[node, k] += moved[node, k]
+            work += final[node, k] * (x[node, k] - start[node, k])
+        momentum[0] += px
+        momentum[1] += py
+        momentum[2] += pz
+        angular[0] += ay * pz - az * py
+        angular[1] += az * px - ax * pz
+        angular[2] += ax * py - ay * px
+    return work - seam_work

@@ -1,0 +1,38 @@
+"""A step that was solved is moved on by its linear answer to a force on the seam, without being solved again.
+
+With A = M/dt^2 + K the matrix of the step's last iteration, contacts and the other side's stiffness included,
+
+    A dx = L^T f,   x += dx,   v += dx/dt                                                                    (1)
+
+for implicit Euler, where v = (x - x0)/dt. On a free body the sum of M dv is dt times the sum of f: momentum is exact.
+"""
+
+from __future__ import annotations
+
+from softseam_services.compiled_once import njit
+
+from softseam_services.fem.kernels.fronts import seam_inverse, solve
+
+
+@njit(cache=True, error_model="numpy")
+def settle(model, tree, work, force, dt, x, v):
+    """x and v (n, 3) <- eq. (1) for f = force (s, 3) [N], with the factor at hand; updated in place."""
+    step = work.d
+    step[:] = 0.0
+    for s in range(len(model.seam)):
+        place = 3 * model.order[model.seam[s]]
+        for i in range(3):
+            step[place + i] += force[s, i]
+    solve(tree, work.values, step, work.factoring)
+    for node in range(len(model.order)):
+        place = 3 * model.order[node]
+        if place >= 0:
+            for i in range(3):
+                x[node, i] += step[place + i]
+                v[node, i] += step[place + i] / dt
+
+
+@njit(cache=True, error_model="numpy")
+def seam_yield(tree, work, inverse):
+    """inverse (3s, 3s) [m/N] <- L A^-1 L^T of eq. (1), with the factor at hand."""
+    seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)

@@ -1,0 +1,240 @@
+"""One exchange a step: both sides advance at once, and are settled by their linear answers with the next request.
+
+The near side needs the far side's answer, the far side the near side's force. Each is told what the other is expected
+to say, and what they miss, which is little, is made up linearly. With H = P H_far P^T and S = H^-1 the far side is a
+line, x = c - H lambda: c, where its image would be without the seam's force, is foretold as the multiplier is.
+
+    near solves with S (c^ - x), the line foretold    -> x_near, lambda'
+    far advances with lambda^, foretold               -> c, what was missed: m = c - c^                         (1)
+    near moves on by dx = Y S m                       Y = L A^-1 L^T, its yield beside the other side
+    lambda = lambda' + S (m - dx)                                                                               (2)
+    far moves on by -H (lambda - lambda^)                                                                       (3)
+
+After (2) and (3) both sides feel the same force and x_near = c - H lambda: the gap is closed in the states themselves,
+so that no miss comes back (docs/decisions/0099). What is not exact is that a state so moved answers that force. By how
+much was measured when a step last took another round, as shares kappa of the moves (2) and (3); where these times the
+moves exceed the tolerance, both sides are asked again, each with what the other has answered.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.kernels.link import foretell, link_round, settled
+from softseam_coupling.kernels.quasi_newton import multiply
+from softseam_coupling.mortar import SeamTie
+from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_protocol.messages import Advanced
+from softseam_services.orchestrator.seam_answers import Ask, SeamDiverged, SideRequest, largest
+from softseam_services.orchestrator.sides import FAR, NEAR
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 3
+"""more rounds of both sides at once, before the near side is asked with what the far side answered"""
+_ROUGH, _ROUGH_STEPS = 0.3, 3
+"""so many rounds in a row in which the far side missed more than this share of its move make its compliance old [1]"""
+_LEAST_AGE = 32
+"""steps that a compliance serves at least; doubled where a new one was no better"""
+_DOUBT = 1.1
+"""growth of a kappa a step in which it was not measured [1]"""
+_LONGEST = 31
+"""most steps between tries where sides would not agree [1]"""
+_SEEN = 0.02
+"""moves below this share of the tolerance measure no kappa [1]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Linked:
+    """A step on which both sides agree once they are settled, or the last round of one on which they do not."""
+
+    agreed: bool
+    replies: dict[str, Advanced]
+    """as if settled, where agreed"""
+    settle: dict[str, Floats]
+    """forces on each side's seam nodes that it is to be settled by, (s, 3) [N]"""
+    lambda_: Floats
+    """(s, 3) [N]; where they do not agree, the one that the far side was told"""
+    gap: float
+    """between the settled sides [m]"""
+    exchanges: int
+
+
+class Link:
+    """What it takes to settle both sides, for one epoch; everything in it evolves."""
+
+    def __init__(self, tie: SeamTie, tolerance: float, n_nodes: int):
+        self._tie, self._tolerance, self._shape = tie, tolerance, (n_nodes, 3)
+        self._predictor = SeamSolver(tolerance=tolerance)
+        self._line: SeamState = self._predictor.init(n_nodes)  # history of c
+        n = 3 * n_nodes
+        self._h, self._far, self._s, self._yield = (
+            np.zeros((n, n)),
+            np.zeros((n, n)),
+            np.zeros((n, n)),
+            np.zeros((0, 0)),
+        )
+        self._x = np.zeros((2, n_nodes, 3))  # seam nodes of near and far as the last step left them
+        self._kappa_near = self._kappa_far = 1.0
+        self._rough = 0  # rounds in a row
+        self._age, self._least_age = 0, _LEAST_AGE
+        self._skip = self._patience = 0  # steps to come that are not linked
+        self.can = False
+        """whether both sides can be settled, as far as is known"""
+
+    def renew(self, far: Advanced, stiffness: Floats, lambda_: Floats) -> None:
+        """The far side gave a new compliance, whose inverse is `stiffness`, with its answer to lambda_."""
+        h = self._tie.far_compliance(far.compliance)
+        if self._line.n_history:
+            # the same answers on the new line
+            self._line.history[:4] += (h - self._h) @ lambda_.reshape(-1)
+        if self.worn:
+            self._least_age *= 2
+        self._h, self._far, self._s = h, far.compliance, stiffness
+        self._kappa_far, self._rough, self._age = 1.0, 0, 0
+        self.can = far.settles
+
+    def due(self) -> bool:
+        """Whether the next step is to be linked."""
+        if not self.can or self._line.n_history < 2:
+            return False
+        self._skip = max(self._skip - 1, 0)
+        return self._skip == 0
+
+    def resume(self) -> None:
+        """A step that was not linked was calm: the next one is worth a try."""
+        self._skip = 0
+
+    @property
+    def worn(self) -> bool:
+        """Whether the far side's compliance is worth renewing."""
+        return self._rough >= _ROUGH_STEPS and self._age >= self._least_age
+
+    def note(self, replies: Mapping[str, Advanced], lambda_: Floats) -> None:
+        """A step ended with these answers, the far side's to lambda_."""
+        self._x[0], self._x[1] = replies[NEAR].seam_x, replies[FAR].seam_x
+        self._age += 1
+        if self._h.any():
+            line = (self._h @ _flat(lambda_)).reshape(self._shape) + self._tie.image(replies[FAR].seam_x)
+            self._predictor.commit(self._line, line)
+
+    def hear(self, near: Advanced) -> None:
+        """Every answer of the near side beside a stiffness, because what it told once it does not tell again."""
+        if near.seam_yield.size:
+            self._yield = near.seam_yield
+
+    def solve(
+        self, ask: Ask, lambda_: Floats, dt: float, coupled: Callable[[Floats, Floats], SideRequest], n_contacts: int
+    ) -> Linked:
+        """One step of length dt [s] by eqs. (1) to (3).
+
+        coupled     makes the near side's request of a multiplier and an anchor
+        n_contacts  of the far side at the start of the step: where they change, its line is doubted
+        """
+        tie, tolerance, shape = self._tie, self._tolerance, self._shape
+        yielded, anchor = np.empty(shape), np.empty(shape)
+        foretell(self._h, _flat(self._predictor.predict(self._line)), _flat(lambda_), _flat(yielded), _flat(anchor))
+        told_far, yielded_near = lambda_, yielded
+        replies = ask({NEAR: coupled(lambda_, anchor), FAR: SideRequest(tie.far_force(lambda_))})
+        exchanges = 1
+        while True:
+            near, far = replies[NEAR], replies[FAR]
+            self.can = near.settles and far.settles
+            self.hear(near)
+            if not (self.can and self._yield.size):
+                return Linked(False, replies, {}, told_far, np.inf, exchanges)
+            image = tie.image(far.seam_x)
+            line, push, moved, found, given = np.empty((5, *shape))
+            gap, move, miss = link_round(
+                *(self._h, self._s, self._yield, _flat(near.seam_x), _flat(near.seam_force), _flat(image)),
+                *(_flat(anchor), _flat(yielded_near), _flat(yielded), _flat(told_far)),
+                *(_flat(line), _flat(push), _flat(moved), _flat(found), _flat(given)),
+            )
+            if not math.isfinite(gap):
+                raise SeamDiverged(Outcome.NOT_FINITE.value)
+            doubt = self._kappa_far * move + self._kappa_near * miss
+            steady = exchanges > 1 or far.n_contacts == n_contacts
+            if steady and max(doubt, gap) <= tolerance:
+                break
+            if exchanges > ROUNDS:
+                self._patience = min(2 * self._patience + 1, _LONGEST)
+                self._skip = self._patience + 1
+                self._rough += 1
+                return Linked(False, replies, {}, told_far, gap, exchanges)
+            replies = ask({NEAR: coupled(told_far, image), FAR: SideRequest(tie.far_force(found))})
+            exchanges += 1
+            self._measure(replies, near.seam_x + moved, miss, image - given, move)
+            anchor, told_far, yielded_near, yielded = image, found, yielded, yielded + given
+        if exchanges == 1:
+            self._kappa_near, self._kappa_far = min(1.0, _DOUBT * self._kappa_near), min(1.0, _DOUBT * self._kappa_far)
+        self._patience = 0
+        self._age += 1
+        self._predictor.commit(self._line, line)
+        forces = tie.far_force(found)
+        settle = {NEAR: push, FAR: forces - tie.far_force(told_far)}
+        far_moved = np.empty(shape)
+        multiply(self._far, _flat(settle[FAR]), _flat(far_moved))
+        near = _settled(near, self._x[0], moved, near.seam_force, found, dt)
+        far = _settled(far, self._x[1], far_moved, forces - settle[FAR], forces, dt)
+        self._x[0], self._x[1] = near.seam_x, far.seam_x
+        return Linked(True, {NEAR: near, FAR: far}, settle, found, gap, exchanges)
+
+    def _measure(
+        self, replies: Mapping[str, Advanced], x_near: Floats, miss: float, image: Floats, move: float
+    ) -> None:
+        """Compare the answers of a round with the linear ones to the round before: x_near and image (s, 3) [m]."""
+        least = _SEEN * self._tolerance
+        if move > least:
+            self._kappa_far = largest(self._tie.image(replies[FAR].seam_x) - image) / move
+            self._rough = self._rough + 1 if self._kappa_far > _ROUGH else 0
+        if miss > least:
+            self._kappa_near = largest(replies[NEAR].seam_x - x_near) / miss
+
+    def to_arrays(self) -> dict[str, Floats]:
+        """Everything that evolves but what the participants tell anew after a snapshot."""
+        arrays = {f"line_{name}": array for name, array in self._line.to_arrays().items()}
+        flags = [self._kappa_near, self._kappa_far, self._rough, self._age, self._least_age, self._skip, self._patience]
+        return arrays | {"link_x": self._x.copy(), "link_flags": np.array([*flags, self.can], dtype=np.float64)}
+
+    def take(self, arrays: Mapping[str, Floats], far_compliance: Floats, stiffness: Floats | None) -> None:
+        """Continue from `to_arrays`, with the far side's compliance and its inverse as they were then."""
+        self._line = SeamState.from_arrays(
+            {name.removeprefix("line_"): array for name, array in arrays.items() if name.startswith("line_")}
+        )
+        self._x = np.array(arrays["link_x"])
+        near, far, rough, age, least_age, skip, patience, can = arrays["link_flags"].tolist()
+        self._kappa_near, self._kappa_far, self._rough, self._age = near, far, int(rough), int(age)
+        self._least_age, self._skip, self._patience, self.can = int(least_age), int(skip), int(patience), bool(can)
+        self._yield = np.zeros((0, 0))
+        if stiffness is not None:
+            self._h, self._far, self._s = self._tie.far_compliance(far_compliance), far_compliance, stiffness
+
+
+def _settled(reply: Advanced, start: Floats, moved: Floats, force: Floats, final: Floats, dt: float) -> Advanced:
+    """A reply as it would be of the settled step: to first order, for what settling dissipates is not in it.
+
+    start   where the step began (s, 3) [m]
+    moved   how the seam's nodes are moved on (s, 3) [m]
+    force   on them as the step was solved, and `final` as it is settled (s, 3) [N]
+    """
+    x, momentum, angular = reply.seam_x.copy(), reply.momentum.copy(), reply.angular_momentum.copy()
+    more = settled(x, moved, start, force, final, dt, reply.seam_work, momentum, angular)
+    return replace(
+        reply,
+        seam_x=x,
+        seam_force=final,
+        seam_work=reply.seam_work + more,
+        strain=reply.strain + more,
+        momentum=momentum,
+        angular_momentum=angular,
+        fields=None,
+    )
+
+
+def _flat(vectors: Floats) -> Floats:
+    return np.ascontiguousarray(vectors).reshape(-1)
