@@ -130,8 +130,22 @@ def warm_orchestrator() -> None:
 
     bundle = Bundle(warm_scene("pbd").model_dump_json(), {})
     with compiling("pbd"):
+        _warm_link()
         simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
         for _ in range(3):
             simulation.step(None, fields=True)
         simulation.load(simulation.save())
         simulation.close()
+
+
+def _warm_link() -> None:
+    """What two models of one kind have no use for: a linked step of the seam."""
+    from softseam_coupling.kernels.link import foretell, link_round, settled
+    from softseam_coupling.kernels.quasi_newton import multiply
+
+    one, vectors = np.eye(3), np.zeros((1, 3))
+    flat = vectors.reshape(-1)
+    multiply(one, flat, np.empty(3))
+    foretell(one, flat, flat, np.empty(3), np.empty(3))
+    link_round(one, one, one, *(flat,) * 7, *np.empty((5, 3)))
+    settled(vectors.copy(), *(vectors,) * 5, 0.01, np.zeros(3), np.zeros(3))

@@ -66,13 +66,18 @@ def link_round(
 
 
 @njit(cache=True, error_model="numpy")
-def settled(x, moved, start, force, final, dt, seam_work, momentum, angular):
+def settled(x, moved, before, start, force, final, dt, momentum, angular):
     """x (s, 3) += moved, and momentum and angular momentum (3,) by the impulse of final - force; updated in place.
 
-    start (s, 3) [m] is where the step began, force and final (s, 3) [N] what acts on the seam's nodes as the step was
-    solved and as it is settled. Returns by how much the seam's work is then another than seam_work [J].
+    before, start (s, 3) [m] are where the last step and this one began, force and final (s, 3) [N] what acts on the
+    seam's nodes as the step was solved and as it is settled. Returns the seam's work, and by how much the kinetic and
+    the strain energy are others. The step's impulses balance, so to second order, with d = final - force,
+
+        d(K + U) = force . moved + dt v . d + 1/2 d . moved                                                     (4)
+
+    where v is the velocity at the start, taken as that of the seam; the term with v is what changes K.
     """
-    work = 0.0
+    work = kinetic = strain = 0.0
     for node in range(len(x)):
         ax, ay, az = start[node, 0], start[node, 1], start[node, 2]
         px = dt * (final[node, 0] - force[node, 0])
@@ -81,10 +86,12 @@ def settled(x, moved, start, force, final, dt, seam_work, momentum, angular):
         for k in range(3):
             x[node, k] += moved[node, k]
             work += final[node, k] * (x[node, k] - start[node, k])
+            strain += 0.5 * (final[node, k] + force[node, k]) * moved[node, k]
+            kinetic += (final[node, k] - force[node, k]) * (start[node, k] - before[node, k])
         momentum[0] += px
         momentum[1] += py
         momentum[2] += pz
         angular[0] += ay * pz - az * py
         angular[1] += az * px - ax * pz
         angular[2] += ax * py - ay * px
-    return work - seam_work
+    return work, kinetic, strain

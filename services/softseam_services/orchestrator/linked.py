@@ -79,7 +79,7 @@ class Link:
             np.zeros((n, n)),
             np.zeros((0, 0)),
         )
-        self._x = np.zeros((2, n_nodes, 3))  # seam nodes of near and far as the last step left them
+        self._x = np.zeros((2, 2, n_nodes, 3))  # seam nodes of near and far where the last step began and ended
         self._kappa_near = self._kappa_far = 1.0
         self._rough = 0  # rounds in a row
         self._age, self._least_age = 0, _LEAST_AGE
@@ -117,7 +117,7 @@ class Link:
 
     def note(self, replies: Mapping[str, Advanced], lambda_: Floats) -> None:
         """A step ended with these answers, the far side's to lambda_."""
-        self._x[0], self._x[1] = replies[NEAR].seam_x, replies[FAR].seam_x
+        self._leave(replies)
         self._age += 1
         if self._h.any():
             line = (self._h @ _flat(lambda_)).reshape(self._shape) + self._tie.image(replies[FAR].seam_x)
@@ -179,10 +179,17 @@ class Link:
         settle = {NEAR: push, FAR: forces - tie.far_force(told_far)}
         far_moved = np.empty(shape)
         multiply(self._far, _flat(settle[FAR]), _flat(far_moved))
-        near = _settled(near, self._x[0], moved, near.seam_force, found, dt)
-        far = _settled(far, self._x[1], far_moved, forces - settle[FAR], forces, dt)
-        self._x[0], self._x[1] = near.seam_x, far.seam_x
-        return Linked(True, {NEAR: near, FAR: far}, settle, found, gap, exchanges)
+        replies = {
+            NEAR: _settled(near, self._x[0], moved, near.seam_force, found, dt),
+            FAR: _settled(far, self._x[1], far_moved, forces - settle[FAR], forces, dt),
+        }
+        self._leave(replies)
+        return Linked(True, replies, settle, found, gap, exchanges)
+
+    def _leave(self, replies: Mapping[str, Advanced]) -> None:
+        """The step ended so."""
+        self._x[:, 0] = self._x[:, 1]
+        self._x[0, 1], self._x[1, 1] = replies[NEAR].seam_x, replies[FAR].seam_x
 
     def _measure(
         self, replies: Mapping[str, Advanced], x_near: Floats, miss: float, image: Floats, move: float
@@ -215,21 +222,22 @@ class Link:
             self._h, self._far, self._s = self._tie.far_compliance(far_compliance), far_compliance, stiffness
 
 
-def _settled(reply: Advanced, start: Floats, moved: Floats, force: Floats, final: Floats, dt: float) -> Advanced:
-    """A reply as it would be of the settled step: to first order, for what settling dissipates is not in it.
+def _settled(reply: Advanced, x: Floats, moved: Floats, force: Floats, final: Floats, dt: float) -> Advanced:
+    """A reply as it would be of the settled step; contact figures stay those of the step as it was solved.
 
-    start   where the step began (s, 3) [m]
+    x       where the last step and this one began (2, s, 3) [m]
     moved   how the seam's nodes are moved on (s, 3) [m]
     force   on them as the step was solved, and `final` as it is settled (s, 3) [N]
     """
-    x, momentum, angular = reply.seam_x.copy(), reply.momentum.copy(), reply.angular_momentum.copy()
-    more = settled(x, moved, start, force, final, dt, reply.seam_work, momentum, angular)
+    seam_x, momentum, angular = reply.seam_x.copy(), reply.momentum.copy(), reply.angular_momentum.copy()
+    work, kinetic, strain = settled(seam_x, moved, x[0], x[1], force, final, dt, momentum, angular)
     return replace(
         reply,
-        seam_x=x,
+        seam_x=seam_x,
         seam_force=final,
-        seam_work=reply.seam_work + more,
-        strain=reply.strain + more,
+        seam_work=work,
+        kinetic=reply.kinetic + kinetic,
+        strain=reply.strain + strain,
         momentum=momentum,
         angular_momentum=angular,
         fields=None,

@@ -1,0 +1,180 @@
+"""Two linear sides that can be settled: one exchange a step, and the motion of one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.mortar import identity_tie
+from softseam_coupling.seam import SeamSolver
+from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header
+from softseam_services.orchestrator.seam_answers import SideRequest
+from softseam_services.orchestrator.seam_loop import SeamLoop
+from softseam_services.orchestrator.sides import FAR, NEAR
+
+Floats = NDArray[np.float64]
+DT = 0.01
+TOLERANCE = 1e-6
+
+
+@dataclass
+class Side:
+    """Two nodes joined by a spring, implicit Euler; the first is the seam, the other feels `load`, in three axes."""
+
+    spring: float
+    off: float = 1.0
+    """what the answer to a change of the seam's force is, relative to that of the matrix, where the step is settled"""
+    x: Floats = field(default_factory=lambda: np.zeros((2, 3)))
+    v: Floats = field(default_factory=lambda: np.zeros((2, 3)))
+    load: Floats = field(default_factory=lambda: np.zeros(3))
+    touches: int = 0
+    asked: int = 0
+    told: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @property
+    def matrix(self) -> Floats:
+        return np.eye(2) / DT**2 + self.spring * np.array([[1.0, -1.0], [-1.0, 1.0]])
+
+    def advance(self, side: SideRequest) -> Advanced:
+        self.asked += 1
+        self.coupled = side.anchor is not None
+        matrix = np.kron(self.matrix, np.eye(3))
+        right = (self.x + DT * self.v) / DT**2
+        right[0] += side.force[0]
+        right[1] += self.load
+        if side.anchor is not None:
+            self.told = self.told if side.stiffness is None else side.stiffness
+            matrix[:3, :3] += self.told
+            right[0] += self.told @ side.anchor[0]
+        self.inverse = np.linalg.inv(matrix)
+        self.next_x = (self.inverse @ right.ravel()).reshape(2, 3)
+        self.next_v = (self.next_x - self.x) / DT
+        seam = self.next_x[:1].copy()
+        force = side.force if side.anchor is None else side.force + (side.anchor - seam) @ self.told
+        work = float((force * (seam - self.x[:1])).sum())
+        energy = 0.5 * float((self.next_v**2).sum())
+        strain = 0.5 * self.spring * float(((self.next_x[1] - self.next_x[0]) ** 2).sum())
+        return Advanced(
+            Header(SCHEMA_VERSION, "", "", 0, 0, 0, 0.0), "converged", seam,
+            self.off * self.inverse[:3, :3] if side.compliance else np.zeros((0, 0)), np.zeros((0, 6)),
+            energy, strain, 0.0, 0.0, work, self.next_v.sum(axis=0), np.zeros(3), 0.0, 0.0, self.touches, 2, 0.0,
+            np.zeros(0), np.zeros((2, 3)), force, settles=True,
+            seam_yield=self.off * self.inverse[:3, :3] if self.coupled else np.zeros((0, 0)),
+        )  # fmt: skip
+
+    def commit(self, settle: Floats | None) -> None:
+        if settle is not None:
+            moved = self.off * (self.inverse[:, :3] @ settle[0]).reshape(2, 3)
+            self.next_x, self.next_v = self.next_x + moved, self.next_v + moved / DT
+        self.x, self.v = self.next_x, self.next_v
+
+
+def _loop() -> SeamLoop:
+    return SeamLoop(SeamSolver(tolerance=TOLERANCE), identity_tie(1), np.ones(3), None, True, 16)
+
+
+def _run(sides: dict[str, Side], n_steps: int) -> tuple[list[int], Floats, list[dict[str, Advanced]]]:
+    """Exchanges, gaps of the states, and replies; the far end is pulled about, ever more."""
+    loop = _loop()
+    exchanges, gaps, replies = [], [], []
+    for step in range(n_steps):
+        sides[FAR].load = np.array([np.sin(0.3 * step), 0.5 * np.cos(0.2 * step), 0.01 * step])
+        solution = loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()}, DT)
+        for name, side in sides.items():
+            side.commit(solution.settle.get(name))
+        exchanges.append(solution.exchanges)
+        gaps.append(float(np.abs(sides[NEAR].x[0] - sides[FAR].x[0]).max()))
+        replies.append(solution.replies)
+    return exchanges, np.array(gaps), replies
+
+
+def _whole(sides: dict[str, Side], n_steps: int) -> Floats:
+    """The same as one body, its seam node of both masses: positions of the three nodes (n_steps, 3, 3)."""
+    matrix = np.zeros((3, 3))
+    matrix[:2, :2] += sides[NEAR].matrix[::-1, ::-1]
+    matrix[1:, 1:] += sides[FAR].matrix
+    mass = np.array([[1.0], [2.0], [1.0]])
+    x: Floats = np.zeros((3, 3))
+    v: Floats = np.zeros((3, 3))
+    out = []
+    for step in range(n_steps):
+        right = mass * (x + DT * v) / DT**2
+        right[2] += [np.sin(0.3 * step), 0.5 * np.cos(0.2 * step), 0.01 * step]
+        before, x = x, np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        v = (x - before) / DT
+        out.append(x)
+    return np.array(out)
+
+
+def test_linear_sides_need_one_exchange_and_move_as_one_body() -> None:
+    """Once it is measured that the linear answers are right, they are taken at their word: states agree to rounding."""
+    sides = {NEAR: Side(4e3), FAR: Side(2e3)}
+    exchanges, gaps, _ = _run(sides, 80)
+    assert exchanges[8:] == [1] * 72
+    assert gaps[8:].max() < 1e-13
+    whole = _whole(sides, 80)[-1]
+    np.testing.assert_allclose(np.stack([sides[NEAR].x[1], sides[FAR].x[0], sides[FAR].x[1]]), whole, atol=1e-9)
+
+
+def test_replies_are_those_of_the_settled_step() -> None:
+    """Seam and momentum exactly, the energy to first order; the seam's work of both sides cancels."""
+    sides = {NEAR: Side(4e3), FAR: Side(2e3)}
+    _, _, before = _run(sides, 40)
+    for name, side in sides.items():
+        reply = before[-1][name]
+        np.testing.assert_allclose(reply.seam_x, side.x[:1], atol=1e-13)
+        np.testing.assert_allclose(reply.momentum, side.v.sum(axis=0), atol=1e-12)
+        energy = 0.5 * (side.v**2).sum() + 0.5 * side.spring * ((side.x[1] - side.x[0]) ** 2).sum()
+        assert abs(reply.kinetic + reply.strain - energy) < 1e-5 * energy
+    near, far = before[-1][NEAR].seam_work, before[-1][FAR].seam_work
+    assert abs(near + far) < 1e-12 < 1e-3 * abs(near)
+
+
+def test_a_wrong_answer_is_found_out_and_costs_exchanges_not_accuracy() -> None:
+    """With an answer that is 40 % off the gap of the states still closes, by steps that are solved again."""
+    right, wrong = ({NEAR: Side(4e3), FAR: Side(2e3, off)} for off in (1.0, 1.4))
+    few, _, _ = _run(right, 60)
+    more, gaps, _ = _run(wrong, 60)
+    assert sum(more) > sum(few)
+    assert gaps.max() <= 1.001 * TOLERANCE
+    np.testing.assert_allclose(wrong[FAR].x, right[FAR].x, atol=50 * TOLERANCE)
+
+
+def test_sides_that_cannot_be_settled_are_not() -> None:
+    class Rigid(Side):
+        def advance(self, side: SideRequest) -> Advanced:
+            return replace(super().advance(side), settles=False)
+
+    sides: dict[str, Side] = {NEAR: Side(4e3), FAR: Rigid(2e3)}
+    exchanges, gaps, _ = _run(sides, 40)
+    assert gaps.max() <= TOLERANCE
+    assert sides[NEAR].asked == sides[FAR].asked == sum(exchanges)
+
+
+def test_a_loop_goes_on_from_its_arrays() -> None:
+    """Every number that decides on the next step is in them."""
+    ends = []
+    for again in (False, True):
+        sides = {NEAR: Side(4e3), FAR: Side(2e3, 1.1)}
+
+        def ask(wanted: dict[str, SideRequest], sides: dict[str, Side] = sides) -> dict[str, Advanced]:
+            return {name: sides[name].advance(side) for name, side in wanted.items()}
+
+        loop = _loop()
+        counts = []
+        for step in range(30):
+            if again:
+                arrays = loop.to_arrays()
+                loop = _loop()
+                loop.take(arrays)
+            else:
+                loop.forget_told()
+            sides[FAR].load = np.array([np.sin(0.3 * step), 0.0, 0.1 * step])
+            solution = loop.solve(ask, DT)
+            for name, side in sides.items():
+                side.commit(solution.settle.get(name))
+            counts.append(solution.exchanges)
+        ends.append((counts, sides[NEAR].x.tobytes(), sides[FAR].v.tobytes()))
+    assert ends[0] == ends[1]

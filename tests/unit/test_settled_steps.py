@@ -1,0 +1,177 @@
+"""A step that is moved on by its linear answer to a force on the seam: how near it comes to being solved again."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from fem_run import CLOSE, FemRun, block, tofu
+from numpy.typing import NDArray
+from pbd_run import PbdRun, block_scene
+
+from softseam_protocol.messages import Advance, Advanced, Bundle, Commit, Committed, Configure, Failure
+from softseam_services.body.body import Body
+from softseam_services.body.region import shared_nodes
+from softseam_services.fem.solver import FemSolver
+from softseam_services.pbd.solver import PbdSolver
+from softseam_services.server import ParticipantServer
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+def _left(body: Body) -> Ints:
+    return np.flatnonzero(body.cell_grid[:, 0] == 0).astype(np.int32)
+
+
+def _seam(body: Body, cells: Ints) -> Ints:
+    return shared_nodes(body, cells, np.setdiff1d(np.arange(body.n_cells), cells).astype(np.int32))
+
+
+def _coupled(run: FemRun, force: Floats, exchange: int, velocities: dict[str, tuple[float, float, float]]) -> Advance:
+    """With a stiffness beside it as of what is missing, told in every request."""
+    request = run.request(velocities, force=force, exchange=exchange)
+    anchor = run.body.x_rest[run.region.nodes[run.region.seam]]
+    return dataclasses.replace(request, seam_anchor=anchor, seam_stiffness=40.0 * np.eye(3 * len(anchor)))
+
+
+def _fem_squeezed() -> FemRun:
+    """A column of a cube that a plate pressed against the other, which is a spring here; it sticks to the plate."""
+    run = FemRun(tofu(friction=5.0), cells=_left, seam=_seam)
+    for step in range(30):
+        velocities = CLOSE if step < 20 else {}
+        reply = run.solver.advance(_coupled(run, np.zeros((len(run.region.seam), 3)), 0, velocities))
+        assert reply.status == "converged"
+        run.position = run.position + run.scene.step * np.array(
+            [velocities.get(n, (0.0,) * 3) for n in run.tools.names]
+        )
+        run.n_steps += 1
+    assert reply.n_contacts > 0
+    return run
+
+
+def test_fem_settled_is_nearly_fem_solved_again() -> None:
+    """What is left is of second order: a quarter where the force is half. The seam moves as the yield told says."""
+    run = _fem_squeezed()
+    rng = np.random.default_rng(1)
+    direction = rng.standard_normal((len(run.region.seam), 3))
+    left = []
+    state = run.solver.snapshot()
+    for n, size in enumerate((2e-3, 1e-3)):
+        run.solver.restore(state)  # so that the factor is this step's
+        force = size * direction
+        reply = run.solver.advance(_coupled(run, np.zeros_like(force), 2 * n, {}))
+        assert reply.settles
+        known = reply.seam_yield
+        before = run.x.copy(), run.solver.state.v.copy()
+        run.solver.settle(force)
+        x, v = run.x.copy(), run.solver.state.v.copy()
+        moved = (x - before[0])[run.region.seam]
+        np.testing.assert_allclose(moved.ravel(), known @ force.ravel(), atol=1e-9 * np.abs(moved).max())
+        np.testing.assert_allclose(v - before[1], (x - before[0]) / run.scene.step, atol=1e-12)
+        run.solver.advance(_coupled(run, force, 2 * n + 1, {}))
+        left.append(np.abs(x - run.x).max() / np.abs(x - before[0]).max())
+    assert left[0] < 2e-3
+    assert left[1] < 0.6 * left[0]
+
+
+def test_fem_tells_its_yield_once_a_factor_and_anew_after_a_snapshot() -> None:
+    run = FemRun(block(), cells=_left, seam=_seam)
+    force = np.zeros((len(run.region.seam), 3))
+    first = run.solver.advance(_coupled(run, force, 0, {}))
+    again = run.solver.advance(_coupled(run, force, 1, {}))
+    assert first.seam_yield.size and not again.seam_yield.size
+    run.solver.snapshot()
+    run.n_steps += 1
+    after = run.solver.advance(_coupled(run, force, 0, {}))
+    assert after.seam_yield.shape == first.seam_yield.shape
+    assert not run.solver.advance(run.request(exchange=1)).settles, "without a stiffness beside it there is no line"
+
+
+def _pbd(length: int, spin: bool = False) -> PbdRun:
+    """A free bar of so many cells of 2 cm but the last one, which the seam's forces stand for."""
+    scene = block_scene((0.02 * (length + 1), 0.02, 0.02), 0.02, step=0.005)
+    whole = PbdRun(scene).body
+    far = np.flatnonzero(whole.cell_grid[:, 0] < length).astype(np.int32)
+    v = np.cross([0.0, 0.0, 5.0], whole.x_rest) if spin else None
+    return PbdRun(scene, cells=far, seam=_seam(whole, far), v=v)
+
+
+@pytest.mark.parametrize("length", [2, 12])
+def test_pbd_settled_is_nearly_pbd_advanced_again(length: int) -> None:
+    """Two cells are probed whole, of twelve the nearest; both take up all the momentum that the force brings.
+
+    The monitor must know the energy that the settled state has, or it would take the rest for energy from nowhere.
+    """
+    run = _pbd(length, spin=True)
+    rng = np.random.default_rng(2)
+    force = 1e-3 * rng.standard_normal((len(run.region.seam), 3))
+    run.solver.advance(run.request(force, compliance=True))
+    run.solver.commit()
+    run.n_steps += 1
+    more = 1e-4 * rng.standard_normal(force.shape)
+    reply = run.solver.advance(run.request(force))
+    assert reply.settles
+    before = run.solver.fields(run.header())
+    run.solver.settle(more)
+    settled = run.solver.fields(run.header())
+    monitor = run.solver._work.monitor.copy()
+    impulse = run.region.mass @ (settled.v - before.v)
+    np.testing.assert_allclose(impulse, run.scene.step * more.sum(axis=0), rtol=2e-5)  # the probes' rounding
+    again = run.solver.advance(run.request(force + more, exchange=1))
+    solved = run.solver.fields(run.header())
+    moved = np.abs(solved.x - before.x).max()
+    assert np.abs(settled.x - solved.x).max() < 0.05 * moved
+    assert np.abs(settled.v - solved.v).max() < 0.1 * np.abs(solved.v - before.v).max()
+    np.testing.assert_allclose(monitor[1:4], [again.kinetic, again.strain, again.gravity], rtol=2e-3, atol=1e-12)
+
+
+def test_a_restored_pbd_settles_to_the_same_bits() -> None:
+    one, other = _pbd(3), _pbd(3)
+    force = np.full((len(one.region.seam), 3), 1e-3)
+    one.solver.advance(one.request(force, compliance=True))
+    other.solver.restore(one.solver.snapshot())
+    found = []
+    for run in (one, other):
+        run.n_steps += 1
+        assert run.solver.advance(run.request(force)).settles
+        run.solver.settle(0.1 * force)
+        found.append(run.solver.snapshot())
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+def test_what_cannot_be_settled_is_refused(model: str) -> None:
+    run: FemRun | PbdRun = FemRun(block(), cells=_left, seam=_seam) if model == "fem" else _pbd(2)
+    solver: FemSolver | PbdSolver = run.solver
+    with pytest.raises(ValueError, match="cannot be settled"):
+        solver.settle(np.zeros((len(run.region.seam), 3)))
+    assert not solver.advance(run.request()).settles
+    with pytest.raises(ValueError, match="cannot be settled"):
+        solver.settle(np.zeros((len(run.region.seam), 3)))
+
+
+def test_a_commit_that_comes_again_settles_once() -> None:
+    """And the step that follows begins from the settled state, which a Commit made or the next Advance."""
+    ends = []
+    for by_commit in (1, 2, 0):
+        run = _pbd(2)
+        server = ParticipantServer()
+        bundle = Bundle(run.scene.model_dump_json(), {})
+        nodes = run.region.nodes[run.region.seam].astype(np.int32)
+        configured = server.handle(Configure(run.header(), bundle, "pbd", run.region.cells, nodes))
+        assert not isinstance(configured, Failure)
+        force = np.full((len(nodes), 3), 1e-3)
+        first = server.handle(run.request(force, compliance=True))
+        assert not isinstance(first, Failure)
+        run.n_steps += 1
+        for _ in range(by_commit):
+            committed = server.handle(Commit(run.header(), 0.1 * force, fields=True))
+            assert isinstance(committed, Committed) and committed.fields is not None
+        settle = np.zeros((0, 3)) if by_commit else 0.1 * force
+        second = server.handle(dataclasses.replace(run.request(force), seam_settle=settle))
+        assert isinstance(second, Advanced)
+        ends.append(second.seam_x)
+    np.testing.assert_array_equal(ends[0], ends[1])
+    np.testing.assert_array_equal(ends[0], ends[2])
