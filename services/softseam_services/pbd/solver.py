@@ -300,8 +300,10 @@ class PbdSolver:
             self._probe = SeamProbe(model, dt)
         shapes = ((model.n_nodes, 3), (model.n_points, model.n_tools, 3), (model.n_tools, 3), (model.n_tools, 4))
         ends = np.cumsum([1, *(int(np.prod(shape)) for shape in shapes)])
-        parts = (self._probed[ends[at] : ends[at + 1]].reshape(shape) for at, shape in enumerate(shapes))
-        return self._probe.compliance(*parts, ramp=ramp)
+        x, force, position, orientation = (
+            self._probed[ends[at] : ends[at + 1]].reshape(shape) for at, shape in enumerate(shapes)
+        )
+        return self._probe.compliance(x, force, position, orientation, ramp)
 
     def _settles(self) -> bool:
         """Whether the tentative step is one that the probe speaks of."""

@@ -10,7 +10,6 @@ for implicit Euler, where v = (x - x0)/dt. On a free body the sum of M dv is dt 
 from __future__ import annotations
 
 from softseam_services.compiled_once import njit
-
 from softseam_services.fem.kernels.fronts import seam_inverse, solve
 
 
