@@ -110,7 +110,8 @@ def probe_seam(
             )
             finish(xw, x_star, x, v, a, h, 0, n)
         if column < 0:
-            rest[0], rest[1] = x, v
+            copy_rows(rest[0], x)
+            copy_rows(rest[1], v)
             continue
         push[seam[column // 3], column % 3] = 0.0
         for row in range(3 * len(seam)):
