@@ -9,7 +9,7 @@ from solids import box, cylinder, join, obj, sphere
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
-from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS
+from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS, filled_centroids
 from softseam_services.body.interpolate import Functions, point_weights, rest_points
 from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES, SIMPSON
@@ -67,6 +67,10 @@ def test_moments_of_a_cut_corner_are_exact() -> None:
         for p in range(3)
     ]
     np.testing.assert_allclose(corner, dirichlet, atol=1e-15)
+    parts = np.tile(FULL_MOMENTS, (1, 8, 1))
+    parts[0, 0] = corner
+    centroids = filled_centroids(parts)[0]
+    np.testing.assert_allclose(centroids[:2], [[-0.75, -0.75, -0.75], [0.5, -0.5, -0.5]], atol=1e-13)
 
 
 def test_full_cells_get_simpson_weights() -> None:
