@@ -28,7 +28,13 @@ SCHEMES: dict[str, Scheme] = {
     "Gravouil-Combescure": GravouilCombescure(),
 }
 NEAR = ("implicit_euler", "midpoint", "theta", "bdf2", "newmark", "generalised_alpha")
-TITLES = {"theta": "theta 0.51", "newmark": "Newmark, trapezoidal", "generalised_alpha": "generalised-alpha, 0.8"}
+TITLES = {
+    "implicit_euler": "implicit Euler",
+    "theta": "theta 0.51",
+    "bdf2": "BDF2",
+    "newmark": "Newmark, trapezoidal",
+    "generalised_alpha": "generalised-alpha, 0.8",
+}
 RATIOS = (0.01, 0.1, 1.0, 10.0, 99.0)
 STEPS = (0.002, 0.02, 0.1, 0.3, 0.7, 2.0)
 """over the period of the whole"""
@@ -85,7 +91,7 @@ def draw(path: Path) -> None:
         )
         axis.set(xscale="log", yscale="log")
         if row == 0:
-            axis.set_title(TITLES.get(near, near.replace("_", " ")), fontsize=11)
+            axis.set_title(TITLES.get(near, near), fontsize=11)
         if column == 0:
             axis.set_ylabel(f"{name}\n\nmass near / far", fontsize=9)
         if row == len(SCHEMES) - 1:

@@ -51,6 +51,7 @@ def bar(
     density: float = 1000.0,
     young: float = 1e5,
     step: float = STEP,
+    tolerance: float = 3e-4,
 ) -> Simulation:
     """Four cells in a row, free or clamped, the first two FEM's, with density [kg/m^3] and stiffness [Pa] of their own.
 
@@ -78,7 +79,7 @@ def bar(
                 "near": {"model": "fem", "boxes": [{"min": [-1.0, -1.0, -1.0], "max": [0.04, 1.0, 1.0]}]},
             },
             "models": {"fem": {"integrator": integrator}, "pbd": {"substeps": SUBSTEPS}},
-            "seam": {"scheme": scheme},
+            "seam": {"scheme": scheme, "tolerance": tolerance},
         }
     )
     return Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
@@ -155,6 +156,30 @@ def test_position_keeps_the_momentum() -> None:
     assert np.ptp(momenta, axis=0).max() < 1e-12  # what Newton leaves
 
 
+def test_what_a_step_leaves_of_the_velocities_does_not_add_up() -> None:
+    """ph: the gap is the scheme's own drift, whatever the tolerance, over half a second."""
+    gaps = []
+    for tolerance in (2e-3, 2e-5):
+        simulation = cantilever("seam.scheme=ph", "models.fem.integrator=bdf2", f"seam.tolerance={tolerance}")
+        gaps.append([simulation.step().seam.gap for _ in range(250)])
+    assert np.abs(np.subtract(*gaps)).max() < 1.5 * 2e-3 * 0.025
+    assert max(gaps[1]) > 2 * 2e-3 * 0.025
+
+
+def test_a_grasp_holds_under_a_ramp() -> None:
+    """tofu_grasp, always cut, with an integrator that only ph admits: the force is what position has, to 1 %."""
+    loaded = load_scene(CANTILEVER.with_name("tofu_grasp.yaml"))
+    settings = ("regions.near.split=always", "seam.scheme=ph", "models.fem.integrator=generalised_alpha")
+    scene = with_settings(loaded.scene, settings)
+    simulation = Simulation(bundle_scene(scene, loaded.bundle.files), EmbeddedTransport())
+    reports = []
+    while not simulation.done:
+        reports.append(simulation.step())
+    assert reports[-1].quantities["grip_force"] == pytest.approx(10.39, rel=0.01)
+    assert max(report.seam.gap for report in reports) < 0.05 * 1.0 / 60.0
+    assert np.mean([report.seam.exchanges for report in reports]) < 2.6
+
+
 def test_a_ramp_goes_on_from_a_snapshot_bit_for_bit() -> None:
     simulation, other = (cantilever("seam.scheme=ph", "models.fem.integrator=bdf2") for _ in range(2))
     for _ in range(10):
@@ -221,11 +246,16 @@ def test_simulated_pairs_grow_where_the_scan_says_so(
 # ---- the control
 
 
-def test_staggered_diverges_and_says_so() -> None:
-    """Equal densities: FEM's nodes at the seam are the stiffer ones. It ends in StepFailed before anything is NaN."""
-    simulation = bar("staggered", "implicit_euler", CLAMPED)
+@pytest.mark.parametrize(
+    ("speed", "tolerance", "words"), [(0.05, 3e-4, "cannot be put where"), (1e-3, 1e-6, "alternates and has grown")]
+)
+def test_staggered_diverges_and_says_so(speed: float, tolerance: float, words: str) -> None:
+    """Equal densities: the multiplier grows four times a step. It ends in StepFailed before anything is NaN, by what
+    FEM cannot follow where the motion is large, and by the growth itself where it is small."""
+    body = {**CLAMPED, "velocity": [0.0, 0.0, speed]}
+    simulation = bar("staggered", "implicit_euler", body, tolerance=tolerance)
     reports = []
-    with pytest.raises(StepFailed, match=r"staggered: .*added mass.*seam: \{scheme: position\}"):
+    with pytest.raises(StepFailed, match=rf"staggered: .*{words}.*added mass.*seam: \{{scheme: position\}}"):
         for _ in range(100):
             reports.append(simulation.step())
     assert 2 < len(reports) < 30

@@ -4,7 +4,9 @@ With lambda_0 known from the step before, both sides advance under lambda_0 + (t
 side's substep j feels it at t = j dT/m, the near side where its integrator takes forces (at the end; midpoint in the
 middle). The unknown is lambda_1, and what it is to close is the gap that the step would open,
 
-    dT (v_near - P v_far) = 0,   H = dT (dv_near/dlambda + P dv_far/dlambda P^T)                                (1)
+    dT (v_near - P v_far) + r = 0,   H = dT (dv_near/dlambda + P dv_far/dlambda P^T)                            (1)
+
+with r what the steps before left of it, within the tolerance, so that this does not add up
 
 (A. Prakash, K. D. Hjelmstad, Int. J. Numer. Meth. Engng 61, 2004, 2183-2204, doi:10.1002/nme.1136). Stable with every
 implicit integrator of FEM, see `softseam_coupling.schemes.prakash_hjelmstad`; positions drift by what the sides do
@@ -46,6 +48,7 @@ class RampedSeam:
         self._solver, self._tie, self._mobility, self._most = solver, tie, mobility, most
         self.state: SeamState = solver.init(len(mobility) // 3, first)
         self._fresh, self._dt = True, 0.0
+        self._left = np.zeros_like(tie.c)  # r of eq. (1) [m]
         self.pace = Pace()
 
     def multiplier(self) -> Floats:
@@ -75,17 +78,18 @@ class RampedSeam:
             near, far = replies[NEAR], replies[FAR]
             if compliance:
                 self._rebuild(near.compliance, far.compliance)
-            answer = self._solver.update(self.state, lambda_, dt * self._tie.rate(near.seam_v, far.seam_v))
+            left = dt * self._tie.rate(near.seam_v, far.seam_v) + self._left
+            answer = self._solver.update(self.state, lambda_, left)
             if answer.outcome is Outcome.NOT_FINITE:
                 raise SeamDiverged(answer.outcome.value)
             if answer.outcome is Outcome.ACCEPT:
-                return self._agree(replies, lambda_, exchange, "")
+                return self._agree(replies, lambda_, left, exchange, "")
             if exchange < self._most:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
                 lambda_ = answer.lambda_
         if may_cut:
             raise SeamUnsettled
-        return self._agree(replies, lambda_, self._most, "the sides' exchanges did not converge")
+        return self._agree(replies, lambda_, left, self._most, "the sides' exchanges did not converge")
 
     def _rebuild(self, near: Floats, far: Floats) -> None:
         if near.size == 0 or near.size != far.size or not np.isfinite(near + far).all():
@@ -93,8 +97,11 @@ class RampedSeam:
         self._solver.reset(self.state, self._dt * self._tie.compliance(near, far))  # eq. (1)
         self._fresh = False
 
-    def _agree(self, replies: dict[str, Advanced], lambda_: Floats, exchanges: int, note: str) -> SeamSolution:
+    def _agree(
+        self, replies: dict[str, Advanced], lambda_: Floats, left: Floats, exchanges: int, note: str
+    ) -> SeamSolution:
         self._solver.commit(self.state, lambda_)
+        self._left = left
         gap = largest(self._tie.gap(replies[NEAR].seam_x, replies[FAR].seam_x))
         return SeamSolution(replies, lambda_, gap, exchanges, note)
 
@@ -104,11 +111,12 @@ class RampedSeam:
     def to_arrays(self) -> dict[str, Floats]:
         """Everything that evolves, for a snapshot."""
         flags = np.array([self._fresh, self._dt, *self.pace.to_list()], dtype=np.float64)
-        return {**self.state.to_arrays(), "flags": flags}
+        return {**self.state.to_arrays(), "left": self._left.copy(), "flags": flags}
 
     def take(self, arrays: dict[str, Floats]) -> None:
         """Continue from `to_arrays`."""
         self.state = SeamState.from_arrays(arrays)
+        self._left = np.array(arrays["left"])
         fresh, dt, *pace = arrays["flags"].tolist()
         self._fresh, self._dt = bool(fresh), dt
         self.pace.take(pace)
