@@ -70,6 +70,13 @@ def test_only_what_python_calls_becomes_machine_code() -> None:
     assert highest(1) == 7.0
     assert len(highest.overloads) == 1 and not middle.overloads and not lowest.overloads
     assert _specialisations(highest) == 5
+    assert _entries(highest) == [True] and _entries(middle._part) == _entries(lowest._part) == [False, False]
+
+
+def _entries(kernel) -> list[bool]:  # type: ignore[no-untyped-def]
+    """Whether there is machine code, which Python could enter, of each specialisation of a kernel."""
+    known = kernel.overloads.values()
+    return [k.library.codegen._engine.is_symbol_defined(k.fndesc.llvm_cpython_wrapper_name) for k in known]
 
 
 def _specialisations(kernel) -> int:  # type: ignore[no-untyped-def]
