@@ -23,6 +23,7 @@ from softseam_protocol.scene_motion import (
 )
 from softseam_protocol.scene_tools import PlaneTool, ToolName, ToolSpec
 from softseam_protocol.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.tool_borders import tool_borders
 
 Quantity = Literal[
     "grip_force",
@@ -70,9 +71,20 @@ class BlockShape(Spec):
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
     grading: Annotated[float, Field(ge=1.0, le=20.0)] = Field(
         default=1.0,
-        description="how many times thinner cells are at the faces than in the middle, where stress peaks at edges; "
+        description="how many times thinner cells are at the faces, or where `towards` says, than in the middle "
+        "between, since stress peaks at edges; "
         "more than 1 in pbd for tools that cover whole faces",
     )
+    towards: tuple[str, ...] = Field(
+        default=(),
+        description="boxes among the tools: cells end where the edges of these come to lie on the block, and are "
+        "thinner towards them and towards the faces that they press, instead of towards all faces",
+    )
+
+    @property
+    def graded(self) -> bool:
+        """Whether cells are of more than one size."""
+        return self.grading != 1.0 or bool(self.towards)
 
     @model_validator(mode="after")
     def _plausible(self) -> BlockShape:
@@ -371,13 +383,16 @@ class Scene(Spec):
                 "hexahedra of a file have one model, for a seam runs along faces that are rectangles: leave out "
                 "regions.near, or `cells: own`", "body", "shape", "cells",
             )  # fmt: skip
-        if (own or (isinstance(body.shape, BlockShape) and body.shape.grading != 1.0)) and "pbd" in models:
+        if (own or (isinstance(body.shape, BlockShape) and body.shape.graded)) and "pbd" in models:
             said = "the model error of pbd is measured on boxes of one size"
             if near and near.error is not None:
                 raise wrong(f"{said}: leave out regions.near.error, or body.shape.grading", "regions", "near", "error")
             if "model_error" in self.quantities:
                 place = ("quantities", self.quantities.index("model_error"))
                 raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)
+        if isinstance(body.shape, BlockShape):
+            self._known(body.shape.towards, "body", "shape", "towards")
+            tool_borders(body.shape.size, body.position, self.tools, body.shape.towards)
         for i, name in enumerate(self.quantities):
             if name in OF_PARTICLES:
                 raise wrong(f"only sheets and ropes have {name}", "quantities", i)

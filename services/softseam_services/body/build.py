@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from softseam_protocol.particle_bodies import TetMeshBody
 from softseam_protocol.scene import BlockShape, BodySpec, MeshShape, Scene
 from softseam_protocol.spec import BoxRegion
+from softseam_protocol.tool_borders import tool_borders
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
-from softseam_services.body.graded import graded_block
+from softseam_services.body.graded import bordered_line, graded_block, graded_line
 from softseam_services.body.hexahedra import own_cells
 from softseam_services.body.inclusions import materials_at, octant_centres
 from softseam_services.body.lattice import divide, number_nodes
@@ -51,7 +52,7 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     if not isinstance(spec, BodySpec):
         raise ValueError(f"a {spec.kind} has no cells")
     if isinstance(spec.shape, BlockShape):
-        if spec.shape.grading != 1.0:
+        if spec.shape.graded:
             return _graded(scene, spec, spec.shape)
         return _block(scene, spec, spec.shape)
     if spec.shape.path not in files:
@@ -82,9 +83,14 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
 
 
 def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
-    size = np.array(shape.size)
-    counts = divide(size, cell_edges(spec))[0]
-    body = _of_hexahedra(scene, spec, "block", graded_block(size, counts, shape.grading), 1.0, "z")
+    counts, wanted = divide(np.array(shape.size), cell_edges(spec))
+    lines = [edge * graded_line(int(n), shape.grading) for edge, n in zip(shape.size, counts, strict=True)]
+    if shape.towards:
+        borders = tool_borders(shape.size, spec.position, scene.tools, shape.towards)
+        pieces = zip(shape.size, wanted, borders, strict=True)
+        lines = [bordered_line(edge, cell, shape.grading, line) for edge, cell, line in pieces]
+    counts = np.array([len(line) - 1 for line in lines], dtype=np.int32)
+    body = _of_hexahedra(scene, spec, "block", graded_block(lines), 1.0, "z")
     return replace(body, cell_grid=number_nodes(np.ones(counts, dtype=np.bool_))[0])
 
 

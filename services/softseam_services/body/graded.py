@@ -1,18 +1,25 @@
-"""A block in hexahedra that are thinner at its faces, where contact and corners make stress peak."""
+"""A block in hexahedra that are thinner where contact makes stress peak: at its faces, or at the edges of tools."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 
-from softseam_services.body.body import Floats, Ints
+from softseam_protocol.tool_borders import Line
+from softseam_services.body.body import Floats
 from softseam_services.body.hexahedra import CORNERS
 from softseam_services.body.lattice import LOCAL, number_nodes
 from softseam_services.body.mesh_io import RawHexahedra
 
+_APART = 0.1
+"""planes that are closer than that to another, or to a face, are left out [wanted cell edges]"""
 
-def graded_block(size: Floats, counts: Ints, grading: float) -> RawHexahedra:
-    """A block of `size` (3,) [m] in `counts` (3,) cells along its axes, graded along each by `graded_line`."""
-    lines = [edge * graded_line(int(count), grading) for edge, count in zip(size, counts, strict=True)]
+
+def graded_block(lines: Sequence[Floats]) -> RawHexahedra:
+    """A block in cells whose borders along x, y and z are `lines`, each (n + 1,) [m]."""
+    counts = np.array([len(line) - 1 for line in lines])
     x, y, z = np.meshgrid(*lines, indexing="ij")
     points = np.stack([place.ravel(order="F") for place in (x, y, z)], axis=1)
     cells = number_nodes(np.ones(counts, dtype=np.bool_))[0].astype(np.int64)
@@ -21,11 +28,30 @@ def graded_block(size: Floats, counts: Ints, grading: float) -> RawHexahedra:
     return RawHexahedra(points, (corners @ strides,))
 
 
-def graded_line(count: int, grading: float) -> Floats:
-    """Where `count` cells on [0, 1] end (count + 1,): symmetric, each longer than its outer neighbour by one factor.
+def graded_line(count: int, grading: float, ends: tuple[bool, bool] = (True, True)) -> Floats:
+    """Where `count` cells on [0, 1] end (count + 1,): each is longer by one factor than its neighbour towards an end.
 
-    The middle cell is `grading` times as long as those at the ends.
+    ends: whether they are thinner towards 0, and towards 1. The longest is `grading` times as long as the thinnest.
     """
-    inward = np.minimum(np.arange(count), np.arange(count)[::-1])
+    up, down = np.arange(count), np.arange(count)[::-1]
+    inward = {(True, True): np.minimum(up, down), (True, False): up, (False, True): down}.get(ends, 0 * up)
     widths = grading ** (inward / max(1, int(inward.max())))
     return np.concatenate([[0.0], np.cumsum(widths) / widths.sum()])
+
+
+def bordered_line(edge: float, wanted: float, grading: float, line: Line) -> Floats:
+    """Where cells on [0, edge] end, with borders in the line's planes and thinner towards them [m].
+
+    Each piece between planes has about `wanted` [m] long cells, one at least.
+    """
+    planes = [0.0]
+    for plane in line.planes:
+        if min(plane - planes[-1], edge - plane) > _APART * wanted:
+            planes.append(plane)
+    planes.append(edge)
+    ends = [line.faces[0], *[True] * (len(planes) - 2), line.faces[1]]
+    found = [np.zeros(1)]
+    for i, (low, high) in enumerate(pairwise(planes)):
+        count = max(1, round((high - low) / wanted))
+        found.append(low + (high - low) * graded_line(count, grading, (ends[i], ends[i + 1]))[1:])
+    return np.concatenate(found)
