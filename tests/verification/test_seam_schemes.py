@@ -153,7 +153,7 @@ def test_momentum_lags_by_the_last_multiplier_alone(integrator: IntegratorKind) 
 def test_position_keeps_the_momentum() -> None:
     simulation = bar("position", "implicit_euler", FREE, density=3000.0)
     momenta = [simulation.step().momentum for _ in range(50)]
-    assert np.ptp(momenta, axis=0).max() < 1e-12  # what Newton leaves
+    assert np.ptp(momenta, axis=0).max() < 1e-9  # of impulses of 1e-4: what the linear answers that settle steps leave
 
 
 def test_what_a_step_leaves_of_the_velocities_does_not_add_up() -> None:
