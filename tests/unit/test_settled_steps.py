@@ -155,7 +155,7 @@ def test_what_cannot_be_settled_is_refused(model: str) -> None:
 def test_a_commit_that_comes_again_settles_once() -> None:
     """And the step that follows begins from the settled state, which a Commit made or the next Advance."""
     ends = []
-    for by_commit in (1, 2, 0):
+    for by_commit in (1, 2, 0, -1):  # -1: not at all
         run = _pbd(2)
         server = ParticipantServer()
         bundle = Bundle(run.scene.model_dump_json(), {})
@@ -169,9 +169,10 @@ def test_a_commit_that_comes_again_settles_once() -> None:
         for _ in range(by_commit):
             committed = server.handle(Commit(run.header(), 0.1 * force, fields=True))
             assert isinstance(committed, Committed) and committed.fields is not None
-        settle = np.zeros((0, 3)) if by_commit else 0.1 * force
+        settle = 0.1 * force if by_commit == 0 else np.zeros((0, 3))
         second = server.handle(dataclasses.replace(run.request(force), seam_settle=settle))
         assert isinstance(second, Advanced)
         ends.append(second.seam_x)
     np.testing.assert_array_equal(ends[0], ends[1])
     np.testing.assert_array_equal(ends[0], ends[2])
+    assert np.abs(ends[0] - ends[3]).max() > 1e-9
