@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +22,7 @@ from softseam_protocol.messages import (
     StepReport,
     Vector3,
 )
+from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import SceneError
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ class EmbeddedBackend:
         self._last: StepReport | None = None
         self.recorded: Recorded | None = None
         self.unrecorded = ""
+        compile_first(Scene.model_validate_json(bundle.scene))
         with translated():
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
@@ -164,6 +167,21 @@ def resimulate(bundle: Bundle, seed: int) -> Iterator[Resimulation]:
             yield simulation
         finally:
             simulation.close()
+
+
+def compile_first(scene: Scene) -> None:
+    """Compile what no process has compiled yet on this machine and a scene needs, so that no step waits for it."""
+    from softseam_services.warm_up import compile_side_by_side, never_compiled
+
+    if not isinstance(scene.body, BodySpec):
+        return  # particles: few kernels, which compile in seconds
+    near = scene.regions.near
+    models = sorted({scene.regions.default, *(() if near is None else (near.model,))})
+    fresh = [model for model in models if never_compiled(model)]
+    if fresh:
+        if sys.stderr.isatty():
+            print("compiling the solvers for this machine, once: a minute or so", file=sys.stderr)
+        compile_side_by_side(fresh)
 
 
 @contextmanager

@@ -7,8 +7,15 @@ compiled with the first scene that has one, before its first step, or ahead of t
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
+from numba import config
 
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
@@ -115,6 +122,29 @@ def _ask_everything(model: str, mesh: bool) -> None:
     assert isinstance(taken, SnapshotTaken)
     ask(Restore(header(2), taken.state))
     ask(Release(header(2)))
+
+
+def never_compiled(model: str) -> bool:
+    """Whether the kernels of `model` are nowhere beside their sources, but could be."""
+    spec = find_spec(f"softseam_services.{model}.kernels")
+    assert spec is not None and spec.origin is not None
+    folder = Path(spec.origin).parent
+    settings = vars(config)
+    if settings["DISABLE_JIT"] or settings["CACHE_DIR"] or not os.access(folder, os.W_OK):
+        return False
+    return next((folder / "__pycache__").glob("*.nbi"), None) is None
+
+
+def compile_side_by_side(models: Iterable[str]) -> None:
+    """Compile the kernels of these models, each in a process of its own; what fails there is compiled when needed."""
+    command, quiet = [sys.executable, "-m", "softseam_services", "warm"], subprocess.DEVNULL
+    processes = [subprocess.Popen([*command, model], stdin=quiet, stdout=quiet, stderr=quiet) for model in models]
+    try:
+        for process in processes:
+            process.wait()
+    finally:
+        for process in processes:
+            process.kill()  # which is nothing to one that has ended
 
 
 def settle() -> None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
+
+from softseam_services import warm_up
 
 STEP = """
 import gc
@@ -37,3 +40,31 @@ def test_kernels_of_fem_come_from_the_cache() -> None:
     missed, hits = done.stdout.split("\n")[:2]
     assert missed == ""
     assert int(hits) > 0
+
+
+def test_a_model_is_compiled_ahead_where_it_never_was_and_can_be_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = ModuleSpec("kernels", None, origin=str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(warm_up, "find_spec", lambda name: spec)
+    monkeypatch.setattr(warm_up.config, "DISABLE_JIT", 0)
+    monkeypatch.setattr(warm_up.config, "CACHE_DIR", "")
+    assert warm_up.never_compiled("fem")
+    (tmp_path / "__pycache__").mkdir()
+    assert warm_up.never_compiled("fem")
+    (tmp_path / "__pycache__" / "step.advance-1.py311.nbi").touch()
+    assert not warm_up.never_compiled("fem")
+
+
+@pytest.mark.parametrize(("setting", "value"), [("DISABLE_JIT", 1), ("CACHE_DIR", "elsewhere")])
+def test_nothing_is_compiled_ahead_where_nobody_would_find_it(
+    setting: str, value: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = ModuleSpec("kernels", None, origin=str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(warm_up, "find_spec", lambda name: spec)
+    monkeypatch.setattr(warm_up.config, setting, value)
+    assert not warm_up.never_compiled("fem")
+
+
+def test_what_cannot_be_compiled_ahead_is_left_to_the_run() -> None:
+    warm_up.compile_side_by_side(["no such model"])
