@@ -8,6 +8,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
+from numba import config
 
 from softseam_services import warm_up
 
@@ -47,8 +48,8 @@ def test_a_model_is_compiled_ahead_where_it_never_was_and_can_be_kept(
 ) -> None:
     spec = ModuleSpec("kernels", None, origin=str(tmp_path / "__init__.py"))
     monkeypatch.setattr(warm_up, "find_spec", lambda name: spec)
-    monkeypatch.setattr(warm_up.config, "DISABLE_JIT", 0)
-    monkeypatch.setattr(warm_up.config, "CACHE_DIR", "")
+    monkeypatch.setattr(config, "DISABLE_JIT", 0)
+    monkeypatch.setattr(config, "CACHE_DIR", "")
     assert warm_up.never_compiled("fem")
     (tmp_path / "__pycache__").mkdir()
     assert warm_up.never_compiled("fem")
@@ -62,7 +63,7 @@ def test_nothing_is_compiled_ahead_where_nobody_would_find_it(
 ) -> None:
     spec = ModuleSpec("kernels", None, origin=str(tmp_path / "__init__.py"))
     monkeypatch.setattr(warm_up, "find_spec", lambda name: spec)
-    monkeypatch.setattr(warm_up.config, setting, value)
+    monkeypatch.setattr(config, setting, value)
     assert not warm_up.never_compiled("fem")
 
 
