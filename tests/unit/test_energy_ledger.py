@@ -35,6 +35,16 @@ def test_a_switch_is_booked_once_and_does_not_count_as_dissipation() -> None:
     assert_allclose(state.switch, -0.1)
 
 
+def test_energies_of_settled_sides_are_allowed_what_their_estimates_are_off() -> None:
+    for settled, rings in ((False, True), (True, False)):
+        ledger = EnergyLedger()
+        state = ledger.open(Energies(1.0, 0.0, 0.0))
+        entry = ledger.step(state, Energies(1.002, 0.0, 0.0), 0.0, 0.0, 0.0, settled=settled)
+        assert (Alarm.CREATED in entry.alarms) == rings
+        entry = ledger.step(state, Energies(1.012, 0.0, 0.0), 0.0, 0.0, 0.0, settled=settled)
+        assert Alarm.CREATED in entry.alarms
+
+
 def test_state_survives_a_checkpoint() -> None:
     ledger = EnergyLedger()
     state = ledger.open(Energies(1.0, 2.0, 3.0))

@@ -42,7 +42,8 @@ def disturbed(scene: Scene, fault: Fault | None, every: int, after: int = 10) ->
             self.seen: set[tuple[int, int, int, str]] = set()
 
         def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
-            name = next(iter(requests))
+            names = list(requests)
+            name = names[self.harmed % len(names)]
             request = requests[name]
             if self.dying and isinstance(request, Configure):
                 self.dying = False
@@ -52,10 +53,10 @@ def disturbed(scene: Scene, fault: Fault | None, every: int, after: int = 10) ->
             asked = (header.epoch, header.step, header.exchange, name)
             if fault is None or not isinstance(request, Advance) or asked in self.seen:
                 return super().exchange(requests)
-            self.seen.add(asked)
+            self.seen.update((header.epoch, header.step, header.exchange, one) for one in names)
             self.count += 1
             old = self.last.get(name)
-            self.last[name] = request
+            self.last.update(requests)
             if self.count < after or self.count % every:
                 return super().exchange(requests)
             self.harmed += 1
