@@ -5,18 +5,18 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ToolMotion
+from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.fem import substeps
-from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
+from softseam_services.fem.face_forces import spread_over_faces
+from softseam_services.fem.field_reader import FieldReader
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
-from softseam_services.fem.kernels.elements import cauchy_stress, strain_energy
+from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
@@ -30,11 +30,10 @@ from softseam_services.fem.kernels.newton import (
     WORST_CELL,
 )
 from softseam_services.fem.kernels.settle import seam_yield, settle
-from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
-from softseam_services.pbd.model_error import ModelError
+from softseam_services.fem.tool_motion import at_rest, moved, part_of
 from softseam_services.request_check import problem_of
 from softseam_services.tools.tool_set import ToolSet
 
@@ -61,15 +60,13 @@ class FemSolver:
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
         self._body, self._region, self._tools = body, region, tools
-        self._spec, self._hourglass = scene.models.fem, scene.models.pbd.hourglass
-        self._measure: MeshError | None = None
-        self._other: ModelError | None = None
+        self._spec = scene.models.fem
         n_tools = len(tools.names)
         self._model, self._tree = build_model(body, region, tools, self._spec)
         self._work = build_work(self._model, self._tree, n_tools)
         self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0)
         self._memo = np.zeros(N_MEMO)
-        self._gather = gathering(self._model, len(region.points))
+        self._reader = FieldReader(body, region, self._model, scene.models)
         self._tolerance = self._spec.tolerance * self._model.edge
         self._substeps: substeps.Substeps | None = None
         # substeps alternate between two lengths, of which each keeps a factor of its own
@@ -101,21 +98,13 @@ class FemSolver:
         self._dt = 0.0  # of the last advance [s]
         self._told = -1.0  # factor whose yield of the seam was last told
         self._n_tools, self._n_seam = n_tools, len(region.seam)
-        poses = (np.zeros((n_tools, width)) for width in (3, 4, 3, 4))
-        self._whole = Tools(tools.kind, tools.shape, tools.friction, tools.near, *poses)
+        self._whole = at_rest(tools)
         n_seam = self._n_seam
         self._wrench = np.zeros((n_tools, 6))
         self._out = np.zeros(kernel.N_OUT)
         self._seam_x = np.zeros((n_seam, 3))
         self._inverse = np.zeros((3 * n_seam, 3 * n_seam))
         self._distance = np.zeros(len(region.cells))
-
-    def _moved(self, motion: ToolMotion) -> Tools:
-        """The tools over a step; the arrays are the same in every step."""
-        whole = self._whole
-        whole.position[:], whole.orientation[:] = motion.position, motion.orientation
-        whole.position_next[:], whole.orientation_next[:] = motion.position_next, motion.orientation_next
-        return whole
 
     @property
     def n_nodes(self) -> int:
@@ -153,7 +142,7 @@ class FemSolver:
             end.x += now.x
         self._couple(request)
         self._substeps = None
-        whole = self._moved(request.tools)
+        whole = moved(self._whole, request.tools)
         if self._spec.step_error is not None:
             status = self._adapt(now, end, request, whole)
             if status != CONVERGED:
@@ -233,7 +222,7 @@ class FemSolver:
         def take(begin: FemState, end: FemState, level: int, place: int) -> tuple[int, float, float]:
             self._work, self._memo = self._both[level % 2]
             share = 0.5**level
-            dt, tools = request.dt * share, _part_of(whole, place * share, (place + 1) * share)
+            dt, tools = request.dt * share, part_of(whole, place * share, (place + 1) * share)
             iterations = 0.0
             for careful in (False, True) if level >= substeps.DEEPEST else (False,):
                 most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
@@ -258,7 +247,7 @@ class FemSolver:
             begin = now.copy()
             tool_work = seam_work = iterations = 0.0
             for piece in range(pieces):
-                tools = _part_of(whole, piece / pieces, (piece + 1) / pieces)
+                tools = part_of(whole, piece / pieces, (piece + 1) / pieces)
                 self._work.seam_coupled[0] &= pieces == 1  # over parts of a step the seam force is constant
                 dt = request.dt / pieces
                 force = self._seam_force(request, begin, piece, pieces)
@@ -402,41 +391,7 @@ class FemSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        state, region = self.state, self._region
-        cauchy = np.zeros((len(region.cells), 8, 6))
-        strain_energy(state.x, self._model, self._work)
-        cauchy_stress(state.x, self._model, self._work, cauchy)
-        weights = self._model.point_weight[:, None] * state.x[self._model.point_node]
-        point_x = np.add.reduceat(weights, self._model.point_ptr[:-1], axis=0) if len(weights) else np.zeros((0, 3))
-        force = gathered_at_nodes(self._gather, state.contact[:, :, :3])
-        size = np.einsum("pti,pti->pt", force, force)
-        return Fields(
-            header=request_header,
-            nodes=region.nodes,
-            x=state.x.copy(),
-            v=state.v.copy(),
-            cauchy=cauchy,
-            points=region.points,
-            point_x=point_x[: len(region.points)],
-            contact_force=force.sum(axis=1),
-            contact_tool=_touched(size),
-            cell_energy=self._work.energy.copy(),
-            model_error=self._model_error(state.x, force.sum(axis=1)) if indicators and not own else np.zeros(0),
-            mesh_error=self._mesh_error(state.x, cauchy) if indicators else np.zeros(0),
-        )
-
-    def _mesh_error(self, x: Floats, cauchy: Floats) -> Floats:
-        if self._measure is None:
-            self._measure = MeshError(self._body, self._region, self._spec.element)
-        return self._measure.measure(x, cauchy)
-
-    def _model_error(self, x: Floats, contact_force: Floats) -> Floats:
-        """What PBD would be off by in these cells; empty where it cannot have them."""
-        if not self._body.boxes:
-            return np.zeros(0)
-        if self._other is None:
-            self._other = ModelError(self._body, self._region, self._hourglass)
-        return self._other.measure(x, contact_force)
+        return self._reader.read(request_header, self.state, self._work, indicators, own)
 
     def snapshot(self) -> bytes:
         """Commit, drop the factor and the first guess, and return the state."""
@@ -463,30 +418,3 @@ class FemSolver:
         for work, memo in self._both:
             memo[:] = 0.0
             work.factored_state[:] = 0
-
-
-def _part_of(whole: Tools, first: float, last: float) -> Tools:
-    """The tools' motion between two fractions of the step; turns are interpolated along the shorter way."""
-    if last - first == 1.0:
-        return whole
-    travel = whole.position_next - whole.position
-    turn = np.where(
-        np.sum(whole.orientation * whole.orientation_next, axis=1, keepdims=True) < 0.0,
-        -whole.orientation_next,
-        whole.orientation_next,
-    )
-    turns = [whole.orientation + f * (turn - whole.orientation) for f in (first, last)]
-    unit = [q / np.linalg.norm(q, axis=1, keepdims=True) for q in turns]
-    return whole._replace(
-        position=whole.position + first * travel,
-        position_next=whole.position + last * travel,
-        orientation=unit[0],
-        orientation_next=unit[1],
-    )
-
-
-def _touched(size: Floats) -> NDArray[np.int32]:
-    """Tool with the largest force on each point, -1 for none; size (p, t) >= 0."""
-    if size.shape[1] == 0:
-        return np.full(len(size), -1, dtype=np.int32)
-    return np.where(size.max(axis=1) > 0.0, size.argmax(axis=1), -1).astype(np.int32)
