@@ -38,6 +38,7 @@ from softseam_services.fem.kernels.multigrid import (
 from softseam_services.fem.kernels.newton import residual
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import product
+from softseam_services.fem.tool_motion import moved
 
 SIZES = ((4, 1, 1), (2, 2, 2), (3, 3, 3), (4, 4, 4), (5, 5, 5), (7, 7, 7), (12, 12, 12), (20, 20, 20))
 MOST_FACTORED = 60_000
@@ -93,7 +94,7 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
     build = time.process_time() - began
     solver = run.solver
     model, tree, work, memo = solver._model, solver._tree._replace(kind=kind), solver._work, solver._memo
-    tools = solver._moved(run.request().tools)
+    tools = moved(solver._whole, run.request().tools)
     x, none = model.x_rest.copy(), np.zeros(0, dtype=np.int32)
     n = 3 * int(np.count_nonzero(tree.position >= 0))
     contact = solver._committed.contact

@@ -32,6 +32,7 @@ from softseam_services.fem.kernels.multigrid import MULTIGRID, conjugate_gradien
 from softseam_services.fem.kernels.newton import residual
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import backward, dot, forward, product
+from softseam_services.fem.tool_motion import moved
 
 Floats = NDArray[np.float64]
 TOLERANCE = 1e-2
@@ -142,18 +143,18 @@ def compare(n: int, step: float) -> str:
     x = rest * SQUEEZE
     start = run.request().tools
     run.position[1:, 0] = np.array([-1.0, 1.0]) * (np.abs(x[:, 0]).max() + 0.005)
-    moved = run.request().tools
-    sparse.assemble(x, contact, run.solver._moved(moved))
+    end = run.request().tools
+    sparse.assemble(x, contact, moved(run.solver._whole, end))
     matrix = sparse.work.values.copy()
     b = np.random.default_rng(1).standard_normal(size)
     fresh = old = "-"
     if size <= MOST_FACTORED:
         direct = Case(n, step, True)
-        tools = direct.run.solver
-        direct.assemble(rest, contact, tools._moved(start))
+        whole = direct.run.solver._whole
+        direct.assemble(rest, contact, moved(whole, start))
         assert factor(direct.tree, direct.work.values, direct.work.factoring) == 0
         stale = direct.work.values.copy()
-        direct.assemble(x, contact, tools._moved(moved))
+        direct.assemble(x, contact, moved(whole, end))
         assembled = direct.work.values.copy()
         axes = np.tile([0, 1, 2], len(rest))
         order = np.argsort(np.repeat(3 * sparse.model.order, 3) + axes)
