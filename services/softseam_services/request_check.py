@@ -31,3 +31,18 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
             return "the seam force is not finite: the seam solver must send finite multipliers"
         return "tool poses are not finite: they hold NaN or infinity"
     return ""
+
+
+def problem_of_anchor(request: Advance, n_seam: int, knows_stiffness: bool) -> str:
+    """What is wrong with how the other side of the seam is said to resist, or ''; `knows_stiffness`: from before."""
+    anchor, stiffness = request.seam_anchor, request.seam_stiffness
+    if not len(anchor):
+        return ""
+    n = 3 * n_seam
+    if anchor.shape != (n_seam, 3) or stiffness.shape not in ((n, n), (0, 0)):
+        return f"a seam anchor ({n_seam}, 3) needs a stiffness ({n}, {n}) beside it, or none"
+    if not stiffness.size and not knows_stiffness:
+        return "a seam anchor without a stiffness, and none came since the last snapshot: send it again"
+    if not (np.isfinite(anchor).all() and np.isfinite(stiffness).all()):
+        return "the seam's anchor or stiffness is not finite"
+    return ""

@@ -34,7 +34,7 @@ def until(true: Callable[[], object], within: float = PATIENCE) -> None:
     deadline = time.monotonic() + within
     while not true():
         assert time.monotonic() < deadline
-        time.sleep(0.02)
+        time.sleep(0.02)  # the pace of asking: what is waited for tells nobody that it came
 
 
 def names(bus: Bus) -> set[str]:

@@ -17,7 +17,8 @@ from scipy.optimize import brentq
 
 import softseam
 from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene import RegionsSpec, Scene
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_regions import RegionsSpec
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.mesh_error import MeshError

@@ -11,6 +11,7 @@ from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.fem import substeps
 from softseam_services.fem.face_forces import spread_over_faces
+from softseam_services.fem.failures import why
 from softseam_services.fem.field_reader import FieldReader
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
@@ -21,27 +22,18 @@ from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
     FACTORED,
-    INDEFINITE,
-    LEAST_J,
     N_FACTORS,
     N_MEMO,
-    NOT_FINITE,
     STALLED,
-    WORST_CELL,
 )
 from softseam_services.fem.kernels.settle import seam_yield, settle
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
 from softseam_services.fem.tool_motion import at_rest, moved, part_of
-from softseam_services.request_check import problem_of
+from softseam_services.request_check import problem_of, problem_of_anchor
 from softseam_services.tools.tool_set import ToolSet
 
-_FAILURES = {
-    STALLED: "Newton's method did not converge",
-    INDEFINITE: "the stiffness matrix stayed indefinite",
-    NOT_FINITE: "forces grew beyond all bounds",
-}
 _CAREFUL_ITERATIONS = 200
 _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
@@ -291,28 +283,11 @@ class FemSolver:
 
     def _refuse(self, request: Advance) -> str:
         """What makes the request impossible to serve, or ''."""
-        anchor, n_seam = request.seam_anchor, self._n_seam
-        problem = problem_of(request, self._n_tools, n_seam)
-        if problem:
-            return problem
-        if len(anchor):
-            shape = request.seam_stiffness.shape
-            if anchor.shape != (n_seam, 3) or shape not in ((3 * n_seam, 3 * n_seam), (0, 0)):
-                return f"a seam anchor ({n_seam}, 3) needs a stiffness ({3 * n_seam}, {3 * n_seam}) beside it, or none"
-            if shape == (0, 0) and not self._knows_stiffness:
-                return "a seam anchor without a stiffness, and none came since the last snapshot: send it again"
-            if not (np.isfinite(anchor).all() and np.isfinite(request.seam_stiffness).all()):
-                return "the seam's anchor or stiffness is not finite"
-        return ""
+        problem = problem_of(request, self._n_tools, self._n_seam)
+        return problem or problem_of_anchor(request, self._n_seam, self._knows_stiffness)
 
     def _why(self, status: int) -> str:
-        cell = int(self._memo[WORST_CELL])
-        where = f"cell {self._region.cells[cell]} (J = {self._memo[LEAST_J]:.3g})" if cell >= 0 else "no cell"
-        also = "" if self._scheme.kind == SYMPLECTIC_EULER else ", also in 32 sub-steps"
-        return (
-            f"{_FAILURES[status]}{also}; worst is {where}: shorten the step, move the tools more "
-            "slowly, or refine the cells there"
-        )
+        return why(status, self._memo, self._region.cells, divided=self._scheme.kind != SYMPLECTIC_EULER)
 
     def _failed(self, request: Advance, text: str, began: float) -> Advanced:
         now, end = self._committed, self._next

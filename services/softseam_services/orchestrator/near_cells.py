@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
 from softseam_protocol.messages import Advanced, Fields
-from softseam_protocol.scene import NearSpec, Scene
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_regions import NearSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.cost import step_cost
 from softseam_services.orchestrator.sides import Sides, cut

@@ -1,0 +1,105 @@
+"""Which cells of a body get which model, and how the two are held together at the seam."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from softseam_protocol.kinds import ModelKind, SeamAcceleration, SeamScheme
+from softseam_protocol.spec import BoxRegion, Positive, Spec, wrong
+
+
+class NearSpec(Spec):
+    """The near region: cells close to tools, under stress, in error or in boxes get a participant of their own."""
+
+    model: ModelKind = "fem"
+    within: Positive | None = Field(default=None, description="distance to a tool that makes a cell near [m]")
+    tools: tuple[str, ...] | None = Field(default=None, description="default: the tools that move")
+    boxes: tuple[BoxRegion, ...] = Field(default=(), description="cells with their centre in a box are always near")
+    ahead: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=10.0,
+        description="a tool counts as closer by its approach in this time [s]; default: two steps",
+    )
+    stress: Positive | None = Field(
+        default=None, description="von Mises stress that makes a cell near; it stays so above 0.3 of that [Pa]"
+    )
+    error: Positive | None = Field(
+        default=None,
+        description="largest model error of pbd in the energy norm: cells with more than their share are near [1]",
+    )
+    release: float = Field(default=1.5, ge=1.0, description="a near cell is released beyond release * within [1]")
+    patience: int = Field(default=20, ge=1, description="steps a cell stays near after its last reason to be [1]")
+    split: Literal["when_cheaper", "always"] = Field(
+        default="when_cheaper",
+        description="when_cheaper: where fem on the whole body costs no more than the cut that `within` asks for, all "
+        "cells are near while any is; always: cut as asked",
+    )
+
+    @model_validator(mode="after")
+    def _some(self) -> NearSpec:
+        if self.within is None and self.stress is None and self.error is None and not self.boxes:
+            raise wrong("say which cells are near: within (a distance to tools), stress, error or boxes")
+        return self
+
+
+class RegionsSpec(Spec):
+    """Which cells get which model."""
+
+    default: ModelKind = Field(default="pbd", description="model of every cell that is not near")
+    near: NearSpec | None = None
+
+    @model_validator(mode="after")
+    def _errs(self) -> RegionsSpec:
+        if self.near is not None and self.near.error is not None and (self.near.model, self.default) != ("fem", "pbd"):
+            raise wrong(
+                "an error of pbd makes cells near: it needs near cells of fem in a body of pbd", "near", "error"
+            )
+        return self
+
+
+_REFUSED_SCHEMES = {
+    "gc": "a multiplier in every substep (Gravouil-Combescure) takes energy at the seam and lets the gap drift: use ph",
+    "velocity": "velocities tied by a constant multiplier gain energy with every integrator: use position or ph",
+    "arlequin": "overlapping regions that share their energy are a study of linear bars so far: use position",
+}
+
+
+class SeamSpec(Spec):
+    """How the two sides of the seam are held together, and when they agree well enough."""
+
+    scheme: SeamScheme = Field(
+        default="position",
+        description="position: no gap at the end of a step, one multiplier over it; ph: no gap of the velocities, a "
+        "multiplier that is linear in time, which second-order integrators of fem can meet; staggered: one side after "
+        "the other, the control that fails where the near side is heavy or stiff",
+    )
+    tolerance: Positive = Field(
+        default=3e-4,
+        description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]",
+    )
+    exchanges: int = Field(default=16, ge=1, description="most exchanges a step")
+    acceleration: SeamAcceleration = Field(
+        default="exact",
+        description="how the multiplier is corrected: by both sides' exact compliance, or without one, as for "
+        "participants that cannot give it, by quasi-Newton of the rounds so far, Aitken's or constant relaxation",
+    )
+
+    @field_validator("scheme", mode="before")
+    @classmethod
+    def _known_scheme(cls, name: Any) -> Any:
+        why = _REFUSED_SCHEMES.get(name) if isinstance(name, str) else None
+        if why:
+            raise wrong(f"{name} is not among the schemes, {why}")
+        return name
+
+    @model_validator(mode="after")
+    def _staggered_solves(self) -> SeamSpec:
+        if self.scheme == "staggered" and self.acceleration != "exact":
+            raise wrong(
+                "staggered puts the near side by its exact compliance: leave out acceleration, or use scheme: position",
+                "acceleration",
+            )
+        return self
