@@ -228,7 +228,7 @@ def test_cell_distance_and_bounds() -> None:
 def test_requests_that_are_not_finite_are_answered_and_change_nothing(what: str) -> None:
     run = _split() if what != "tool" else _gripped()
     before = run.solver.snapshot()
-    request = run.request()
+    request = run.request(compliance=True)
     if what == "seam force":
         request.seam_force[0, 0] = np.nan
     elif what == "dt":
@@ -236,7 +236,7 @@ def test_requests_that_are_not_finite_are_answered_and_change_nothing(what: str)
     else:
         request.tools.position_next[0, 0] = np.inf
     reply = run.solver.advance(request)
-    assert "not finite" in reply.status
+    assert "not finite" in reply.status and not reply.compliance.size
     for field in dataclasses.fields(reply):
         value = getattr(reply, field.name)
         assert not isinstance(value, float | np.ndarray) or np.isfinite(value).all(), field.name
@@ -245,8 +245,10 @@ def test_requests_that_are_not_finite_are_answered_and_change_nothing(what: str)
 
 def test_a_seam_that_yields_is_refused_by_name() -> None:
     run = _split()
-    request = dataclasses.replace(run.request(), seam_anchor=run.x[run.region.seam])
+    before = run.solver.snapshot()
+    request = dataclasses.replace(run.request(compliance=True), seam_anchor=run.x[run.region.seam])
     assert "seam_anchor" in run.solver.advance(request).status
+    assert run.solver.snapshot() == before
 
 
 def test_a_force_beyond_all_reason_fails_with_a_remedy() -> None:

@@ -103,6 +103,26 @@ def test_every_substep_of_pbd_feels_its_own_force() -> None:
     assert whole.seam_work == pytest.approx(work, rel=1e-4)
 
 
+@pytest.mark.parametrize("name", ["bdf2", "newmark"])
+def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step that is too hard at once is taken in parts."""
+    monkeypatch.setattr("softseam_services.fem.solver._CAREFUL_ITERATIONS", 4)
+    hard, parts = fem(name), fem(name)
+    hard.solver._spec = hard.solver._spec.model_copy(update={"iterations": 4})
+    start, end = 300.0 * forces(hard, 3), 300.0 * forces(hard, 4)
+    reply = hard.solver.advance(ramped(hard, start, end))
+    n = reply.n_substeps
+    assert reply.status == "converged" and n > 1
+    work = 0.0
+    for j in range(n):
+        request = ramped(parts, start + j / n * (end - start), start + (j + 1) / n * (end - start))
+        part = parts.solver.advance(dataclasses.replace(request, dt=DT / n))
+        work += part.seam_work
+        parts.n_steps += 1
+    np.testing.assert_allclose(reply.seam_x, part.seam_x, atol=1e-9)
+    assert reply.seam_work == pytest.approx(work, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("name", "acts", "works"),
     [("implicit_euler", 1.0, 1.0), ("midpoint", 0.5, 0.5), ("bdf2", 1.0, 0.5), ("newmark", 1.0, 0.5)],

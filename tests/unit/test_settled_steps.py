@@ -89,6 +89,20 @@ def test_fem_tells_its_yield_once_a_factor_and_anew_after_a_snapshot() -> None:
     assert not run.solver.advance(run.request(exchange=1)).settles, "without a stiffness beside it there is no line"
 
 
+def test_fem_tells_the_yield_of_the_factor_after_a_hard_step_however_many_came_before() -> None:
+    """A step that one iteration does not solve leaves no factor: that of the next one is new, whatever its number."""
+    run = FemRun(block(gravity=(0.0, 0.0, 0.0), models={"fem": {"iterations": 1}}), cells=_left, seam=_seam)
+    rest, still = run.solver.snapshot(), np.zeros((len(run.region.seam), 3))
+    for n_before in range(1, 8):
+        run.solver.restore(rest)
+        for n in range(n_before):
+            request = _coupled(run, still, n, {})
+            stiffness = (1.0 + n) * request.seam_stiffness
+            assert run.solver.advance(dataclasses.replace(request, seam_stiffness=stiffness)).seam_yield.size
+        assert not run.solver.advance(_coupled(run, still + 0.01, n_before, {})).settles
+        assert run.solver.advance(_coupled(run, still, n_before + 1, {})).seam_yield.size, n_before
+
+
 def _pbd(length: int, spin: bool = False) -> PbdRun:
     """A free bar of so many cells of 2 cm but the last one, which the seam's forces stand for."""
     scene = block_scene((0.02 * (length + 1), 0.02, 0.02), 0.02, step=0.005)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from fem_run import FemRun, block
@@ -11,6 +13,8 @@ from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
 from softseam_services.fem.face_points import PATCHES, face_points
 from softseam_services.fem.kernels.cover import covered, overlap, side_gap
+from softseam_services.tools.kernels import tool_gap
+from softseam_services.tools.tool_set import BOX
 
 # A bonded pad of 3 x 3 cm on both ends of a cube of 5 cm, E = 20 kPa, nu = 0.45, neo-Hookean: force [N] at nominal
 # compressions of 5, 10 and 15 %, graded hex20 extrapolated over three meshes; its own uncertainty is 1 %.
@@ -146,3 +150,21 @@ def test_a_face_that_passes_by_an_edge_is_not_pressed_by_the_side_round_the_corn
         assert reply.penetration < 2e-3
         assert abs(reply.wrench[1, 2]) < 0.05 * abs(reply.wrench[1, 0]) or abs(reply.wrench[1, 0]) < 1e-3
     assert reply.wrench[1, 0] > 0.1
+
+
+def test_a_bar_that_turns_into_a_face_in_one_step_does_not_pass_through() -> None:
+    """Its middle stays where it is, 4 cm beside the body, while the arm above the top comes down by 6 to 13 mm."""
+    bar = {"kind": "box", "size": (0.16, 0.03, 0.032), "position": (-0.065, 0.0, 0.0661), "friction": 0.0}
+    run = FemRun(block(tools={"bar": bar, "ground": {"kind": "plane"}}, gravity=(0.0, 0.0, 0.0), step=0.02))
+    request = run.request()
+    run.orientation = np.array([[np.cos(0.075), 0.0, np.sin(0.075), 0.0], UPRIGHT])
+    turn = dataclasses.replace(request.tools, orientation_next=run.orientation)
+    reply = run.solver.advance(dataclasses.replace(request, tools=turn))
+    assert reply.wrench[0, 2] > 1.0
+    run.n_steps += 1
+    for _ in range(3):
+        reply = run.step()
+    points = run.solver.fields(request.header).point_x
+    shape, position, orientation = run.tools.shape[0], run.position[0], run.orientation[0]
+    deepest = min(tool_gap(BOX, shape, position, orientation, point)[0] for point in points)
+    assert reply.status == "converged" and deepest > -2e-3

@@ -96,7 +96,6 @@ class FemModel(NamedTuple):
     """L of each pattern of mu in octants, and of each cell that is cut (k, 27, 27) [N/m]"""
     pattern: Ints
     """pattern of each cell (c,)"""
-    any_cut: bool
     cut: Ints
     """number of each cell among those that the body fills in part, -1 for full ones (c,)"""
     cut_gradient: Floats
@@ -162,6 +161,8 @@ class Work(NamedTuple):
     F: Floats
     P: Floats
     fe: Floats
+    both: Floats
+    """P and x of a cell that is cut, side by side (3, 24 + 27)"""
     h: Floats
     row: Floats
     ints: Ints
@@ -292,7 +293,6 @@ def build_model(
         laplacian=special.laplacian,
         pattern=special.pattern,
         cut=special.cut,
-        any_cut=bool(len(special.gradient_t)),
         cut_gradient=np.ascontiguousarray(np.swapaxes(special.gradient_t, 1, 2)),
         cut_force=np.concatenate([special.gradient_t, special.stabilisation], axis=1),
         seam=region.seam,
@@ -327,6 +327,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         F=np.empty((n_cells, 3, 24)),
         P=np.empty((n_cells, 3, 24)),
         fe=np.empty((n_cells, 3, 27)),
+        both=np.empty((3, 51)),
         h=np.zeros(24 * LANES),
         row=np.zeros(9 * LANES),
         ints=np.zeros(8, dtype=np.int32),

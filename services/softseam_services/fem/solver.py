@@ -18,6 +18,7 @@ from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.elements import strain_energy
+from softseam_services.fem.kernels.fronts import seam_inverse
 from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
@@ -26,7 +27,7 @@ from softseam_services.fem.kernels.newton import (
     N_MEMO,
     STALLED,
 )
-from softseam_services.fem.kernels.settle import seam_yield, settle
+from softseam_services.fem.kernels.settle import settle
 from softseam_services.fem.model import Tools, build_model, build_work
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
@@ -104,7 +105,7 @@ class FemSolver:
 
     @property
     def factorisations(self) -> int:
-        """Matrices factored since the state was last set or a step failed."""
+        """Matrices factored since the state was last set."""
         return int(sum(memo[N_FACTORS] for _, memo in self._both))
 
     @property
@@ -152,12 +153,15 @@ class FemSolver:
         if status != CONVERGED:
             return self._failed(request, self._why(status), began)
         self._tentative = True
+        if self._substeps is None:
+            self._out[kernel.SEAM_WORK] = self._seam_work(request, now, end)
         if request.compliance:
             status = self._advance(now, end, request.dt, request.seam_force, whole, 0, False, derive=True)
             if status != CONVERGED:
                 return self._failed(request, self._why(status), began)
-        if len(request.seam_force_start):
-            self._ramped(request, now, end)
+            if len(request.seam_force_start):
+                at = forces_at(self._scheme, now.past)
+                self._inverse *= at * velocity_gain(self._scheme, request.dt, now.past)
         return self._reply(request, "converged", began)
 
     def _seam_force(self, request: Advance, begin: FemState, part: int = 0, parts: int = 1) -> Floats:
@@ -168,14 +172,14 @@ class FemSolver:
         at = (part + forces_at(self._scheme, begin.past)) / parts
         return np.asarray(start + at * (request.seam_force - start))
 
-    def _ramped(self, request: Advance, now: FemState, end: FemState) -> None:
-        """Compliance and seam's work where the seam force is linear in time."""
-        at = forces_at(self._scheme, now.past)
-        if request.compliance:
-            self._inverse *= at * velocity_gain(self._scheme, request.dt, now.past)
-        seam, growth = self._region.seam, request.seam_force - request.seam_force_start
-        work = (works_at(self._scheme, now.past) - at) * float(np.sum(growth * (end.x[seam] - now.x[seam])))
-        self._out[kernel.SEAM_WORK] += work
+    def _seam_work(self, request: Advance, begin: FemState, end: FemState, parts: int = 1) -> float:
+        """Work of the seam force in the last of equal parts of the step, which led from `begin` to `end` [J]."""
+        work = float(self._out[kernel.SEAM_WORK])  # of the force where it acts
+        if len(request.seam_force_start):
+            later = works_at(self._scheme, begin.past) - forces_at(self._scheme, begin.past)
+            seam, growth = self._region.seam, (request.seam_force - request.seam_force_start) / parts
+            work += later * float(np.sum(growth * (end.x[seam] - begin.x[seam])))
+        return work
 
     def _advance(
         self,
@@ -245,7 +249,7 @@ class FemSolver:
                 force = self._seam_force(request, begin, piece, pieces)
                 for careful in (False, True):
                     if careful or pieces > 1:
-                        self._memo[:] = 0.0
+                        self._memo[FACTORED] = 0.0
                         end.x[:] = begin.x
                         most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
                         status = self._advance(
@@ -257,7 +261,7 @@ class FemSolver:
                 if status != CONVERGED:
                     break
                 tool_work += self._out[kernel.TOOL_WORK]
-                seam_work += self._out[kernel.SEAM_WORK]
+                seam_work += self._seam_work(request, begin, end, pieces)
                 begin = end.copy()
             if status == CONVERGED:
                 self._out[kernel.TOOL_WORK], self._out[kernel.SEAM_WORK] = tool_work, seam_work
@@ -347,7 +351,8 @@ class FemSolver:
         if self._told == self._memo[N_FACTORS]:
             return np.zeros((0, 0))
         self._told = float(self._memo[N_FACTORS])
-        seam_yield(self._tree, self._work, self._inverse)
+        work = self._work
+        seam_inverse(self._tree, work.values, work.seam_block, self._inverse, work.ints)
         return self._inverse.copy()
 
     def settle(self, force: Floats) -> None:

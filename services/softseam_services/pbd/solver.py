@@ -149,9 +149,11 @@ class PbdSolver:
         committed, work = self._committed, self._work
         result = self._result
         iterations, notice, unfinished, self._to_plan = 0, "", 0, False
-        fault = watch.Fault.ANCHOR if len(request.seam_anchor) else watch.Fault.INPUT
-        wrong = problem_of(request, self.model.n_tools, len(self.model.region.seam))
-        if fault is watch.Fault.INPUT and not wrong:
+        refused = problem_of(request, self.model.n_tools, len(self.model.region.seam))
+        if not refused and len(request.seam_anchor):
+            refused = watch.Fault.ANCHOR.value
+        fault = watch.Fault.INPUT
+        if not refused:
             if committed.monitor[watch.UNSHARED] != 0.0:
                 self._share_out(request)
             cause = ""
@@ -165,7 +167,7 @@ class PbdSolver:
                 if fault is watch.Fault.NONE and not lagging:
                     break
                 cause = fault.value.split(":")[0] if fault is not watch.Fault.NONE else "the residual grows"
-        if fault in (watch.Fault.INPUT, watch.Fault.ANCHOR, watch.Fault.DIVERGED):
+        if fault in (watch.Fault.INPUT, watch.Fault.DIVERGED):
             np.copyto(work.buffer, committed.buffer)
             result[:] = 0.0
             self._wrench[:] = 0.0
@@ -176,12 +178,12 @@ class PbdSolver:
                 notice = "; ".join(filter(None, (notice, watch.GAINS)))
         self._tentative = True
         compliance = np.zeros((0, 0))
-        if request.compliance:
+        if request.compliance and not refused:
             compliance = self._compliance(request)
         numbers = result.tolist()
         return Advanced(
             request.header,
-            wrong or fault.value,
+            refused or fault.value,
             work.x.take(self.model.region.seam, axis=0),
             compliance,
             self._wrench.copy(),

@@ -44,7 +44,7 @@ def deformation(x, model, work):
     """Fill work.xe and work.F: deformation gradients at the octants' points, F[c, i, 3 q + j] (c, 3, 24)."""
     gather(x, model.cell_nodes, work.xe)
     _multiply_full(model, work.xe, model.gradient, work.F, 24, 27, False, work.ints)
-    if model.any_cut:
+    if len(model.cut_force) > 0:
         for cell in range(len(model.cell_nodes)):
             cut = model.cut[cell]
             if cut >= 0:
@@ -55,7 +55,7 @@ def deformation(x, model, work):
 def _multiply_full(model, a, b, c, n, k, add, ints):
     """c (c, 3, n) <- a (c, 3, k) b (k, n) [+ c where add] of full cells, as many in a row as there are."""
     n_cells = len(model.cell_nodes)
-    if not model.any_cut:
+    if len(model.cut_force) == 0:
         multiply(a, b, c, 3 * n_cells, n, k, add, ints)
         return
     first = 0
@@ -113,8 +113,8 @@ def subtract_forces(x, model, work, r):
             if not least <= J:
                 least, worst = J, cell
     _multiply_full(model, work.P, model.gradient_t, work.fe, 27, 24, False, work.ints)
-    if model.any_cut:
-        both = np.empty((3, 51))
+    if len(model.cut_force) > 0:
+        both = work.both
         for cell in range(n_cells):
             cut = model.cut[cell]
             if cut >= 0:

@@ -40,8 +40,8 @@ ALONE = -2
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 _BESIDE = 0.25
-"""depth below a side of a box, in edges of the face's cell and beyond what the box moves in the step, at which a point
-that did not touch before came in beside that side"""
+"""depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and
+that did not touch before, came in beside that side"""
 # columns of work.contact
 GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
 N_COLUMNS = 13
@@ -73,11 +73,8 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     states; returns how many.
     """
     n_tools = len(tools.kind)
-    xp, travel = np.empty(3), np.empty(n_tools)
+    xp = np.empty(3)
     count = 0
-    for tool in range(n_tools):
-        way = tools.position_next[tool] - tools.position[tool]
-        travel[tool] = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
     patches = np.sqrt(len(model.point_face[model.point_face >= 0]) / max(1, len(model.face_nodes)))
     for point in range(len(model.point_stiffness)):
         if model.point_stiffness[point] == 0.0:
@@ -98,8 +95,10 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                     x, model.face_nodes[face], xp, patches, model.point_patch[point], shape, position, turn
                 )
                 carry = whole**CARRY_POWER
-                gap = side_gap(side, shape, position, turn, xp)[0] if side >= 0 else 0.0
-                if side < 0 or (gap < -_BESIDE * model.face_edge[face] - travel[tool] and not touched):
+                if side >= 0:
+                    gap = side_gap(side, shape, position, turn, xp)[0]
+                    before = side_gap(side, shape, tools.position[tool], tools.orientation[tool], xp)[0]
+                if side < 0 or (max(gap, before) < -_BESIDE * model.face_edge[face] and not touched):
                     work.factored_state[point, tool] = OPEN
                     continue
             else:

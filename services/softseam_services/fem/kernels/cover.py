@@ -25,6 +25,12 @@ def overlap(middle, reach, half):
 
 
 @njit(cache=True, error_model="numpy")
+def _seen(x, node, position, orientation):
+    """A node in the frame of a tool."""
+    return rotate_back(orientation, x[node, 0] - position[0], x[node, 1] - position[1], x[node, 2] - position[2])
+
+
+@njit(cache=True, error_model="numpy")
 def covered(x, nodes, point, patches, patch, shape, position, orientation):
     """What a box covers around a point (3,): share of its patch, share of its face of a cell, side of the box.
 
@@ -55,12 +61,7 @@ def covered(x, nodes, point, patches, patch, shape, position, orientation):
         return 0.0, 0.0, -1
     share = whole = 1.0
     if nodes[5] == nodes[0]:
-        m = rotate_back(
-            orientation,
-            x[nodes[0], 0] - position[0],
-            x[nodes[0], 1] - position[1],
-            x[nodes[0], 2] - position[2],
-        )
+        m = _seen(x, nodes[0], position, orientation)
         reach = (abs(u0) + abs(v0), abs(u1) + abs(v1), abs(u2) + abs(v2))
         for beside in range(3):
             if beside != axis:
@@ -68,17 +69,15 @@ def covered(x, nodes, point, patches, patch, shape, position, orientation):
                 whole *= overlap(m[beside], reach[beside], shape[beside])
         return share, whole, (axis if normal > 0.0 else axis + 3) if share > 0.0 else -1
     u, v = (u0, u1, u2), (v0, v1, v2)
-    corner = np.empty((4, 3))
-    for i in range(4):
-        away = x[nodes[5 + i]] - position
-        corner[i] = rotate_back(orientation, away[0], away[1], away[2])
+    p0, p1 = _seen(x, nodes[5], position, orientation), _seen(x, nodes[6], position, orientation)
+    p2, p3 = _seen(x, nodes[7], position, orientation), _seen(x, nodes[8], position, orientation)
     for beside in range(3):
         if beside != axis:
-            at = corner[:, beside]
-            w = 0.25 * ((at[0] - at[1]) - (at[2] - at[3]))
+            a, b, c, d = p0[beside], p1[beside], p2[beside], p3[beside]
+            w = 0.25 * ((a - b) - (c - d))
             reach_here = abs(u[beside] + patch[1] * w) + abs(v[beside] + patch[0] * w)
             share *= overlap(p[beside], reach_here / patches, shape[beside])
-            low, high = at.min(), at.max()
+            low, high = min(a, b, c, d), max(a, b, c, d)
             whole *= overlap(0.5 * (low + high), 0.5 * (high - low), shape[beside])
     side = axis if normal > 0.0 else axis + 3
     return share, whole, side if share > 0.0 else -1

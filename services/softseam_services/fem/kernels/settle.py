@@ -10,7 +10,7 @@ for implicit Euler, where v = (x - x0)/dt. On a free body the sum of M dv is dt 
 from __future__ import annotations
 
 from softseam_services.compiled_once import njit
-from softseam_services.fem.kernels.fronts import seam_inverse, solve
+from softseam_services.fem.kernels.fronts import solve
 
 
 @njit(cache=True, error_model="numpy")
@@ -29,9 +29,3 @@ def settle(model, tree, work, force, dt, x, v):
             for i in range(3):
                 x[node, i] += step[place + i]
                 v[node, i] += step[place + i] / dt
-
-
-@njit(cache=True, error_model="numpy")
-def seam_yield(tree, work, inverse):
-    """inverse (3s, 3s) [m/N] <- L A^-1 L^T of eq. (1), with the factor at hand."""
-    seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
