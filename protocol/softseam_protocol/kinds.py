@@ -37,6 +37,9 @@ CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = (
 )
 """those under which a point that hits a tool comes to rest"""
 
+VISCOUS_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint", "static")
+"""those that take up the viscosity of a material, or have no use for it"""
+
 
 def integrator_problem(name: IntegratorKind, seam: SeamScheme | None, tools: bool, clamped: bool) -> str:
     """Why FEM's integrator cannot meet the scene's seam, tools or free body, and what to do; '' where it can."""

@@ -283,6 +283,8 @@ class Scene(Spec):
         models = {self.regions.default, near.model if near else self.regions.default}
         if problem and "fem" in models:
             raise wrong(problem, "models", "fem", "integrator")
+        if body.material.retardation_time > 0.0:
+            self.models.check_viscous(models)
         own = isinstance(body.shape, MeshShape) and body.shape.cells == "own"
         if own and near:
             raise wrong(

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.spec import Direction, Positive, Spec, Vector, wrong
+from softseam_protocol.spec import Direction, NonNegative, Positive, Spec, Vector, wrong
 
 
 class MaterialSpec(Spec):
@@ -19,6 +19,12 @@ class MaterialSpec(Spec):
     density: Positive = Field(description="mass density at rest [kg/m^3]")
     ratio: float | None = Field(
         default=None, ge=0.0, le=1.0, description="mooney_rivlin: c01/(c10 + c01), 0 is neo-Hookean [1]"
+    )
+    retardation_time: NonNegative = Field(
+        default=0.0,
+        description="Kelvin and Voigt's viscosity over stiffness, of the whole body in both models: an oscillation of "
+        "omega has the damping ratio half omega times this, and the loss factor tan delta omega times this; below a "
+        "step's (of pbd a substep's) length implicit Euler damps more [s]",
     )
 
     @model_validator(mode="after")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from softseam_protocol.kinds import ElementKind, IntegratorKind
+from softseam_protocol.kinds import VISCOUS_INTEGRATORS, ElementKind, IntegratorKind
 from softseam_protocol.spec import NonNegative, Positive, Spec, wrong
 
 
@@ -114,3 +115,22 @@ class ModelsSpec(Spec):
 
     fem: FemSpec = FemSpec()
     pbd: PbdSpec = PbdSpec()
+
+    def check_viscous(self, used: Set[str]) -> None:
+        """Raise if one of the models that are used cannot take up a material's retardation time."""
+        fem, pbd = self.fem, self.pbd
+        if "fem" in used and fem.integrator not in VISCOUS_INTEGRATORS:
+            raise wrong(
+                f"{fem.integrator} does not know body.material.retardation_time: use implicit_euler or midpoint",
+                *("models", "fem", "integrator"),
+            )
+        if "pbd" in used and pbd.method == "leapfrog":
+            raise wrong(
+                "leapfrog's substep would shrink with body.material.retardation_time: use xpbd",
+                *("models", "pbd", "method"),
+            )
+        if "pbd" in used and pbd.damping.stiffness > 0.0:
+            raise wrong(
+                "body.material.retardation_time says the same for both models: leave one of them out",
+                *("models", "pbd", "damping", "stiffness"),
+            )

@@ -36,6 +36,8 @@ class Material:
     """of the kind in `materials.point`"""
     parameters: Floats
     """mu, lambda [Pa], ratio [1]: what `materials.point` takes (3,)"""
+    retardation_time: float = 0.0
+    """viscosity over stiffness, of the whole body [s]"""
 
     @property
     def elastic(self) -> ElasticConstants:

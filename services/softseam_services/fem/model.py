@@ -192,6 +192,8 @@ class Work(NamedTuple):
     inside: Floats
     """where internal forces are taken (n, 3) [m]"""
     force: Floats
+    viscous: Floats
+    """c of kernels/viscosity.py (1,)"""
     node_gap: Floats
     seam_block: Floats
     seam_coupled: Ints
@@ -351,6 +353,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         x_hat=np.zeros((n_nodes, 3)),
         inside=np.zeros((n_nodes, 3)),
         force=np.zeros((n_nodes, 3)),
+        viscous=np.zeros(1),
         node_gap=np.zeros(n_nodes),
         seam_block=np.empty((2, 9 * len(model.seam) ** 2)),
         seam_coupled=np.zeros(1, dtype=np.int32),

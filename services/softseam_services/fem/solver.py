@@ -57,7 +57,7 @@ class FemSolver:
         n_tools = len(tools.names)
         self._model, self._tree = build_model(body, region, tools, self._spec)
         self._work = build_work(self._model, self._tree, n_tools)
-        self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0)
+        self._scheme = build_scheme(self._spec, self._model, self._work, n_tools > 0, body.material.retardation_time)
         self._memo = np.zeros(N_MEMO)
         self._reader = FieldReader(body, region, self._model, scene.models)
         self._tolerance = self._spec.tolerance * self._model.edge

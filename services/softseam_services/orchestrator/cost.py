@@ -87,4 +87,5 @@ def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool) -> int:
     frequency = SWING * body.wave_speed * float(np.linalg.norm(2.0 / body.edges))
     if (body.fill < 1.0).any():
         frequency *= PARTLY
-    return max(1, math.ceil(dt * frequency / limit))
+    rate, damped = frequency / limit, body.material.retardation_time or spec.damping.stiffness
+    return max(1, math.ceil(dt * rate * max(1.0, rate * damped)))

@@ -111,6 +111,9 @@ class PbdModel:
 def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> PbdModel:
     """Everything of a PBD region that never changes."""
     spec = scene.models.pbd
+    if body.material.retardation_time > 0.0:
+        damping = spec.damping.model_copy(update={"stiffness": body.material.retardation_time})
+        spec = spec.model_copy(update={"damping": damping})
     blocks = build_blocks(body, region, spec.hourglass)
     inverse_mass = np.zeros(len(region.nodes))
     free = ~region.fixed & (region.mass > 0.0)

@@ -35,4 +35,5 @@ def build_material(spec: MaterialSpec) -> Material:
         density=spec.density,
         number=MATERIALS[spec.kind],
         parameters=parameters,
+        retardation_time=spec.retardation_time,
     )

@@ -27,12 +27,22 @@ class Scheme(NamedTuple):
     """share [1] first, then the integrator's own"""
     n_history: int
     """arrays (n, 3) of a state beside x and v"""
+    retardation_time: float = 0.0
+    """of the material [s], see kernels/viscosity.py"""
 
 
 @njit(cache=True, error_model="numpy")
 def _starts(scheme, past):
     """Whether this step is the first of an integrator that needs a history: one of midpoint, which loses nothing."""
     return scheme.n_history > 0 and past == 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def viscous_share(scheme, dt, share):
+    """c of kernels/viscosity.py, eq. (1) [1]: what the material damps beyond the integrator; 0 where that is more."""
+    if scheme.retardation_time == 0.0 or scheme.kind == STATIC:
+        return 0.0
+    return max(0.0, scheme.retardation_time - (2.0 * share - 1.0) * dt) / (share * dt)
 
 
 @njit(cache=True, error_model="numpy")

@@ -22,8 +22,8 @@ from softseam_services.fem.model import FemModel, Work
 _RADIUS = {"midpoint": (1.0, 0.5), "generalised_alpha": (0.8, 0.0)}
 
 
-def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool) -> Scheme:
-    """The kernels' view of a scene's integrator; touched: there are tools."""
+def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool, retardation_time: float = 0.0) -> Scheme:
+    """The kernels' view of a scene's integrator; touched: there are tools; retardation_time of the material [s]."""
     name = spec.integrator
     if name == "symplectic_euler":
         return Scheme(SYMPLECTIC_EULER, np.array([1.0, longest_substep(model, work)]), 0)
@@ -32,10 +32,10 @@ def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool) -> S
     if name == "newmark":
         return Scheme(GENERALISED_ALPHA, newmark.parameters(), generalised_alpha.N_HISTORY)
     if name in ("implicit_euler", "static"):
-        return Scheme(STATIC if name == "static" else IMPLICIT_EULER, np.ones(1), 0)
+        return Scheme(STATIC if name == "static" else IMPLICIT_EULER, np.ones(1), 0, retardation_time)
     radius = _RADIUS[name][touched] if spec.radius is None else spec.radius
     if name == "midpoint":
-        return Scheme(MIDPOINT, np.array([midpoint.theta(radius)]), 0)
+        return Scheme(MIDPOINT, np.array([midpoint.theta(radius)]), 0, retardation_time)
     return Scheme(GENERALISED_ALPHA, generalised_alpha.parameters(radius), generalised_alpha.N_HISTORY)
 
 

@@ -22,6 +22,7 @@ from softseam_services.fem.kernels.contact import (
 from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED, INDEFINITE, farthest, newton, seam_compliance, seam_pull
+from softseam_services.fem.kernels.viscosity import resist
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 # entries of `out`
@@ -110,6 +111,7 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
               work, memo, x, v, history_next):  # fmt: skip
     """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""
     inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
+    resist(scheme, dt, share, x0, model, work)
     fastest = 0.0
     for node in range(len(x0)):
         for i in range(3):
