@@ -23,7 +23,7 @@ from softseam_protocol.messages import (
     Vector3,
 )
 from softseam_protocol.scene import BodySpec, Scene
-from softseam_protocol.scene_file import SceneError
+from softseam_protocol.scene_file import SceneError, scene_from_bundle
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
@@ -48,8 +48,8 @@ class EmbeddedBackend:
         self._last: StepReport | None = None
         self.recorded: Recorded | None = None
         self.unrecorded = ""
-        compile_first(Scene.model_validate_json(bundle.scene))
         with translated():
+            compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
     def reset(self, seed: int) -> Observation:

@@ -50,16 +50,19 @@ class LedgerState:
     switch: float = 0.0
     pending: float = 0.0
     """change by switches since the last step"""
+    estimated: bool = False
+    """whether `last` are estimates: those of sides that were settled"""
 
     def to_list(self) -> list[float]:
         """Numbers for a checkpoint, in the order `from_list` expects."""
         sums = [self.scale, self.tool_work, self.seam_work, self.dissipation, self.switch, self.pending]
-        return [self.last.kinetic, self.last.strain, self.last.gravity, *sums]
+        return [self.last.kinetic, self.last.strain, self.last.gravity, *sums, self.estimated]
 
     @classmethod
     def from_list(cls, numbers: list[float]) -> LedgerState:
-        kinetic, strain, gravity, *sums = numbers
-        return cls(Energies(kinetic, strain, gravity), *sums)
+        kinetic, strain, gravity, scale, tool_work, seam_work, dissipation, switch, pending, estimated = numbers
+        last = Energies(kinetic, strain, gravity)
+        return cls(last, scale, tool_work, seam_work, dissipation, switch, pending, bool(estimated))
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +91,7 @@ class EnergyLedger:
     created_limit: float = 1e-3
     """of negative dissipation in a step [1]"""
     settled_limit: float = 5e-3
-    """the same where a seam's sides were settled: then their energies are estimates, of second order [1]"""
+    """the same where a step or the one before was settled: then its energies are estimates, of second order [1]"""
     switch_limit: float = 1e-2
     """of a switch, relative to the scale and `standing` together [1]"""
     standing: float = 0.0
@@ -130,10 +133,11 @@ class EnergyLedger:
                  the other sign in the next step
         """
         last = state.last
+        limit = self.settled_limit if settled or state.estimated else self.created_limit
         seam_work = seam_work_near + seam_work_far
         dissipation = tool_work + seam_work - (energies.total - last.total)
         switch = state.pending
-        state.last, state.pending = energies, 0.0
+        state.last, state.estimated, state.pending = energies, settled, 0.0
         state.tool_work += tool_work
         state.seam_work += seam_work
         state.dissipation += dissipation
@@ -142,7 +146,7 @@ class EnergyLedger:
         alarms = []
         if max(abs(seam_work), abs(state.seam_work)) > self.seam_limit * state.scale:
             alarms.append(Alarm.SEAM_WORK)
-        if -dissipation > (self.settled_limit if settled else self.created_limit) * state.scale:
+        if -dissipation > limit * state.scale:
             alarms.append(Alarm.CREATED)
         if self.share_of_switch(state, switch) > self.switch_limit:
             alarms.append(Alarm.SWITCH)

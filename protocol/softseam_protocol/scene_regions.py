@@ -102,4 +102,10 @@ class SeamSpec(Spec):
                 "staggered puts the near side by its exact compliance: leave out acceleration, or use scheme: position",
                 "acceleration",
             )
+        if self.scheme == "staggered" and self.exchanges < 3:
+            raise wrong(
+                "staggered asks the far side once and the near side twice at least: use 3 exchanges or more, or "
+                "scheme: position",
+                "exchanges",
+            )
         return self

@@ -3,9 +3,10 @@
 States: (configure) -> [advance -> commit]* -> release. `advance` is tentative and idempotent: the header names it, the
 last reply is kept, a repeated request gets the same reply. An `Advance` for step n + 1 commits the tentative step n;
 one for the same step with a higher exchange number starts again from the committed state. What commits may settle the
-step first: move it on by its linear answer to a small force on the seam. `snapshot` commits first and drops every cache
-that could change later bits (stale factors, warm starts), so that a run that was restored and one that was not are
-bit-identical from there on.
+step first: move it on by its linear answer to a small force on the seam. A `Commit` or `Snapshot` for the tentative
+step itself, not for the one that follows, discards it: it failed on the other side. `snapshot` commits first and drops
+every cache that could change later bits (stale factors, warm starts), so that a run that was restored and one that was
+not are bit-identical from there on.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ class Solver(Protocol):
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
+
+    def discard(self) -> None:
+        """Take the tentative step back; does nothing if there is none."""
 
     @property
     def strain(self) -> float:

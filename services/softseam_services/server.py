@@ -206,6 +206,9 @@ class ParticipantServer:
                 _commit(seat, request.seam_settle if isinstance(request, Commit) else _NOTHING)
             if header.step != seat.committed:
                 return _stale(request, seat)
+            if seat.exchange >= 0:  # a step that failed on the other side
+                seat.solver.discard()
+                seat.exchange = -1
             if isinstance(request, Commit):
                 return Committed(header, seat.solver.fields(header) if request.fields else None)
             return SnapshotTaken(header, seat.solver.snapshot())

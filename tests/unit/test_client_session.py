@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import softseam
+from softseam.embedded import EmbeddedBackend
 from softseam.stress import principal_stress, von_mises
+from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_motion import HoldPhase
 
@@ -176,6 +178,11 @@ def test_bad_snapshot_changes_nothing(sim: softseam.Session, path: Path) -> None
     with pytest.raises(softseam.BadInput):
         sim.restore("a path")  # type: ignore[arg-type]
     assert sim.step(CLOSE).step == 2
+
+
+def test_bytes_that_are_no_scene_are_refused_before_anything_is_compiled() -> None:
+    with pytest.raises(softseam.SceneRefused, match="scene"):
+        EmbeddedBackend(Bundle("no scene", {}))
 
 
 def test_bad_calls_are_named(path: Path) -> None:

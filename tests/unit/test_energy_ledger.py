@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
@@ -45,11 +46,22 @@ def test_energies_of_settled_sides_are_allowed_what_their_estimates_are_off() ->
         assert Alarm.CREATED in entry.alarms
 
 
+def test_what_an_estimate_was_off_by_comes_back_in_the_next_step_and_in_no_later_one() -> None:
+    ledger = EnergyLedger()
+    state = ledger.open(Energies(1.0, 0.0, 0.0))
+    ledger.step(state, Energies(0.998, 0.0, 0.0), 0.0, 0.0, 0.0, settled=True)
+    restored = LedgerState.from_list(state.to_list())
+    assert ledger.step(restored, Energies(1.0, 0.0, 0.0), 0.0, 0.0, 0.0).alarms == ()
+    assert ledger.step(restored, Energies(1.002, 0.0, 0.0), 0.0, 0.0, 0.0).alarms == (Alarm.CREATED,)
+
+
 def test_state_survives_a_checkpoint() -> None:
     ledger = EnergyLedger()
     state = ledger.open(Energies(1.0, 2.0, 3.0))
     ledger.step(state, Energies(1.0, 1.0, 3.0), 0.25, 0.0, 0.0)
     assert LedgerState.from_list(state.to_list()) == state
+    with pytest.raises(ValueError, match="not enough"):
+        LedgerState.from_list(state.to_list()[:-1])
 
 
 def alarms(scheme: Scheme, integrator: str) -> set[Alarm]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from softseam_coupling.kernels.link import link_round
 from softseam_coupling.mortar import identity_tie
 from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header
@@ -151,6 +154,70 @@ def test_sides_that_cannot_be_settled_are_not() -> None:
     exchanges, gaps, _ = _run(sides, 40)
     assert gaps.max() <= TOLERANCE
     assert sides[NEAR].asked == sides[FAR].asked == sum(exchanges)
+
+
+@pytest.mark.parametrize("side", [NEAR, FAR])
+def test_a_side_that_could_once_not_be_settled_is_linked_again(side: str) -> None:
+    """In free motion, where no step is condensed: put off for a step, not for the rest of the run."""
+
+    class Odd(Side):
+        def advance(self, side: SideRequest) -> Advanced:
+            return replace(super().advance(side), settles=self.asked != 20)
+
+    sides = {NEAR: Side(4e3), FAR: Side(2e3)}
+    sides[side] = Odd(sides[side].spring)
+    exchanges, _, _ = _run(sides, 40)
+    assert sum(exchanges) > 40
+    assert exchanges[-15:] == [1] * 15
+    assert sides[NEAR].coupled
+
+
+def test_steps_are_seldom_tried_where_sides_can_never_be_settled() -> None:
+    class Rigid(Side):
+        n_tried: int = 0
+
+        def advance(self, side: SideRequest) -> Advanced:
+            self.n_tried += side.anchor is not None
+            return replace(super().advance(side), settles=False)
+
+    near = Rigid(4e3)
+    _run({NEAR: near, FAR: Side(2e3)}, 130)
+    assert 1 <= near.n_tried <= 8  # after 1, 3, 7, 15, 31, 31, 31 steps
+
+
+def test_what_is_known_is_not_asked_again_and_fields_are_not_asked_in_vain() -> None:
+    """A condensed step goes on from what the far side has answered; one that is settled brings no fields along."""
+    sides = {NEAR: Side(4e3), FAR: Side(2e3, 1.4)}
+    loop, asked = _loop(), list[dict[str, SideRequest]]()
+
+    def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+        asked.append(wanted)
+        return {name: sides[name].advance(side) for name, side in wanted.items()}
+
+    kinds = []
+    for step in range(80):
+        asked.clear()
+        rough = np.sin(0.3 * step) + (0.3 * (-1.0) ** step if step > 20 else 0.0)
+        sides[FAR].load, sides[FAR].off = np.array([rough, 0.0, 0.1 * step]), 0.2 if step < 30 else 1.0
+        solution = loop.solve(ask, DT if step < 3 else 0.5 * DT)  # another step than before is condensed
+        for name, side in sides.items():
+            side.commit(solution.settle.get(name))
+        for before, after in itertools.pairwise(wanted[FAR] for wanted in asked if FAR in wanted):
+            assert after.compliance or not np.array_equal(before.force, after.force)
+        linked = [side.fields for wanted in asked for side in wanted.values()]
+        if solution.settle:
+            assert not any(linked)
+        kinds.append((bool(solution.settle), all(linked)))
+    assert {(True, False), (False, False), (False, True)} <= set(kinds)
+
+
+@pytest.mark.parametrize("node", [0, 1])
+def test_a_round_that_is_not_finite_says_so_whatever_node_it_is(node: int) -> None:
+    rng = np.random.default_rng(3)
+    h, s, y = rng.standard_normal((3, 6, 6))
+    vectors = rng.standard_normal((12, 6))
+    vectors[0, 3 * node] = np.nan
+    assert np.isnan(link_round(h, s, y, *vectors)[0])
 
 
 def test_a_loop_goes_on_from_its_arrays() -> None:

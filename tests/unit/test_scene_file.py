@@ -174,6 +174,7 @@ BAD = [
         "seam.acceleration",
         "leave out acceleration, or use scheme: position",
     ),
+    ("quant", "seam: {scheme: staggered, exchanges: 2}\nquant", 21, "seam.exchanges", "use 3 exchanges or more"),
     (
         "quant",
         f"seam: {{scheme: staggered}}\n{FEM}{{integrator: midpoint}}}}\nquant",

@@ -112,7 +112,10 @@ def test_saved_state_continues_bit_for_bit() -> None:
     np.testing.assert_array_equal(a.frame().x, b.frame().x)
 
 
-@pytest.mark.parametrize("missing", ["regions.idle", "regions.cut", "numbers", "ledger", "participant.far"])
+@pytest.mark.parametrize(
+    "missing",
+    ["regions.idle", "regions.cut", "numbers", "ledger", "trust", "seam.link_x", "seam.flags", "participant.far"],
+)
 def test_a_state_that_is_not_whole_changes_nothing(missing: str) -> None:
     """Refused by name, and the simulation goes on as if nobody had asked."""
     asked, other = (Simulation(Bundle(spinning_cube().model_dump_json(), {}), EmbeddedTransport()) for _ in range(2))

@@ -13,18 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_coupling.kernels.quasi_newton import multiply
-
-
-@njit(cache=True, error_model="numpy")
-def longest(vectors):
-    """Greatest length of the vectors (3s,), NaN where one is."""
-    most = 0.0
-    for i in range(0, len(vectors), 3):
-        square = vectors[i] ** 2 + vectors[i + 1] ** 2 + vectors[i + 2] ** 2
-        if not square <= most:
-            most = square
-    return np.sqrt(most)
+from softseam_coupling.kernels.quasi_newton import largest_node, multiply
 
 
 @njit(cache=True, error_model="numpy")
@@ -62,7 +51,7 @@ def link_round(
     multiply(h, lost, given)
     for i in range(n):
         lost[i] = x_near[i] + moved[i] - image[i] + given[i]
-    return longest(lost), longest(given), longest(away)
+    return largest_node(lost), largest_node(given), largest_node(away)
 
 
 @njit(cache=True, error_model="numpy")

@@ -369,6 +369,10 @@ class FemSolver:
             self._committed, self._next = self._next, self._committed
             self._tentative = False
 
+    def discard(self) -> None:
+        """Take the tentative step back; does nothing if there is none."""
+        self._tentative = False
+
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         return self._reader.read(request_header, self.state, self._work, indicators, own)

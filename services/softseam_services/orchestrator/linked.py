@@ -84,8 +84,7 @@ class Link:
         self._rough = 0  # rounds in a row
         self._age, self._least_age = 0, _LEAST_AGE
         self._skip = self._patience = 0  # steps to come that are not linked
-        self.can = False
-        """whether both sides can be settled, as far as is known"""
+        self._can = False  # the far side has told that it can be settled
 
     def renew(self, far: Advanced, stiffness: Floats, lambda_: Floats) -> None:
         """The far side gave a new compliance, whose inverse is `stiffness`, with its answer to lambda_."""
@@ -97,18 +96,23 @@ class Link:
             self._least_age *= 2
         self._h, self._far, self._s = h, far.compliance, stiffness
         self._kappa_far, self._rough, self._age = 1.0, 0, 0
-        self.can = far.settles
 
     def due(self) -> bool:
         """Whether the next step is to be linked."""
-        if not self.can or self._line.n_history < 2:
+        if not self._can or self._line.n_history < 2:
             return False
         self._skip = max(self._skip - 1, 0)
         return self._skip == 0
 
-    def resume(self) -> None:
-        """A step that was not linked was calm: the next one is worth a try."""
-        self._skip = 0
+    def resume(self, replies: Mapping[str, Advanced]) -> None:
+        """A step that was not linked was calm: where its answers could be settled the next one is worth a try."""
+        if replies[NEAR].settles and replies[FAR].settles:
+            self._skip = 0
+
+    def _put_off(self) -> None:
+        """A step could not be linked: the next ones are not, the more of them the more often that was so."""
+        self._patience = min(2 * self._patience + 1, _LONGEST)
+        self._skip = self._patience + 1
 
     @property
     def worn(self) -> bool:
@@ -119,6 +123,7 @@ class Link:
         """A step ended with these answers, the far side's to lambda_."""
         self._leave(replies)
         self._age += 1
+        self._can = self._can or replies[FAR].settles
         if self._h.any():
             line = (self._h @ _flat(lambda_)).reshape(self._shape) + self._tie.image(replies[FAR].seam_x)
             self._predictor.commit(self._line, line)
@@ -140,13 +145,13 @@ class Link:
         yielded, anchor = np.empty(shape), np.empty(shape)
         foretell(self._h, _flat(self._predictor.predict(self._line)), _flat(lambda_), _flat(yielded), _flat(anchor))
         told_far, yielded_near = lambda_, yielded
-        replies = ask({NEAR: coupled(lambda_, anchor), FAR: SideRequest(tie.far_force(lambda_))})
+        replies = ask({NEAR: coupled(lambda_, anchor), FAR: SideRequest(tie.far_force(lambda_), fields=False)})
         exchanges = 1
         while True:
             near, far = replies[NEAR], replies[FAR]
-            self.can = near.settles and far.settles
             self.hear(near)
-            if not (self.can and self._yield.size):
+            if not (near.settles and far.settles and self._yield.size):
+                self._put_off()
                 return Linked(False, replies, {}, told_far, np.inf, exchanges)
             image = tie.image(far.seam_x)
             line, push, moved, found, given = np.empty((5, *shape))
@@ -162,11 +167,10 @@ class Link:
             if steady and max(doubt, gap) <= tolerance:
                 break
             if exchanges > ROUNDS:
-                self._patience = min(2 * self._patience + 1, _LONGEST)
-                self._skip = self._patience + 1
+                self._put_off()
                 self._rough += 1
                 return Linked(False, replies, {}, told_far, gap, exchanges)
-            replies = ask({NEAR: coupled(told_far, image), FAR: SideRequest(tie.far_force(found))})
+            replies = ask({NEAR: coupled(told_far, image), FAR: SideRequest(tie.far_force(found), fields=False)})
             exchanges += 1
             self._measure(replies, near.seam_x + moved, miss, image - given, move)
             anchor, told_far, yielded_near, yielded = image, found, yielded, yielded + given
@@ -206,7 +210,7 @@ class Link:
         """Everything that evolves but what the participants tell anew after a snapshot."""
         arrays = {f"line_{name}": array for name, array in self._line.to_arrays().items()}
         flags = [self._kappa_near, self._kappa_far, self._rough, self._age, self._least_age, self._skip, self._patience]
-        return arrays | {"link_x": self._x.copy(), "link_flags": np.array([*flags, self.can], dtype=np.float64)}
+        return arrays | {"link_x": self._x.copy(), "link_flags": np.array([*flags, self._can], dtype=np.float64)}
 
     def take(self, arrays: Mapping[str, Floats], far_compliance: Floats, stiffness: Floats | None) -> None:
         """Continue from `to_arrays`, with the far side's compliance and its inverse as they were then."""
@@ -216,7 +220,7 @@ class Link:
         self._x = np.array(arrays["link_x"])
         near, far, rough, age, least_age, skip, patience, can = arrays["link_flags"].tolist()
         self._kappa_near, self._kappa_far, self._rough, self._age = near, far, int(rough), int(age)
-        self._least_age, self._skip, self._patience, self.can = int(least_age), int(skip), int(patience), bool(can)
+        self._least_age, self._skip, self._patience, self._can = int(least_age), int(skip), int(patience), bool(can)
         self._yield = np.zeros((0, 0))
         if stiffness is not None:
             self._h, self._far, self._s = self._tie.far_compliance(far_compliance), far_compliance, stiffness

@@ -38,7 +38,6 @@ from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
 from softseam_services.orchestrator.parts import CutStep
-from softseam_services.orchestrator.ramped_seam import RampedSeam
 from softseam_services.orchestrator.seam_answers import (
     SeamDiverged,
     SeamScheme,
@@ -46,10 +45,8 @@ from softseam_services.orchestrator.seam_answers import (
     SeamUnsettled,
     SideRequest,
 )
-from softseam_services.orchestrator.seam_loop import SeamLoop
-from softseam_services.orchestrator.seam_solvers import build_seam_solver, mobility
+from softseam_services.orchestrator.seam_schemes import build_scheme, build_seam_solver
 from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
-from softseam_services.orchestrator.staggered_seam import StaggeredSeam
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.orchestrator.undivided import Undivided
@@ -90,6 +87,7 @@ class Regions:
         self._solver = build_seam_solver(seam.acceleration, seam.tolerance * self._body.resolution)
         self._loop: SeamScheme | None = None
         self._n_asked = -1  # exchanges of the tick at hand
+        self._under_way = False  # a step is, or was when it failed
         self._settle: dict[str, Floats] = {}  # forces that the last step is to be settled by, not sent yet
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
@@ -128,7 +126,7 @@ class Regions:
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
                 header = self._clock.request(name, self._n_asked)
-                last = fields and (self._n_asked > 0 or self._loop is None)  # it may well be
+                last = fields and side.fields and (self._n_asked > 0 or self._loop is None)  # it may well be
                 anchor = _FREE if side.anchor is None else side.anchor
                 stiffness = _KEPT if side.stiffness is None else side.stiffness
                 start = _FREE if side.start is None else side.start
@@ -136,18 +134,19 @@ class Regions:
                 requests[name] = Advance(
                     header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, settle
                 )
-            replies = self._advanced(self._exchange(requests))
+            replies = self._exchange(requests)
             for name in wanted:
                 self._settle.pop(name, None)
-            return replies
+            return self._advanced(replies)
 
+        self._under_way = True
         if self._loop is None:
             solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
         else:
             solution = self._loop.solve(ask, dt, may_cut)
         self._settle = dict(solution.settle)
         self._clock.tick += 1
-        self._n_asked = -1
+        self._n_asked, self._under_way = -1, False
         return solution
 
     def _cut(self, motion: ToolMotion, fields: bool) -> SeamSolution:
@@ -190,7 +189,7 @@ class Regions:
     def start(self, state: BodyState) -> None:
         """Cut the body as the scene asks for at the start; its state then."""
         self.near.reset()
-        self._configure(state, None)
+        self._configure(*self._tied(), state)
 
     def follow(self, replies: Mapping[str, Advanced]) -> tuple[float, float] | None:
         """Let the cut follow the scene's rule after a step; what a switch did (see `switch`), None where none was made.
@@ -212,7 +211,7 @@ class Regions:
             return done
         tried = set(self.sides.names)
         self.near.refused()
-        self.restore(seam, states)
+        self.restore(self.tied(seam), states)
         self._release(tried - set(self.sides.names))
         self._tell("refused", f"{cost} is too much for a switch; it is tried again in {RETRY} steps")
         return None
@@ -225,20 +224,33 @@ class Regions:
         cauchy = np.empty((body.n_cells, 8, 6))
         for name, side in fields.items():
             cauchy[old.cells[name]] = side.cauchy
-        strain = self._configure(state, cauchy)
+        strain = self._configure(*self._tied(state, cauchy), state)
         self._release(set(old.names) - set(self.sides.names))
         return kinetic_change, strain
 
-    def _configure(self, state: BodyState | None, cauchy: Floats | None) -> float:
-        """Build both sides for the present cut in a new epoch; their strain energy [J].
+    def _tied(self, state: BodyState | None = None, cauchy: Floats | None = None) -> tuple[Sides, SeamScheme | None]:
+        """The sides of the present near cells, and what ties them where they share nodes.
 
-        cauchy (C, 8, 6) as the body stands, None for none.
+        state, cauchy (C, 8, 6)  as the body stands: of these the first multiplier is made
         """
-        self._clock.epoch += 1
-        self._n_asked = -1
-        self._settle = {}
         scene, body = self._scene, self._body
-        self.sides = sides = cut(body, self.near.mask, self.near.model, scene.regions.default)
+        sides = cut(body, self.near.mask, self.near.model, scene.regions.default)
+        if not len(sides.seam):
+            return sides, None
+        assert isinstance(body, Body)  # others are not divided
+        functions = model_functions(scene.models)
+        tie = tie_sides(body, sides, self.near.neighbours, functions)
+        first = None
+        if state is not None and cauchy is not None:
+            first = first_multiplier(body, sides, state, cauchy, tie, functions)
+        return sides, build_scheme(scene.seam, self._solver, body, sides, tie, first)
+
+    def _configure(self, sides: Sides, loop: SeamScheme | None, state: BodyState | None) -> float:
+        """Build both sides in a new epoch; their strain energy [J]."""
+        self._clock.epoch += 1
+        self._n_asked, self._under_way = -1, False
+        self._settle = {}
+        self.sides, self._loop = sides, loop
         replies = self._exchange(
             {
                 name: Configure(
@@ -253,21 +265,6 @@ class Regions:
                 for name in sides.names
             }
         )
-        self._loop = None
-        if len(sides.seam):
-            assert isinstance(body, Body)  # others are not divided
-            functions = model_functions(scene.models)
-            tie = tie_sides(body, sides, self.near.neighbours, functions)
-            first = None
-            if state is not None and cauchy is not None:
-                first = first_multiplier(body, sides, state, cauchy, tie, functions)
-            free, most = mobility(body, sides, tie), max(scene.seam.exchanges, 1)
-            if scene.seam.scheme == "ph":
-                self._loop = RampedSeam(self._solver, tie, free, first, most)
-            elif scene.seam.scheme == "staggered":
-                self._loop = StaggeredSeam(self._solver, tie, first, most)
-            else:
-                self._loop = SeamLoop(self._solver, tie, free, first, sides.models[NEAR] == "fem", most)
         return sum(reply.strain for reply in replies.values() if isinstance(reply, Configured))
 
     def close(self) -> None:
@@ -318,13 +315,19 @@ class Regions:
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
     def _settle_now(self, fields: bool) -> dict[str, Fields]:
-        """Have the last step settled and committed, where that waits for the next; each side's fields if asked for."""
-        forces, self._settle = self._settle, {}
-        if not forces:
+        """Have the last step settled and committed, where that waits for the next; each side's fields if asked for.
+
+        And one that failed half way taken back.
+        """
+        if not (self._settle or self._under_way):
             return {}
         replies = self._exchange(
-            {name: Commit(self._clock.request(name), force, fields) for name, force in forces.items()}
+            {
+                name: Commit(self._clock.request(name, max(self._n_asked, 0)), self._settle.get(name, _FREE), fields)
+                for name in self.sides.names
+            }
         )
+        self._settle, self._under_way = {}, False
         found = {name: reply.fields for name, reply in replies.items() if isinstance(reply, Committed)}
         return {name: seen for name, seen in found.items() if seen is not None}
 
@@ -332,11 +335,16 @@ class Regions:
         """What of the seam evolves, for a snapshot; empty where there is none."""
         return {} if self._loop is None else self._loop.to_arrays()
 
-    def restore(self, seam: dict[str, Floats], states: Mapping[str, bytes]) -> None:
-        """Continue with the near cells as they are from `seam_arrays` and `snapshot`."""
-        self._configure(None, None)
-        if self._loop is not None:
-            self._loop.take(seam)
+    def tied(self, seam: dict[str, Floats]) -> tuple[Sides, SeamScheme | None]:
+        """The near cells as they are, tied as `seam_arrays` tells. Raises KeyError or ValueError where it cannot."""
+        sides, loop = self._tied()
+        if loop is not None:
+            loop.take(seam)
+        return sides, loop
+
+    def restore(self, tied: tuple[Sides, SeamScheme | None], states: Mapping[str, bytes]) -> None:
+        """Continue with what `tied` made and from `snapshot`."""
+        self._configure(*tied, None)
         restores: dict[str, Request] = {
             name: Restore(self._clock.request(name), states[name]) for name in self.sides.names
         }

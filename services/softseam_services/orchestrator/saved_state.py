@@ -90,7 +90,7 @@ class SavedState:
                 ledger=LedgerState.from_list(ledger) if ledger else None,
                 drives=entries["drives"].astype(np.float64),
                 gripping=entries["gripping"].astype(np.int8),
-                trust=entries["trust"].astype(np.float64) if "trust" in entries else np.zeros(0),
+                trust=entries["trust"].astype(np.float64),
                 cells=dict(_named(entries, _CELLS)),
                 seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM)},
                 participants={name: entries[_PARTICIPANT + name].tobytes() for name in held},

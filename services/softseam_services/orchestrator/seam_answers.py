@@ -26,6 +26,8 @@ class SideRequest:
     stiffness: Floats | None = None
     start: Floats | None = None
     """force at the step's start, where it is linear in time"""
+    fields: bool = True
+    """whether its fields could be those of the step: not where it is to be settled"""
 
 
 Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]

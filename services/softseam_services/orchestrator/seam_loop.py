@@ -20,7 +20,7 @@ two exchanges both sides twice, and the near side is the dearer: so in contact t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,24 +146,29 @@ class SeamLoop:
             far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True)})[FAR]
             self._take_far(far, lambda_)
             return self._condense(ask, lambda_, far, 1)
-        return self._unlinked(ask, lambda_, may_cut, 0)
+        return self._unlinked(ask, lambda_, may_cut)
 
-    def _unlinked(self, ask: Ask, lambda_: Floats, may_cut: bool, before: int) -> SeamSolution:
-        """A step, condensed or direct, in which there were exchanges `before`."""
+    def _unlinked(
+        self, ask: Ask, lambda_: Floats, may_cut: bool, before: int = 0, far: Advanced | None = None
+    ) -> SeamSolution:
+        """A step, condensed or direct, in which there were exchanges `before`, and in them what far said to lambda_."""
         if self._condensed and not self._fresh:
-            renew = self._stale or (self._touched and self._n_contacts == 0)
-            far = ask({FAR: SideRequest(self._tie.far_force(lambda_), renew)})[FAR]
-            self._take_far(far, lambda_)
-            return self._condense(ask, lambda_, far, before + 1, before + self._most)
-        replies: dict[str, Advanced] = {}
+            exchanges = before
+            if far is None:
+                renew = self._stale or (self._touched and self._n_contacts == 0)
+                far = ask({FAR: SideRequest(self._tie.far_force(lambda_), renew)})[FAR]
+                self._take_far(far, lambda_)
+                exchanges += 1
+            return self._condense(ask, lambda_, far, exchanges, before + self._most)
+        known = {} if far is None else {FAR: far}
         for exchange in range(1, self._most + 1):
             compliance = self._fresh
-            replies = ask(
-                {
-                    NEAR: SideRequest(lambda_, compliance or self._resumed),
-                    FAR: SideRequest(self._tie.far_force(lambda_), compliance),
-                }
-            )
+            wanted = {
+                NEAR: SideRequest(lambda_, compliance or self._resumed),
+                FAR: SideRequest(self._tie.far_force(lambda_), compliance),
+            }
+            replies = known | ask({name: side for name, side in wanted.items() if name not in known})
+            known = {}
             if compliance or self._resumed:
                 self._rebuild(replies, lambda_)
             answer = self._solver.update(self.state, lambda_, self._tie.gap(replies[NEAR].seam_x, replies[FAR].seam_x))
@@ -194,14 +199,13 @@ class SeamLoop:
         assert base is not None
 
         def coupled(multiplier: Floats, anchor: Floats) -> SideRequest:
-            return self._coupled(multiplier, anchor, base)
+            return replace(self._coupled(multiplier, anchor, base), fields=False)
 
         step = self._link.solve(ask, lambda_, self._dt, coupled, self._n_contacts)
-        if not step.agreed and not _touches(step.replies):
-            return self._unlinked(ask, step.lambda_, may_cut, step.exchanges)
         if not step.agreed:
-            self._condense_on()
-            return self._condense(ask, step.lambda_, step.replies[FAR], step.exchanges, self._most + step.exchanges)
+            if _touches(step.replies):
+                self._condense_on()
+            return self._unlinked(ask, step.lambda_, may_cut, step.exchanges, step.replies[FAR])
         self._solver.commit(self.state, step.lambda_)
         self._n_contacts = step.replies[FAR].n_contacts
         return SeamSolution(step.replies, step.lambda_, step.gap, step.exchanges, "", settle=step.settle)
@@ -246,7 +250,7 @@ class SeamLoop:
                 calm = best is None and largest(image - anchor) <= _CALM * tolerance
                 self._repeated = self._repeated + 1 if calm else 0
                 if calm:
-                    self._link.resume()
+                    self._link.resume({NEAR: near, FAR: far})
                 if self._condensed and self._repeated == _CALM_STEPS:
                     self._condensed, self._resumed = False, True
                 if not self._condensed:

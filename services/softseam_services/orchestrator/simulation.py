@@ -280,6 +280,7 @@ class Simulation:
         saved = SavedState.unpack(state)
         if saved.scene != self._bundle.scene:
             raise ArchiveError("this state was saved from another scene: open that scene to restore it")
+        near, trust = self._regions.near.to_arrays(), self._trust.to_array()
         try:
             position = saved.position.reshape(self._position.shape)
             orientation = saved.orientation.reshape(self._orientation.shape)
@@ -287,7 +288,10 @@ class Simulation:
             gripping = saved.gripping.reshape(self._gripping.shape)
             self._regions.near.take(saved.cells)
             self._trust.take(saved.trust)
+            tied = self._regions.tied(saved.seam)
         except (KeyError, ValueError, IndexError) as error:
+            self._regions.near.take(near)
+            self._trust.take(trust)
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
         self._clock.start(saved.step)
         self._progress, self._seed = saved.progress, saved.seed
@@ -297,7 +301,7 @@ class Simulation:
         self._gripping = gripping
         self._accounts.ledger = saved.ledger
         self._forget()
-        self._regions.restore(saved.seam, saved.participants)
+        self._regions.restore(tied, saved.participants)
 
     # ---- parts of a step
 

@@ -102,9 +102,9 @@ class Trust:
         """By the look that counts; None of a body of particles."""
         return self._in_words(self._found) if len(self._found) else None
 
-    def now(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> ErrorEstimate | None:
-        """By these fields alone; None of a body of particles."""
-        return None if self._body is None else self._in_words(self._weigh(time, sides, fields))
+    def now(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> ErrorEstimate:
+        """By these fields alone, of a body of cells."""
+        return self._in_words(self._weigh(time, sides, fields))
 
     def _weigh(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> Floats:
         """Eq. (1), as in `_found`."""

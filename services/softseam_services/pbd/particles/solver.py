@@ -298,6 +298,10 @@ class ParticleSolver:
             self._committed, self._work = self._work, self._committed
             self._tentative = False
 
+    def discard(self) -> None:
+        """Take the tentative step back; does nothing if there is none."""
+        self._tentative = False
+
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         state = self._work if self._tentative else self._committed
