@@ -84,11 +84,12 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
 
 def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     counts, wanted = divide(np.array(shape.size), cell_edges(spec))
-    lines = [edge * graded_line(int(n), shape.grading) for edge, n in zip(shape.size, counts, strict=True)]
     if shape.towards:
         borders = tool_borders(shape.size, spec.position, scene.tools, shape.towards)
         pieces = zip(shape.size, wanted, borders, strict=True)
         lines = [bordered_line(edge, cell, shape.grading, line) for edge, cell, line in pieces]
+    else:
+        lines = [edge * graded_line(int(n), shape.grading) for edge, n in zip(shape.size, counts, strict=True)]
     counts = np.array([len(line) - 1 for line in lines], dtype=np.int32)
     body = _of_hexahedra(scene, spec, "block", graded_block(lines), 1.0, "z")
     return replace(body, cell_grid=number_nodes(np.ones(counts, dtype=np.bool_))[0])

@@ -295,11 +295,15 @@ class PbdSolver:
             self._probed, self._ways = np.zeros(0), no_ways()  # steps of such forces are not settled
         return compliance
 
+    def _probe_for(self, dt: float) -> SeamProbe:
+        """The probe of steps of dt [s]: the one at hand, or a new one."""
+        known = self._probe
+        return known if known is not None and known.dt == dt else SeamProbe(self.model, dt)
+
     def _probe_again(self, ramp: bool = False) -> tuple[Floats, Ways]:
         """Compliance of the seam and ways of the nodes in the state that is in `_probed`."""
-        model, dt = self.model, float(self._probed[0])
-        if self._probe is None or self._probe.dt != dt:
-            self._probe = SeamProbe(model, dt)
+        model = self.model
+        self._probe = self._probe_for(float(self._probed[0]))
         shapes = ((model.n_nodes, 3), (model.n_points, model.n_tools, 3), (model.n_tools, 3), (model.n_tools, 4))
         ends = np.cumsum([1, *(int(np.prod(shape)) for shape in shapes)])
         x, force, position, orientation = (
@@ -393,5 +397,5 @@ class PbdSolver:
         self._probed = decode_state(state, self._committed, most_probed)
         self._ways = no_ways()
         if len(self._probed):
-            self._probe = SeamProbe(model, float(self._probed[0]))
+            self._probe = self._probe_for(float(self._probed[0]))
         self._tentative = False

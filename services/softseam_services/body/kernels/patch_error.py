@@ -128,6 +128,7 @@ def patch_error(
     seen = np.full(len(cell_nodes), -1)
     around = np.empty(len(cell_nodes), dtype=np.int64)
     M, R, p = np.empty((N_TERMS, N_TERMS)), np.empty((N_TERMS, 6)), np.empty(N_TERMS)
+    n_materials = 1 + material.max()
     for cell in range(len(cell_nodes)):
         n_around = 0
         for a in range(27):
@@ -138,22 +139,25 @@ def patch_error(
                     around[n_around] = other
                     n_around += 1
         out[cell] = 0.0
-        fitted = -1
-        for q in range(material.shape[1]):
-            if material[cell, q] != fitted:
-                fitted = material[cell, q]
-                _fit(cell, fitted, around[:n_around], middle, size, at, sampled, fill, octant, M, R, p)
-            _terms(points[shape[cell], q, 0], points[shape[cell], q, 1], points[shape[cell], q, 2], p)
-            trace = square = 0.0
-            for s in range(6):
-                lack = -sigma[cell, q, s]
-                for i in range(N_TERMS):
-                    lack += p[i] * R[i, s]
-                if s < 3:
-                    trace += lack
-                    square += lack * lack
-                else:
-                    square += 2.0 * lack * lack
-            mu, lambda_ = parameters[cell, q, 0], parameters[cell, q, 1]
-            density = (square - lambda_ / (3.0 * lambda_ + 2.0 * mu) * trace * trace) / (4.0 * mu)
-            out[cell] += weight[cell, q] * density
+        for number in range(n_materials):
+            fitted = False
+            for q in range(material.shape[1]):
+                if material[cell, q] != number:
+                    continue
+                if not fitted:
+                    _fit(cell, number, around[:n_around], middle, size, at, sampled, fill, octant, M, R, p)
+                    fitted = True
+                _terms(points[shape[cell], q, 0], points[shape[cell], q, 1], points[shape[cell], q, 2], p)
+                trace = square = 0.0
+                for s in range(6):
+                    lack = -sigma[cell, q, s]
+                    for i in range(N_TERMS):
+                        lack += p[i] * R[i, s]
+                    if s < 3:
+                        trace += lack
+                        square += lack * lack
+                    else:
+                        square += 2.0 * lack * lack
+                mu, lambda_ = parameters[cell, q, 0], parameters[cell, q, 1]
+                density = (square - lambda_ / (3.0 * lambda_ + 2.0 * mu) * trace * trace) / (4.0 * mu)
+                out[cell] += weight[cell, q] * density

@@ -73,19 +73,26 @@ def of_batch(constants, batch):
 
 @lane_kernel
 def hoist(ws, k):
-    """Of boxes the constants before PARAMETERS as a tuple; forms go into the workspace, and leave mu and lambda."""
+    """What `hoisted` returns; forms go into the workspace."""
+    if k.ndim > 1:
+        bring_forms(ws, k)
+    return hoisted(k)
+
+
+@lane_kernel
+def hoisted(k):
+    """Of boxes the constants before PARAMETERS as a tuple; of forms, which are in the workspace, mu and lambda."""
     if k.ndim == 1:
         return (
             *(k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], k[8], k[9], k[10], k[11], k[12], k[13], k[14]),
             *(k[15], k[16], k[17], k[18], k[19], k[20], k[21], k[22], k[23], k[24], k[25], k[26], k[27], k[28], k[29]),
         )
-    bring_forms(ws, k)
     return k[MU, 0], k[LAM, 0]
 
 
 @lane_kernel
 def of_lane(ws, lane, k):
-    """The constants of one lane from what `hoist` returned."""
+    """The constants of one lane from what `hoisted` returned."""
     if len(k) == N_OF_BOX:
         return k
     return of_form(ws, lane)

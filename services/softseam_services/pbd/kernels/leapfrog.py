@@ -26,7 +26,7 @@ from .block import (
     VOLUME,
     WANTED,
     gather,
-    hoist,
+    hoisted,
     node_softness,
     of_batch,
     of_lane,
@@ -67,9 +67,9 @@ def kick(ws, place, speed, blocks, h, first, end):
         move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
         write_stress(ws, own, blocks.law)
         gather(ws, speed, blocks.nodes, batch)
-        hoisted = hoist(ws, own)
+        constants = hoisted(own)
         for lane in range(LANES):
-            k = of_lane(ws, lane, hoisted)
+            k = of_lane(ws, lane, constants)
             _push_lane(ws, lane, k, node_softness(ws, lane, h))
         scatter(ws, speed, blocks.nodes, batch)
 

@@ -7,7 +7,7 @@ import numpy as np
 from softseam_services.body.materials.point import LINEAR
 from softseam_services.compiled_once import njit
 
-from .block import MU, STRESS, VOLUME, WANTED, gather, hoist, load_stress, of_batch, of_lane, shape
+from .block import MU, STRESS, VOLUME, WANTED, gather, hoisted, load_stress, of_batch, of_lane, shape
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
 
@@ -33,8 +33,8 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
     """
     for batch in range(first, end):
         own = of_batch(constants, batch)
-        hoisted = hoist(ws, own)
-        least = 2.0 * LEAST_STRAIN * hoisted[MU]
+        material = hoisted(own)
+        least = 2.0 * LEAST_STRAIN * material[MU]
         gather(ws, xw, nodes, batch)
         load_stress(ws, stress, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
@@ -48,7 +48,7 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
                 lag += (wanted - ws[LANES * (STRESS + row) + lane]) ** 2
                 size += wanted * wanted
             size += (least * volume[batch, lane]) ** 2
-            f = shape(ws, lane, of_lane(ws, lane, hoisted))[0]
+            f = shape(ws, lane, of_lane(ws, lane, material))[0]
             if law == LINEAR:
                 stretch = max(stretch, _largest_strain(f))
                 continue

@@ -42,9 +42,7 @@ def settle(ws, xw, blocks, nodes_of, figures, ids, beyond, ways, force, moved, x
         for c in range(3):
             x[beyond[place], c] += moved[0, last, c]
             v[beyond[place], c] += moved[1, last, c]
-    for i in range(len(x)):
-        for c in range(3):
-            xw[i, c] = x[i, c]
+    xw[: len(x), :3] = x
     batch_energies(ws, xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law, 0, len(blocks.nodes), figures)
     summarise_motion(x, v, nodes_of.mass, nodes_of.x_rest, nodes_of.gravity, result)
     result[STRAIN] = strain_energy(figures)[0]

@@ -12,10 +12,11 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.lanes import batch_kernel, lane_kernel, move_four
+from softseam_services.pbd.kernels.neo_hookean import cofactors
 
 from .corners import CORNER as NODE
 from .corners import gather_corner, scatter_corner
-from .tetrahedron import deformation
+from .tetrahedron import deformation, metric, stretched
 
 WIDTH = 8
 SHAPE, SOFT, GAMMA, LAMBDA = 4 * NODE, 4 * NODE + 72, 4 * NODE + 88, 4 * NODE + 96
@@ -39,6 +40,73 @@ def _bring(ws, xw, nodes, inverse, soft, gamma, batch):
         move_four(ws, GAMMA + four, gamma, WIDTH * batch + four)
 
 
+@lane_kernel
+def _shape(ws, lane):
+    """D_m^-1 (9 values) and F = D_s D_m^-1 (9 values), row by row."""
+    d = (
+        *(ws[SHAPE + lane], ws[SHAPE + 8 + lane], ws[SHAPE + 16 + lane]),
+        *(ws[SHAPE + 24 + lane], ws[SHAPE + 32 + lane], ws[SHAPE + 40 + lane]),
+        *(ws[SHAPE + 48 + lane], ws[SHAPE + 56 + lane], ws[SHAPE + 64 + lane]),
+    )
+    x, y, z = ws[lane], ws[8 + lane], ws[16 + lane]
+    edges = (
+        *(ws[NODE + lane] - x, ws[NODE + 8 + lane] - y, ws[NODE + 16 + lane] - z),
+        *(ws[2 * NODE + lane] - x, ws[2 * NODE + 8 + lane] - y, ws[2 * NODE + 16 + lane] - z),
+        *(ws[3 * NODE + lane] - x, ws[3 * NODE + 8 + lane] - y, ws[3 * NODE + 16 + lane] - z),
+    )
+    return d, stretched(edges, d)
+
+
+@lane_kernel
+def _square(f):
+    """F:F."""
+    square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4]
+    return square + f[5] * f[5] + f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
+
+
+@lane_kernel
+def _along(p, d):
+    """P d_k of the corners 1, 2, 3 (9 values); that of corner 0 is minus their sum."""
+    return (
+        *(p[0] * d[0] + p[1] * d[1] + p[2] * d[2], p[3] * d[0] + p[4] * d[1] + p[5] * d[2]),
+        *(p[6] * d[0] + p[7] * d[1] + p[8] * d[2], p[0] * d[3] + p[1] * d[4] + p[2] * d[5]),
+        *(p[3] * d[3] + p[4] * d[4] + p[5] * d[5], p[6] * d[3] + p[7] * d[4] + p[8] * d[5]),
+        *(p[0] * d[6] + p[1] * d[7] + p[2] * d[8], p[3] * d[6] + p[4] * d[7] + p[5] * d[8]),
+        p[6] * d[6] + p[7] * d[7] + p[8] * d[8],
+    )
+
+
+@lane_kernel
+def _weighted(ws, lane, g):
+    """sum w |g|^2 of the corners, with g of `_along`."""
+    x, y, z = g[0] + g[3] + g[6], g[1] + g[4] + g[7], g[2] + g[5] + g[8]
+    weight = ws[24 + lane] * (x * x + y * y + z * z)
+    weight += ws[NODE + 24 + lane] * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
+    weight += ws[2 * NODE + 24 + lane] * (g[3] * g[3] + g[4] * g[4] + g[5] * g[5])
+    return weight + ws[3 * NODE + 24 + lane] * (g[6] * g[6] + g[7] * g[7] + g[8] * g[8])
+
+
+@lane_kernel
+def _move(ws, lane, step, g):
+    """x += step w g of the corners, with g of `_along`."""
+    s = -step * ws[24 + lane]
+    ws[lane] += s * (g[0] + g[3] + g[6])
+    ws[8 + lane] += s * (g[1] + g[4] + g[7])
+    ws[16 + lane] += s * (g[2] + g[5] + g[8])
+    s = step * ws[NODE + 24 + lane]
+    ws[NODE + lane] += s * g[0]
+    ws[NODE + 8 + lane] += s * g[1]
+    ws[NODE + 16 + lane] += s * g[2]
+    s = step * ws[2 * NODE + 24 + lane]
+    ws[2 * NODE + lane] += s * g[3]
+    ws[2 * NODE + 8 + lane] += s * g[4]
+    ws[2 * NODE + 16 + lane] += s * g[5]
+    s = step * ws[3 * NODE + 24 + lane]
+    ws[3 * NODE + lane] += s * g[6]
+    ws[3 * NODE + 8 + lane] += s * g[7]
+    ws[3 * NODE + 16 + lane] += s * g[8]
+
+
 @batch_kernel
 def project_pairs(ws, xw, nodes, inverse, soft, gamma, lam):
     """Project both constraints of every tetrahedron once, batch after batch.
@@ -52,92 +120,25 @@ def project_pairs(ws, xw, nodes, inverse, soft, gamma, lam):
             for each in range(2):
                 move_four(ws, LAMBDA + 8 * each + four, lam, WIDTH * (2 * batch + each) + four)
         for lane in range(WIDTH):
-            d0, d1, d2 = ws[SHAPE + lane], ws[SHAPE + 8 + lane], ws[SHAPE + 16 + lane]
-            d3, d4, d5 = ws[SHAPE + 24 + lane], ws[SHAPE + 32 + lane], ws[SHAPE + 40 + lane]
-            d6, d7, d8 = ws[SHAPE + 48 + lane], ws[SHAPE + 56 + lane], ws[SHAPE + 64 + lane]
-            w0, w1 = ws[24 + lane], ws[NODE + 24 + lane]
-            w2, w3 = ws[2 * NODE + 24 + lane], ws[3 * NODE + 24 + lane]
-            x0, y0, z0 = ws[lane], ws[8 + lane], ws[16 + lane]
-            x1, y1, z1 = ws[NODE + lane] - x0, ws[NODE + 8 + lane] - y0, ws[NODE + 16 + lane] - z0
-            x2, y2, z2 = ws[2 * NODE + lane] - x0, ws[2 * NODE + 8 + lane] - y0, ws[2 * NODE + 16 + lane] - z0
-            x3, y3, z3 = ws[3 * NODE + lane] - x0, ws[3 * NODE + 8 + lane] - y0, ws[3 * NODE + 16 + lane] - z0
-            a, b, c = x1 * d0 + x2 * d3 + x3 * d6, x1 * d1 + x2 * d4 + x3 * d7, x1 * d2 + x2 * d5 + x3 * d8
-            d, e, f = y1 * d0 + y2 * d3 + y3 * d6, y1 * d1 + y2 * d4 + y3 * d7, y1 * d2 + y2 * d5 + y3 * d8
-            g, h, k = z1 * d0 + z2 * d3 + z3 * d6, z1 * d1 + z2 * d4 + z3 * d7, z1 * d2 + z2 * d5 + z3 * d8
-            value = np.sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + k * k + TINY)
-            # C_D: gradients times its value, F d_k
-            x1, y1, z1 = a * d0 + b * d1 + c * d2, d * d0 + e * d1 + f * d2, g * d0 + h * d1 + k * d2
-            x2, y2, z2 = a * d3 + b * d4 + c * d5, d * d3 + e * d4 + f * d5, g * d3 + h * d4 + k * d5
-            x3, y3, z3 = a * d6 + b * d7 + c * d8, d * d6 + e * d7 + f * d8, g * d6 + h * d7 + k * d8
-            x0, y0, z0 = x1 + x2 + x3, y1 + y2 + y3, z1 + z2 + z3
-            weight = w0 * (x0 * x0 + y0 * y0 + z0 * z0) + w1 * (x1 * x1 + y1 * y1 + z1 * z1)
-            weight += w2 * (x2 * x2 + y2 * y2 + z2 * z2) + w3 * (x3 * x3 + y3 * y3 + z3 * z3)
+            d, f = _shape(ws, lane)
+            value, g = np.sqrt(_square(f) + TINY), _along(f, d)  # g: gradients times the value
             per = 1.0 / value
             alpha, before = ws[SOFT + lane], ws[LAMBDA + lane]
-            change = -(value + alpha * before) / (weight * per * per + alpha + TINY)  # eq. (1)
+            change = -(value + alpha * before) / (_weighted(ws, lane, g) * per * per + alpha + TINY)  # eq. (1)
             ws[LAMBDA + lane] = before + change
-            step = change * per
-            s0, s1, s2, s3 = -step * w0, step * w1, step * w2, step * w3
-            x0, y0, z0, x1, y1, z1 = s0 * x0, s0 * y0, s0 * z0, s1 * x1, s1 * y1, s1 * z1
-            x2, y2, z2, x3, y3, z3 = s2 * x2, s2 * y2, s2 * z2, s3 * x3, s3 * y3, s3 * z3
-            ws[lane] += x0
-            ws[8 + lane] += y0
-            ws[16 + lane] += z0
-            ws[NODE + lane] += x1
-            ws[NODE + 8 + lane] += y1
-            ws[NODE + 16 + lane] += z1
-            ws[2 * NODE + lane] += x2
-            ws[2 * NODE + 8 + lane] += y2
-            ws[2 * NODE + 16 + lane] += z2
-            ws[3 * NODE + lane] += x3
-            ws[3 * NODE + 8 + lane] += y3
-            ws[3 * NODE + 16 + lane] += z3
-            x1, y1, z1, x2, y2, z2 = x1 - x0, y1 - y0, z1 - z0, x2 - x0, y2 - y0, z2 - z0
-            x3, y3, z3 = x3 - x0, y3 - y0, z3 - z0
-            a, b, c = a + x1 * d0 + x2 * d3 + x3 * d6, b + x1 * d1 + x2 * d4 + x3 * d7, c + x1 * d2 + x2 * d5 + x3 * d8
-            d, e, f = d + y1 * d0 + y2 * d3 + y3 * d6, e + y1 * d1 + y2 * d4 + y3 * d7, f + y1 * d2 + y2 * d5 + y3 * d8
-            g, h, k = g + z1 * d0 + z2 * d3 + z3 * d6, h + z1 * d1 + z2 * d4 + z3 * d7, k + z1 * d2 + z2 * d5 + z3 * d8
-            # C_H: cof F d_k
-            ca, cb, cc = e * k - f * h, f * g - d * k, d * h - e * g
-            cd, ce, cf = c * h - b * k, a * k - c * g, b * g - a * h
-            cg, ch, ci = b * f - c * e, c * d - a * f, a * e - b * d
-            value = a * ca + b * cb + c * cc - ws[GAMMA + lane]
-            x1, y1, z1 = ca * d0 + cb * d1 + cc * d2, cd * d0 + ce * d1 + cf * d2, cg * d0 + ch * d1 + ci * d2
-            x2, y2, z2 = ca * d3 + cb * d4 + cc * d5, cd * d3 + ce * d4 + cf * d5, cg * d3 + ch * d4 + ci * d5
-            x3, y3, z3 = ca * d6 + cb * d7 + cc * d8, cd * d6 + ce * d7 + cf * d8, cg * d6 + ch * d7 + ci * d8
-            x0, y0, z0 = x1 + x2 + x3, y1 + y2 + y3, z1 + z2 + z3
-            weight = w0 * (x0 * x0 + y0 * y0 + z0 * z0) + w1 * (x1 * x1 + y1 * y1 + z1 * z1)
-            weight += w2 * (x2 * x2 + y2 * y2 + z2 * z2) + w3 * (x3 * x3 + y3 * y3 + z3 * z3)
+            _move(ws, lane, change * per, g)
+            _, f = _shape(ws, lane)
+            p, J = cofactors(f)
+            g = _along(p, d)
             alpha, before = ws[SOFT + 8 + lane], ws[LAMBDA + 8 + lane]
-            change = -(value + alpha * before) / (weight + alpha + TINY)  # eq. (1)
+            change = -(J - ws[GAMMA + lane] + alpha * before) / (_weighted(ws, lane, g) + alpha + TINY)  # eq. (1)
             ws[LAMBDA + 8 + lane] = before + change
-            s0, s1, s2, s3 = -change * w0, change * w1, change * w2, change * w3
-            ws[lane] += s0 * x0
-            ws[8 + lane] += s0 * y0
-            ws[16 + lane] += s0 * z0
-            ws[NODE + lane] += s1 * x1
-            ws[NODE + 8 + lane] += s1 * y1
-            ws[NODE + 16 + lane] += s1 * z1
-            ws[2 * NODE + lane] += s2 * x2
-            ws[2 * NODE + 8 + lane] += s2 * y2
-            ws[2 * NODE + 16 + lane] += s2 * z2
-            ws[3 * NODE + lane] += s3 * x3
-            ws[3 * NODE + 8 + lane] += s3 * y3
-            ws[3 * NODE + 16 + lane] += s3 * z3
+            _move(ws, lane, change, g)
         for four in range(0, WIDTH, 4):
             for i in range(4):
                 scatter_corner(ws, xw, nodes, batch, i, four)
             for each in range(2):
                 move_four(lam, WIDTH * (2 * batch + each) + four, ws, LAMBDA + 8 * each + four)
-
-
-@njit(cache=True, error_model="numpy")
-def prepare_pairs(compliance, h, soft):
-    """alpha/h^2 (b, 2, 8) from compliances alpha [1/J]; soft in place."""
-    for batch in range(len(compliance)):
-        for each in range(2):
-            for lane in range(WIDTH):
-                soft[batch, each, lane] = compliance[batch, each, lane] / (h * h)
 
 
 @batch_kernel
@@ -149,50 +150,24 @@ def pull_pairs(ws, xw, nodes, inverse, soft, gamma, lam, pull):
     for batch in range(len(nodes)):
         _bring(ws, xw, nodes, inverse, soft, gamma, batch)
         for lane in range(WIDTH):
-            d0, d1, d2 = ws[SHAPE + lane], ws[SHAPE + 8 + lane], ws[SHAPE + 16 + lane]
-            d3, d4, d5 = ws[SHAPE + 24 + lane], ws[SHAPE + 32 + lane], ws[SHAPE + 40 + lane]
-            d6, d7, d8 = ws[SHAPE + 48 + lane], ws[SHAPE + 56 + lane], ws[SHAPE + 64 + lane]
-            w0, w1 = ws[24 + lane], ws[NODE + 24 + lane]
-            w2, w3 = ws[2 * NODE + 24 + lane], ws[3 * NODE + 24 + lane]
-            x0, y0, z0 = ws[lane], ws[8 + lane], ws[16 + lane]
-            x1, y1, z1 = ws[NODE + lane] - x0, ws[NODE + 8 + lane] - y0, ws[NODE + 16 + lane] - z0
-            x2, y2, z2 = ws[2 * NODE + lane] - x0, ws[2 * NODE + 8 + lane] - y0, ws[2 * NODE + 16 + lane] - z0
-            x3, y3, z3 = ws[3 * NODE + lane] - x0, ws[3 * NODE + 8 + lane] - y0, ws[3 * NODE + 16 + lane] - z0
-            a, b, c = x1 * d0 + x2 * d3 + x3 * d6, x1 * d1 + x2 * d4 + x3 * d7, x1 * d2 + x2 * d5 + x3 * d8
-            d, e, f = y1 * d0 + y2 * d3 + y3 * d6, y1 * d1 + y2 * d4 + y3 * d7, y1 * d2 + y2 * d5 + y3 * d8
-            g, h, k = z1 * d0 + z2 * d3 + z3 * d6, z1 * d1 + z2 * d4 + z3 * d7, z1 * d2 + z2 * d5 + z3 * d8
-            value = np.sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + k * k)
-            ca, cb, cc = e * k - f * h, f * g - d * k, d * h - e * g
-            cd, ce, cf = c * h - b * k, a * k - c * g, b * g - a * h
-            cg, ch, ci = b * f - c * e, c * d - a * f, a * e - b * d
-            off = a * ca + b * cb + c * cc - ws[GAMMA + lane]
-            x1, y1, z1 = ca * d0 + cb * d1 + cc * d2, cd * d0 + ce * d1 + cf * d2, cg * d0 + ch * d1 + ci * d2
-            x2, y2, z2 = ca * d3 + cb * d4 + cc * d5, cd * d3 + ce * d4 + cf * d5, cg * d3 + ch * d4 + ci * d5
-            x3, y3, z3 = ca * d6 + cb * d7 + cc * d8, cd * d6 + ce * d7 + cf * d8, cg * d6 + ch * d7 + ci * d8
-            x0, y0, z0 = x1 + x2 + x3, y1 + y2 + y3, z1 + z2 + z3
-            weight = w0 * (x0 * x0 + y0 * y0 + z0 * z0) + w1 * (x1 * x1 + y1 * y1 + z1 * z1)
-            weight += w2 * (x2 * x2 + y2 * y2 + z2 * z2) + w3 * (x3 * x3 + y3 * y3 + z3 * z3)
-            at_once = AT_ONCE * ws[SOFT + 8 + lane] / (weight + TINY)
+            d, f = _shape(ws, lane)
+            c, J = cofactors(f)
+            at_once = AT_ONCE * ws[SOFT + 8 + lane] / (_weighted(ws, lane, _along(c, d)) + TINY)
             share = at_once if at_once < 1.0 else 1.0
-            m, n = -share / (ws[SOFT + lane] + TINY), -share * off / (ws[SOFT + 8 + lane] + TINY)
-            ws[LAMBDA + lane], ws[LAMBDA + 8 + lane] = m * value, n
-            # P D_m^-T, P = -(m F + n cof F)
-            a, b, c, d, e, f = (
-                m * a + n * ca,
-                m * b + n * cb,
-                m * c + n * cc,
-                m * d + n * cd,
-                m * e + n * ce,
-                m * f + n * cf,
+            m = -share / (ws[SOFT + lane] + TINY)
+            n = -share * (J - ws[GAMMA + lane]) / (ws[SOFT + 8 + lane] + TINY)
+            ws[LAMBDA + lane], ws[LAMBDA + 8 + lane] = m * np.sqrt(_square(f)), n
+            p = (  # -P = m F + n cof F
+                *(m * f[0] + n * c[0], m * f[1] + n * c[1], m * f[2] + n * c[2]),
+                *(m * f[3] + n * c[3], m * f[4] + n * c[4], m * f[5] + n * c[5]),
+                *(m * f[6] + n * c[6], m * f[7] + n * c[7], m * f[8] + n * c[8]),
             )
-            g, h, k = m * g + n * cg, m * h + n * ch, m * k + n * ci
-            x1, y1, z1 = a * d0 + b * d1 + c * d2, d * d0 + e * d1 + f * d2, g * d0 + h * d1 + k * d2
-            x2, y2, z2 = a * d3 + b * d4 + c * d5, d * d3 + e * d4 + f * d5, g * d3 + h * d4 + k * d5
-            x3, y3, z3 = a * d6 + b * d7 + c * d8, d * d6 + e * d7 + f * d8, g * d6 + h * d7 + k * d8
-            ws[PULL + lane], ws[PULL + 8 + lane], ws[PULL + 16 + lane] = -x1 - x2 - x3, -y1 - y2 - y3, -z1 - z2 - z3
-            ws[PULL + 24 + lane], ws[PULL + 32 + lane], ws[PULL + 40 + lane] = x1, y1, z1
-            ws[PULL + 48 + lane], ws[PULL + 56 + lane], ws[PULL + 64 + lane] = x2, y2, z2
-            ws[PULL + 72 + lane], ws[PULL + 80 + lane], ws[PULL + 88 + lane] = x3, y3, z3
+            g = _along(p, d)
+            ws[PULL + lane], ws[PULL + 8 + lane] = -(g[0] + g[3] + g[6]), -(g[1] + g[4] + g[7])
+            ws[PULL + 16 + lane] = -(g[2] + g[5] + g[8])
+            ws[PULL + 24 + lane], ws[PULL + 32 + lane], ws[PULL + 40 + lane] = g[0], g[1], g[2]
+            ws[PULL + 48 + lane], ws[PULL + 56 + lane], ws[PULL + 64 + lane] = g[3], g[4], g[5]
+            ws[PULL + 72 + lane], ws[PULL + 80 + lane], ws[PULL + 88 + lane] = g[6], g[7], g[8]
         for four in range(0, WIDTH, 4):
             for i in range(4):
                 gather_corner(ws, pull, nodes, batch, i, four)
@@ -240,14 +215,8 @@ def measure_pairs(xw, nodes, row, inverse, compliance, soft, lam, strain, result
             i, j = nodes[batch, 0, lane], nodes[batch, 1, lane]
             k, m = nodes[batch, 2, lane], nodes[batch, 3, lane]
             f = deformation(xw, i, j, k, m, inverse, batch, lane)
-            xx = f[0] * f[0] + f[3] * f[3] + f[6] * f[6]
-            yy = f[1] * f[1] + f[4] * f[4] + f[7] * f[7]
-            zz = f[2] * f[2] + f[5] * f[5] + f[8] * f[8]
-            xy = f[0] * f[1] + f[3] * f[4] + f[6] * f[7]
-            xz = f[0] * f[2] + f[3] * f[5] + f[6] * f[8]
-            yz = f[1] * f[2] + f[4] * f[5] + f[7] * f[8]
-            J = f[0] * (f[4] * f[8] - f[5] * f[7]) + f[1] * (f[5] * f[6] - f[3] * f[8])
-            J += f[2] * (f[3] * f[7] - f[4] * f[6])
+            xx, yy, zz, xy, xz, yz = metric(f)
+            J = cofactors(f)[1]
             stiff, bulk = 1.0 / compliance[batch, 0, lane], 1.0 / compliance[batch, 1, lane]
             gamma = 1.0 + stiff / bulk
             energy += 0.5 * stiff * (xx + yy + zz - 3.0) + 0.5 * bulk * (J - 1.0) ** 2 - stiff * (J - 1.0)

@@ -13,7 +13,7 @@ import numpy as np
 from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.lanes import batch_kernel
 
-from .tetrahedron import deformation
+from .tetrahedron import deformation, metric
 
 WIDTH = 8
 N_STRAINS = 7
@@ -77,15 +77,6 @@ def project_strains(xw, nodes, row, inverse, soft, share, lam):
 
 
 @njit(cache=True, error_model="numpy")
-def prepare_strains(compliance, h, soft):
-    """alpha/h^2 (b, 3, 8) from compliances alpha [1/J]; soft in place."""
-    for batch in range(len(compliance)):
-        for kind in range(3):
-            for lane in range(WIDTH):
-                soft[batch, kind, lane] = compliance[batch, kind, lane] / (h * h)
-
-
-@njit(cache=True, error_model="numpy")
 def measure_strains(xw, nodes, row, inverse, soft, lam, h, strain, result):
     """How well strains are met: result (5,) in place, as of `distance.measure_distances`: a violation is |C + alpha~
     lambda|, without unit as it is, and the largest strain is that of any component. strain (n,) [1] is raised."""
@@ -97,12 +88,8 @@ def measure_strains(xw, nodes, row, inverse, soft, lam, h, strain, result):
             i, j = nodes[batch, 0, lane], nodes[batch, 1, lane]
             k, m = nodes[batch, 2, lane], nodes[batch, 3, lane]
             f = deformation(xw, i, j, k, m, inverse, batch, lane)
-            xx = 0.5 * (f[0] * f[0] + f[3] * f[3] + f[6] * f[6] - 1.0)
-            yy = 0.5 * (f[1] * f[1] + f[4] * f[4] + f[7] * f[7] - 1.0)
-            zz = 0.5 * (f[2] * f[2] + f[5] * f[5] + f[8] * f[8] - 1.0)
-            xy = f[0] * f[1] + f[3] * f[4] + f[6] * f[7]
-            xz = f[0] * f[2] + f[3] * f[5] + f[6] * f[8]
-            yz = f[1] * f[2] + f[4] * f[5] + f[7] * f[8]
+            xx, yy, zz, xy, xz, yz = metric(f)
+            xx, yy, zz = 0.5 * (xx - 1.0), 0.5 * (yy - 1.0), 0.5 * (zz - 1.0)
             values = (xx, yy, zz, xy, xz, yz, xx + yy + zz)
             held = xw[i, 3] + xw[j, 3] + xw[k, 3] + xw[m, 3] == 0.0
             largest = 0.0

@@ -17,10 +17,11 @@ from .bending import add_bend_forces, prepare_bends, project_bends
 from .contact import bounce, list_contacts, note_approach, project_contacts, settle_contacts
 from .distance import add_distance_forces, prepare_distances, project_distances
 from .grip import carry, list_held, list_holding, settle_held
-from .neo_hookean import begin_pairs, prepare_pairs
+from .neo_hookean import begin_pairs
 from .neo_hookean import project_pairs as project_neo_hookean
 from .self_contact import list_pairs, project_pairs
-from .strain import prepare_strains, project_strains
+from .strain import project_strains
+from .tetrahedron import soften
 
 CROWDED, TOOL_WORK, TOUCHING = 0, 1, 2
 N_OUTCOMES = 3
@@ -134,9 +135,9 @@ def advance_step(
     b_nodes, b_row, b_coefficient, b_compliance, b_inverse, b_soft, b_lambda, b_which = bends
     prepare_distances(xw, s_nodes, s_compliance, h, stretch_share, s_inverse, s_soft)
     t_nodes, t_row, t_inverse, t_compliance, t_soft, t_lambda = solid
-    prepare_strains(t_compliance, h, t_soft)
+    soften(t_compliance, h, t_soft)
     p_nodes, p_inverse, p_compliance, p_soft, p_lambda, p_gamma, p_pull, ws_pairs = hyper
-    prepare_pairs(p_compliance, h, p_soft)
+    soften(p_compliance, h, p_soft)
     prepare_bends(xw, b_nodes, b_coefficient, b_compliance, h, bending_share, b_inverse, b_soft)
     n_springs, n_bends = 0, 0
     if n_held > 0:
