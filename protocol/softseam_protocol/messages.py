@@ -435,6 +435,10 @@ class ErrorEstimate:
     """all this in words, with a remedy where the answer is off by more than a run may be"""
     too_large: bool
     """whether it is"""
+    goal: str = ""
+    """the scene's goal, '' for none: grip_force, or the probe whose von Mises stress it is"""
+    goal_error: float = 0.0
+    """by how much of itself the goal ought to be larger, with its sign [1]; of a probe, by FEM on the same cells"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -262,6 +262,8 @@ class Scene(Spec):
             raise wrong(f"{have}: only pbd can simulate it", "regions", "default")
         if self.regions.near is not None:
             raise wrong(f"{have}, and is not cut into regions: leave `near` out", "regions", "near")
+        if self.regions.goal is not None:
+            raise wrong(f"{have}, and has no goal: leave it out", "regions", "goal")
         if self.probes:
             raise wrong(f"{have}, and has no stress to probe", "probes")
         for i, quantity in enumerate(self.quantities):
@@ -298,6 +300,7 @@ class Scene(Spec):
             if "model_error" in self.quantities:
                 place = ("quantities", self.quantities.index("model_error"))
                 raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)
+        self._has_goal(own or (isinstance(body.shape, BlockShape) and body.shape.graded))
         if isinstance(body.shape, BlockShape):
             self._known(body.shape.towards, "body", "shape", "towards")
             tool_borders(body.shape.size, body.position, self.tools, body.shape.towards)
@@ -325,6 +328,20 @@ class Scene(Spec):
                 "fem",
                 "step_error",
             )
+
+    def _has_goal(self, uneven: bool) -> None:
+        """Raise if the goal is nothing that this scene has, or one of cells that are no boxes of one size."""
+        goal, at = self.regions.goal, ("regions", "goal")
+        if goal is None:
+            return
+        if uneven:
+            raise wrong("errors of a goal are told of boxes of one size: leave out body.shape.grading, or goal", *at)
+        if goal == "grip_force":
+            if not any(isinstance(phase, ClosePhase) for phase in self.motion):
+                raise wrong("no phase closes two tools: name a probe instead, or add a phase with `close`", *at)
+        elif goal not in self.probes:
+            have = ", ".join(["grip_force", *self.probes])
+            raise wrong(f"{goal!r} is not among the goals: {have}", *at)
 
     def _known(self, names: tuple[str, ...], *at: str | int) -> None:
         """Raise if one of the names is not a tool."""

@@ -28,7 +28,8 @@ class NearSpec(Spec):
     )
     error: Positive | None = Field(
         default=None,
-        description="largest model error of pbd in the energy norm: cells with more than their share are near [1]",
+        description="largest model error of pbd, in the energy norm or of regions.goal: cells with more than their "
+        "share are near [1]",
     )
     release: float = Field(default=1.5, ge=1.0, description="a near cell is released beyond release * within [1]")
     patience: int = Field(default=20, ge=1, description="steps a cell stays near after its last reason to be [1]")
@@ -50,6 +51,11 @@ class RegionsSpec(Spec):
 
     default: ModelKind = Field(default="pbd", description="model of every cell that is not near")
     near: NearSpec | None = None
+    goal: str | None = Field(
+        default=None,
+        description="grip_force, or the name of a probe, for its von Mises stress: the run says at its end how far "
+        "that is off, and near.error is a bound of its relative error in the place of the body's in the energy norm",
+    )
 
     @model_validator(mode="after")
     def _errs(self) -> RegionsSpec:

@@ -234,6 +234,7 @@ BAD = [
     ("within: 0.012", "patience: 3", 20, "regions.near", "say which cells are near"),
     ("within: 0.012", "within: 1, tools: [thumb]", 20, "regions.near.tools.0", "no tool is called 'thumb'"),
     ("within: 0.012", "boxes: [{min: [0, 2, 0], max: [1, 1, 1]}]", 20, "regions.near.boxes.0.min.1", "exceeds max 1"),
+    ("default: pbd", "default: pbd\n  goal: sag", 20, "regions.goal", "'sag' is not among the goals: grip_force"),
     ("grip_force", "gripforce", 21, "quantities.0", "did you mean 'grip_force'?"),
     ("quantities:", "models: {pbd: {substeps: atuo}}\nquantities:", 21, "models.pbd.substeps", "did you mean 'auto'?"),
     ("quantities:", "models: {pbd: {substeps: 0}}\nquantities:", 21, "models.pbd.substeps", "but this is 0"),

@@ -70,16 +70,34 @@ class MeshError:
 
     def measure(self, x: Floats, cauchy: Floats) -> Floats:
         """eta_e of eq. (1) (c,) [J] at positions x (n, 3) with the stress that the cells report, cauchy (c, 8, 6)."""
+        return self._energy(*self._stresses(x, cauchy))
+
+    def product(self, x: Floats, cauchy: Floats, y: Floats, other: Floats) -> Floats:
+        """int_e (sigma* - sigma)_x : C^-1 : (sigma* - sigma)_y dV (c,) [J] of the errors at positions x and at y, with
+        the stresses that the cells report there, cauchy and other (c, 8, 6): what one error does to the other."""
+        sampled, sigma = self._stresses(x, cauchy)
+        more, further = self._stresses(y, other)
+        mine, others = self._energy(sampled, sigma).sum(), self._energy(more, further).sum()
+        if not (mine > 0.0 and others > 0.0):
+            return np.zeros(len(self._nodes))
+        scale = float(np.sqrt(mine / others))
+        sums = (self._energy(sampled + sign * more, sigma + sign * further) for sign in (scale, -scale))
+        return np.asarray(np.subtract(*sums) / (2.0 * scale))
+
+    def _stresses(self, x: Floats, cauchy: Floats) -> tuple[Floats, Floats]:
+        """Stress at the points where it is sampled (c, 8, 6), and where eq. (1) is integrated (c, q, 6) [Pa]."""
         sampled = cauchy
         if self._full:
             sampled = self._stress(x, self._samples, self._sample_nodes, self._sampled)
         if self._tetrahedra:
-            sigma = self._carry @ cauchy
-        else:
-            sigma = self._stress(x, self._points, self._point_nodes, self._parameters)
-        if not (self._full or self._tetrahedra):
+            return sampled, self._carry @ cauchy
+        sigma = self._stress(x, self._points, self._point_nodes, self._parameters)
+        if not self._full:
             mean = self._carry @ cauchy[..., :3].mean(axis=2)[..., None] - sigma[..., :3].mean(axis=2)[..., None]
             sigma[..., :3] += mean
+        return sampled, sigma
+
+    def _energy(self, sampled: Floats, sigma: Floats) -> Floats:
         energy = np.empty(len(self._nodes))
         patch_error(
             *(self._nodes, self._n_nodes, self._middle, self._size, self._at, sampled, self._fill, self._octant),

@@ -48,7 +48,7 @@ class NearCells:
         )
         self._rule = _rule(near, self._fixed)
         self._horizon = _STEPS_AHEAD if near is None or near.ahead is None else near.ahead / scene.step
-        self._urgency = Urgency(body, near)
+        self._urgency = Urgency(body, near, scene.regions.goal)
         self.model = "fem" if near is None else near.model
         """model of the near cells"""
         self._far_model, self._models, self._dt = scene.regions.default, scene.models, scene.step
@@ -78,6 +78,11 @@ class NearCells:
         """Whether the rule wants to look at the fields every `LOOK_EVERY` steps, and at their indicators."""
         return self._urgency.wanted, self._urgency.wants_errors
 
+    @property
+    def looks_for_goal(self) -> bool:
+        """Whether the rule wants to know which cells the goal blames, every `LOOK_EVERY` steps."""
+        return self._urgency.wants_goal
+
     def reset(self) -> None:
         """The cells that are near at the start."""
         body, tools = self._body, self._tools
@@ -101,10 +106,17 @@ class NearCells:
             self._state.near[:] = False
         self._cut, _ = self._spare(self._state.near)
 
-    def follow(self, sides: Sides, replies: Mapping[str, Advanced], seen: Mapping[str, Fields] | None = None) -> str:
+    def follow(
+        self,
+        sides: Sides,
+        replies: Mapping[str, Advanced],
+        seen: Mapping[str, Fields] | None = None,
+        blame: Floats | None = None,
+    ) -> str:
         """Take over what the rule asks for after a step; why cells switched, or '' where none did.
 
-        seen  what a look at the fields found, see `looks_for`; None where nobody looked
+        seen   what a look at the fields found, see `looks_for`; None where nobody looked
+        blame  what the goal blames each cell for (C,), see `looks_for_goal`; None where nobody looked
         """
         if self._fixed:
             return ""
@@ -114,14 +126,14 @@ class NearCells:
         with np.errstate(invalid="ignore"):
             approach = np.nan_to_num(self._horizon * (self._distance - distance))  # no tool, no distance: inf - inf
         self._distance = distance
-        measures = self._urgency.measures
-        if (
-            seen is None
-        ):  # an old look keeps cells near, and raises none: they would come before what it brought is seen
-            measures = {name: np.minimum(measure, 1.0) for name, measure in measures.items()}
-        else:
+        if blame is not None:
+            self._urgency.blame(blame)
+        if seen is not None:
             self._urgency.look(sides, seen, self._cut)
-            measures = self._urgency.measures
+        measures = self._urgency.measures
+        if seen is None and blame is None:
+            # an old look keeps cells near, and raises none: they would come before what it brought is seen
+            measures = {name: np.minimum(measure, 1.0) for name, measure in measures.items()}
         choice = self._rule.choose(self._state, self._grid, distance, approach, measures)
         self._wait = max(0, self._wait - 1)
         if not choice.switches or self._wait:

@@ -35,24 +35,10 @@ class Probes:
         self._weight = np.empty((len(points), 27))
         self._material = np.zeros(len(points), dtype=np.int32)
         slopes = np.empty((27, 3))
-        middle = body.x_rest[body.cell_nodes[:, 13]]
         for i, (name, at) in enumerate(zip(self._names, self._rest, strict=True)):
-            if not body.boxes:
-                found = local_place(body, at)
-                if found is None:
-                    raise _not_inside(body, name, at)
-                cells[i], self._material[i] = found[0], body.octant_material[found[0], 0]
-                hex27(found[1], self._weight[i], slopes)
-                continue
-            local = 2.0 * (at - middle) / body.edges
-            outside = np.abs(local).max(axis=1)
-            octant = (local >= 0.0) @ np.array([1, 2, 4])
-            empty = body.fill[np.arange(body.n_cells), octant] == 0.0
-            cells[i] = np.argmin(np.where(empty, np.inf, outside))
-            if empty.all() or outside[cells[i]] > 1.0 + _REACH:
-                raise _not_inside(body, name, at)
-            self._material[i] = body.octant_material[cells[i], octant[cells[i]]]
-            hex27(np.clip(local[cells[i]], -1.0, 1.0), self._weight[i], slopes)
+            cells[i], octant, local = place_of(body, name, at)
+            self._material[i] = body.octant_material[cells[i], octant]
+            hex27(local, self._weight[i], slopes)
         self._nodes = body.cell_nodes[cells]
         self._recovery: csr_array | None = None
         self._near = np.zeros(0, dtype=np.int8)
@@ -84,6 +70,25 @@ class Probes:
                 csr_array(entries, shape=shape) @ nodal_recovery(self._body, sample, int(material), self._nodes[mine])
             )
         return reduce(operator.add, parts)
+
+
+def place_of(body: Body, name: str, at: Floats) -> tuple[int, int, Floats]:
+    """Cell and octant that a point at rest (3,) [m] is in, and where in the cell, in [-1, 1] (3,).
+
+    Raises MeshError, naming the probe, where it is not in the body."""
+    if not body.boxes:
+        found = local_place(body, at)
+        if found is None:
+            raise _not_inside(body, name, at)
+        return int(found[0]), int((found[1] >= 0.0) @ np.array([1, 2, 4])), found[1]
+    local = 2.0 * (at - body.x_rest[body.cell_nodes[:, 13]]) / body.edges
+    outside = np.abs(local).max(axis=1)
+    octant = (local >= 0.0) @ np.array([1, 2, 4])
+    empty = body.fill[np.arange(body.n_cells), octant] == 0.0
+    cell = int(np.argmin(np.where(empty, np.inf, outside)))
+    if empty.all() or outside[cell] > 1.0 + _REACH:
+        raise _not_inside(body, name, at)
+    return cell, int(octant[cell]), np.clip(local[cell], -1.0, 1.0)
 
 
 def _not_inside(body: Body, name: str, at: Floats) -> MeshError:

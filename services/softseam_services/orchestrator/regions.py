@@ -35,6 +35,9 @@ from softseam_services.body.interpolate import model_functions
 from softseam_services.orchestrator.accounts import SWITCH_LIMIT, Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.first_multiplier import first_multiplier
+from softseam_services.orchestrator.goal import Goal
+from softseam_services.orchestrator.goal_error import GoalError
+from softseam_services.orchestrator.goal_watch import GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
 from softseam_services.orchestrator.parts import CutStep
@@ -91,6 +94,9 @@ class Regions:
         self._settle: dict[str, Floats] = {}  # forces that the last step is to be settled by, not sent yet
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
+        self._goal = self._watch = None
+        if isinstance(body, Body) and self._scene.regions.goal is not None:
+            self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
         self.sides: Sides
         """the present cut"""
 
@@ -189,16 +195,19 @@ class Regions:
     def start(self, state: BodyState) -> None:
         """Cut the body as the scene asks for at the start; its state then."""
         self.near.reset()
+        if self._watch is not None:
+            self._watch.reset()
         self._configure(*self._tied(), state)
 
-    def follow(self, replies: Mapping[str, Advanced]) -> tuple[float, float] | None:
+    def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> tuple[float, float] | None:
         """Let the cut follow the scene's rule after a step; what a switch did (see `switch`), None where none was made.
 
         A switch that would change the energy by more than its share is taken back, bit for bit, and tried again later.
         """
         looks, errors = self.near.looks_for
-        seen = self.observe(errors) if looks and self._clock.step % LOOK_EVERY == 0 else None
-        reason = self.near.follow(self.sides, replies, seen)
+        turn = self._clock.step % LOOK_EVERY == 0
+        seen = self.observe(errors) if looks and turn else None
+        reason = self.near.follow(self.sides, replies, seen, self._blame(replies, motion) if turn else None)
         if not reason:
             return None
         seam, states = self.seam_arrays(), self.snapshot()
@@ -215,6 +224,31 @@ class Regions:
         self._release(tried - set(self.sides.names))
         self._tell("refused", f"{cost} is too much for a switch; it is tried again in {RETRY} steps")
         return None
+
+    def _blame(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Floats | None:
+        """What the goal blames each cell for (C,); None where no rule asks."""
+        if self._watch is None or not self.near.looks_for_goal:
+            return None
+        strain = sum(reply.strain for reply in replies.values())
+        poses = motion.position_next, motion.orientation_next
+        return self._watch.follow(self._clock.step, strain, lambda: self.goal_error(self.observe(), *poses, blame=True))
+
+    def goal_error(
+        self, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False
+    ) -> GoalError | None:
+        """What the scene's goal is off by, of these fields, between tools at (t, 3), (t, 4); None where it has none, or
+        it is nothing yet. blame: cell by cell too"""
+        return None if self._goal is None else self._goal.look(self.sides, fields, position, orientation, blame)
+
+    def near_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """What of the cells evolves, for a snapshot."""
+        return self.near.to_arrays() | ({} if self._watch is None else self._watch.to_arrays())
+
+    def take_near(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Continue with `near_arrays`. Raises KeyError or ValueError where these are others."""
+        if self._watch is not None:
+            self._watch.take(arrays)
+        self.near.take(arrays)
 
     def switch(self) -> tuple[float, float]:
         """Cut the body anew; by how much that changed the kinetic energy, and the strain energy from now on [J]."""

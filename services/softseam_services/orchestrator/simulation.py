@@ -189,7 +189,7 @@ class Simulation:
             if self._probes is not None:
                 quantities |= self._probes.measure(frame, self._regions.near.model, self.scene.regions.default)
         header, sides = self._clock.last_step(), self._regions.sides
-        switched = self._regions.follow(replies)
+        switched = self._regions.follow(replies, motion)
         if self._clock.step % _CHECKPOINT_STEPS == 0:
             self._regions.snapshot()
         done, estimate = self.done, None
@@ -237,7 +237,9 @@ class Simulation:
         """How far the answer may be off as the body stands; None of a body of particles."""
         if not isinstance(self.body, Body):
             return None
-        return self._trust.now(self.time, self._regions.sides, self._regions.observe(indicators=True, own=True))
+        fields = self._regions.observe(indicators=True, own=True)
+        goal = self._regions.goal_error(fields, self._position, self._orientation)
+        return self._trust.now(self.time, self._regions.sides, fields, goal)
 
     def set_near(self, near: NDArray[np.bool_]) -> float:
         """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
@@ -269,7 +271,7 @@ class Simulation:
             drives=self._drives.state,
             gripping=self._gripping,
             trust=self._trust.to_array(),
-            cells=self._regions.near.to_arrays(),
+            cells=self._regions.near_arrays(),
             seam=self._regions.seam_arrays(),
             participants=participants,
         )
@@ -280,17 +282,17 @@ class Simulation:
         saved = SavedState.unpack(state)
         if saved.scene != self._bundle.scene:
             raise ArchiveError("this state was saved from another scene: open that scene to restore it")
-        near, trust = self._regions.near.to_arrays(), self._trust.to_array()
+        near, trust = self._regions.near_arrays(), self._trust.to_array()
         try:
             position = saved.position.reshape(self._position.shape)
             orientation = saved.orientation.reshape(self._orientation.shape)
             drives = saved.drives.reshape(self._drives.state.shape)
             gripping = saved.gripping.reshape(self._gripping.shape)
-            self._regions.near.take(saved.cells)
+            self._regions.take_near(saved.cells)
             self._trust.take(saved.trust)
             tied = self._regions.tied(saved.seam)
         except (KeyError, ValueError, IndexError) as error:
-            self._regions.near.take(near)
+            self._regions.take_near(near)
             self._trust.take(trust)
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
         self._clock.start(saved.step)
@@ -333,7 +335,9 @@ class Simulation:
     def _judge(self, replies: Mapping[str, Advanced], done: bool) -> ErrorEstimate | None:
         """Look at the errors where that is due, as a phase ends; how far the run can be trusted, where it is done."""
         if self._trust.due(sum(reply.strain for reply in replies.values()), done):
-            self._trust.look(self.time, self._regions.sides, self._regions.observe(indicators=True, own=True))
+            fields = self._regions.observe(indicators=True, own=True)
+            goal = self._regions.goal_error(fields, self._position, self._orientation)
+            self._trust.look(self.time, self._regions.sides, fields, goal)
         return self._trust.estimate() if done else None
 
     def _warn(self, replies: Mapping[str, Advanced]) -> None:

@@ -16,6 +16,7 @@ energy. How well that holds of an element and of its estimate is c, which was me
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from softseam_protocol.messages import ErrorEstimate, Fields
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.goal_error import GoalError
 from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
@@ -72,15 +74,15 @@ class Trust:
             stiffness = volume * min(material.mu for material in self._body.materials)
             self._least, self._well = _SLIGHT * stiffness, _WELL * stiffness
             self._whole = (self._body.fill > 0.999).all(axis=1) & (octants == octants[:, :1]).all(axis=1)
-            squeeze = [m.mu / (m.lambda_ + m.mu) for m in self._body.materials]  # 1 - 2 nu
-            self._model = MODEL * np.asarray(squeeze)[octants[:, 0]]
+            self._model = model_shares(self._body)
         self.reset()
 
     def reset(self) -> None:
         """Nothing was looked at."""
         self._peak = 0.0
         self._found = np.zeros(0)
-        """of the look that counts: time [s], strain energy [J], mesh error, model error, answer, judged [1]"""
+        """of the look that counts: time [s], strain energy [J], mesh error, model error, answer, judged [1]; the goal
+        [N] or [Pa], 0 for none, and its error [1]"""
 
     def due(self, strain: float, run_ends: bool) -> bool:
         """Whether to look as a phase ends with this strain energy [J], or the run."""
@@ -92,9 +94,9 @@ class Trust:
             return looked == 0.0 or strain > looked
         return strain > max(_MORE * looked, self._well)
 
-    def look(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> None:
+    def look(self, time: float, sides: Sides, fields: Mapping[str, Fields], goal: GoalError | None = None) -> None:
         """Take over what the sides found at a time [s]; the fields were asked for with their own indicators."""
-        found = self._weigh(time, sides, fields)
+        found = self._weigh(time, sides, fields, goal)
         if not len(self._found) or found[1] > self._found[1]:
             self._found = found
 
@@ -102,12 +104,19 @@ class Trust:
         """By the look that counts; None of a body of particles."""
         return self._in_words(self._found) if len(self._found) else None
 
-    def now(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> ErrorEstimate:
+    def now(
+        self, time: float, sides: Sides, fields: Mapping[str, Fields], goal: GoalError | None = None
+    ) -> ErrorEstimate:
         """By these fields alone, of a body of cells."""
-        return self._in_words(self._weigh(time, sides, fields))
+        return self._in_words(self._weigh(time, sides, fields, goal))
 
-    def _weigh(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> Floats:
-        """Eq. (1), as in `_found`."""
+    def _weigh(self, time: float, sides: Sides, fields: Mapping[str, Fields], goal: GoalError | None) -> Floats:
+        """Eq. (1) and the goal's error, as in `_found`."""
+        aim = [0.0, 0.0] if goal is None else [goal.value, goal.relative]
+        return np.array([*self._of_energy(time, sides, fields), *aim])
+
+    def _of_energy(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> list[float]:
+        """Eq. (1)."""
         strain = whole = mesh = model = answer = 0.0
         assert self._body is not None
         for name, side in fields.items():
@@ -126,13 +135,25 @@ class Trust:
                 answer += MESH[self._element] * energy
         least = max(_HARDLY * self._peak, self._least)
         if not (np.isfinite([strain, mesh, model, answer]).all() and strain > least):
-            return np.array([time, 0.0, 0.0, 0.0, 0.0, 0.0])
+            return [time, 0.0, 0.0, 0.0, 0.0, 0.0]
         if not 0.0 < whole:
-            return np.array([time, strain, 0.0, 0.0, 0.0, 0.0])
-        return np.array([time, strain, (mesh / whole) ** 0.5, (model / whole) ** 0.5, answer / whole, whole / strain])
+            return [time, strain, 0.0, 0.0, 0.0, 0.0]
+        return [time, strain, (mesh / whole) ** 0.5, (model / whole) ** 0.5, answer / whole, whole / strain]
 
     def _in_words(self, found: Floats) -> ErrorEstimate:
-        time, strain, mesh, model, answer, judged = found.tolist()
+        """With what the goal is off by."""
+        said = self._without_goal(found)
+        goal, (value, error) = self._scene.regions.goal, found[6:].tolist()
+        if goal is None:
+            return said
+        if value == 0.0:
+            return replace(said, goal=goal, text=f"{said.text}; of {goal}: not known, it was 0")
+        ought = f"{_percent(abs(error))} {'more' if error > 0.0 else 'less'}"
+        whose = "" if goal == "grip_force" else ".von_mises by fem on these cells"
+        return replace(said, goal=goal, goal_error=error, text=f"{said.text}; {goal}{whose}: some {ought}")
+
+    def _without_goal(self, found: Floats) -> ErrorEstimate:
+        time, strain, mesh, model, answer, judged = found[:6].tolist()
         if strain == 0.0:
             text = "not known: the body is hardly strained, or its fields are not numbers"
             return ErrorEstimate(time, 0.0, 0.0, 0.0, 0.0, text, False)
@@ -177,10 +198,16 @@ class Trust:
 
     def take(self, saved: Floats) -> None:
         """Continue from `to_array`; an empty one begins anew. Raises ValueError where these are others."""
-        if len(saved) not in (0, 1, 7):
+        if len(saved) not in (0, 1, 9):
             raise ValueError("it has no looks at the fields")
         self._peak = float(saved[0]) if len(saved) else 0.0
         self._found = saved[1:].copy()
+
+
+def model_shares(body: Body) -> Floats:
+    """c of PBD in each cell, by its first octant's material (C,) [1]."""
+    squeeze = [material.mu / (material.lambda_ + material.mu) for material in body.materials]  # 1 - 2 nu
+    return np.asarray(MODEL * np.asarray(squeeze)[body.octant_material[:, 0]])
 
 
 def _percent(share: float) -> str:

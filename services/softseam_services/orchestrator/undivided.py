@@ -16,6 +16,7 @@ class Undivided:
 
     model = "pbd"
     looks_for = (False, False)
+    looks_for_goal = False
     neighbours: NDArray[np.int32] = np.zeros((0, 6), dtype=np.int32)
 
     def __init__(self) -> None:
@@ -24,7 +25,13 @@ class Undivided:
     def reset(self) -> None:
         """Nothing evolves."""
 
-    def follow(self, sides: Sides, replies: Mapping[str, Advanced], seen: Mapping[str, Fields] | None = None) -> str:
+    def follow(
+        self,
+        sides: Sides,
+        replies: Mapping[str, Advanced],
+        seen: Mapping[str, Fields] | None = None,
+        blame: NDArray[np.float64] | None = None,
+    ) -> str:
         """Never a reason to switch."""
         return ""
 

@@ -1,6 +1,8 @@
 """How urgently each cell wants to be near: its stress and its model error over the scene's bounds.
 
   stress  the largest von Mises stress recovered at its nodes, over `regions.near.stress`
+  goal    what PBD does in the cell to the scene's goal, at most and relative to it (`goal_watch`), over its share 1/C
+          of `regions.near.error`, where the scene has a goal; and else
   error   (eta_e C / U)^(1/2) over `regions.near.error`, with the energy eta_e of the error that PBD makes in the cell,
           or would make, C cells and the strain energy U: where no PBD cell is above 1, the whole body's model error in
           the energy norm, (sum eta_e / U)^(1/2), is within the bound
@@ -26,27 +28,31 @@ from softseam_services.orchestrator.stress import von_mises
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-STRESS, ERROR = "stress", "model error"
+STRESS, ERROR, GOAL = "stress", "model error", "goal"
 
 
 class Urgency:
     """What the last look at the fields found."""
 
-    def __init__(self, body: Body, near: NearSpec | None) -> None:
+    def __init__(self, body: Body, near: NearSpec | None, goal: str | None = None) -> None:
         self._body = body
-        bounds = {STRESS: near and near.stress, ERROR: near and near.error}
+        bounds = {STRESS: near and near.stress, GOAL if goal else ERROR: near and near.error}
         self._bounds = {name: bound for name, bound in bounds.items() if bound}
         self._recovery: tuple[Mask, list[csr_array]] | None = None
         self.reset()
 
     @property
     def wanted(self) -> bool:
-        """Whether the scene has a bound."""
-        return bool(self._bounds)
+        """Whether the scene has a bound of what the sides' fields tell."""
+        return not self._bounds.keys() <= {GOAL}
 
     @property
     def wants_errors(self) -> bool:
         return ERROR in self._bounds
+
+    @property
+    def wants_goal(self) -> bool:
+        return GOAL in self._bounds
 
     def reset(self) -> None:
         self.measures: dict[str, Floats] = {name: np.zeros(self._body.n_cells) for name in self._bounds}
@@ -73,6 +79,10 @@ class Urgency:
             share = strain / body.n_cells
             relative = np.sqrt(error / share) if share > 0.0 else np.zeros(body.n_cells)
             self.measures[ERROR] = relative / self._bounds[ERROR]
+
+    def blame(self, cells: Floats) -> None:
+        """Take over what PBD does to the goal in each cell, relative to it (C,) [1]."""
+        self.measures[GOAL] = cells * (len(cells) / self._bounds[GOAL])
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """What evolves, for a snapshot."""

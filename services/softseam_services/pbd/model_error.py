@@ -61,8 +61,8 @@ class ModelError:
         self._xw[len(region.nodes) :, :3] = blocks.padding_x
         self._ws = new_workspace()
 
-    def residual(self, x: Floats, stress: Floats | None = None) -> Floats:
-        """r of eq. (1) (n, 3) [N] at x (n, 3) [m].
+    def pull(self, x: Floats, stress: Floats | None = None) -> Floats:
+        """-f_int^PBD of eq. (1) (n, 3) [N] at x (n, 3) [m], what the blocks pull their nodes with.
 
         stress  (b, N_STRESS)  that the blocks apply; None for that of their shapes, in equilibrium with x
         """
@@ -73,14 +73,18 @@ class ModelError:
             exact_stress(self._ws, self._xw, blocks.nodes, blocks.volume, stress, blocks.constants, blocks.law)
         pull = np.zeros((len(x) + 8, 4))
         block_forces(self._ws, blocks.nodes, stress, blocks.constants, pull, 0, blocks.n_batches)
+        return pull[: len(x), :3].copy()
+
+    def residual(self, x: Floats, stress: Floats | None = None) -> Floats:
+        """r of eq. (1) (n, 3) [N] at x (n, 3) [m]; see `pull`."""
         force = np.empty((*self._cell_nodes.shape, 3))
         cell_forces(x, self._cell_nodes, self._gradient, self._weight, self._law, self._parameters, force)
-        r = pull[: len(x), :3].copy()  # the blocks pull with -f
+        r = self.pull(x, stress)
         np.add.at(r, self._cell_nodes, force)
         return r
 
     def measure(self, x: Floats, contact_force: Floats, stress: Floats | None = None, bounded: bool = False) -> Floats:
-        """eta_e of eq. (2) (c,) [J]; contact_force (p, 3) of the region's points; see `residual`.
+        """eta_e of eq. (2) (c,) [J]; contact_force (p, 3) of the region's points; see `pull`.
 
         bounded  stop after `_BOUNDED` products, with an energy that is a little too small: it grows towards (2)
         """

@@ -1,0 +1,116 @@
+"""What a number read off the body owes to a force anywhere in it: the adjoint of a cut body, solved on the whole of it.
+
+Where a quantity J of the positions x changes by g . dx, and the body answers a force f with A dx = f,
+
+    A z = g,     dJ = g . dx = z . f                                                                              (1)
+
+so z (N, 3), the adjoint, says what every force on every node does to J (R. Becker, R. Rannacher, Acta Numerica 10
+(2001) 1-102, section 2). A is FEM's stiffness of the whole body as it stands, undivided, contacts included: tools hold
+what sticks to them and let slide what slips. So a seam needs no adjoint of its own, and PBD, which has no stiffness
+matrix, none at all; what PBD's stiffness differs by is of the order of the error that is weighed. Loads that change
+slowly are what counts: inertia is that of a step in which waves cross the body a thousand times, which keeps A regular
+where nothing holds the body.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_protocol.messages import BodyState, ToolMotion
+from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.region import build_region
+from softseam_services.fem.face_forces import spread_over_faces
+from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
+from softseam_services.fem.kernels import step as kernel
+from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
+from softseam_services.fem.kernels.elements import cauchy_stress
+from softseam_services.fem.kernels.fronts import solve
+from softseam_services.fem.kernels.multigrid import NONE
+from softseam_services.fem.kernels.newton import CONVERGED, N_MEMO
+from softseam_services.fem.model import FemModel, Work, build_model, build_work
+from softseam_services.fem.tool_motion import at_rest, moved
+from softseam_services.tools.tool_set import ToolSet
+
+_CROSSINGS = 1e3
+"""times that waves cross the body in the step whose inertia counts"""
+_NONE = np.zeros((0, 3))
+
+
+class Adjoint:
+    """The whole body as FEM takes it; built once, factored at every look."""
+
+    def __init__(self, scene: Scene, body: Body, tools: ToolSet) -> None:
+        everything = np.arange(body.n_cells, dtype=np.int32)
+        self.region: Region = build_region(body, everything, np.zeros(0, dtype=np.int32))
+        self.model: FemModel
+        self.model, self._tree = build_model(body, self.region, tools, scene.models.fem, NONE)
+        self.work: Work = build_work(self.model, self._tree, len(tools.names))
+        self._scheme = Scheme(IMPLICIT_EULER, np.ones(1), 0)
+        self._memo = np.zeros(N_MEMO)
+        self._whole, self._friction = at_rest(tools), tools.friction
+        self._dt = _CROSSINGS * float(np.linalg.norm(np.ptp(body.x_rest, axis=0))) / body.wave_speed
+        n_nodes, n_tools = body.n_nodes, len(tools.names)
+        self._history, self._contact = np.zeros((0, n_nodes, 3)), np.zeros((len(self.model.point_face), n_tools, 6))
+        self._unused = np.zeros((n_tools, 6)), np.zeros(kernel.N_OUT), np.zeros(body.n_cells)
+
+    def factor(self, state: BodyState, position: Floats, orientation: Floats) -> bool:
+        """Make A at a state of the body between tools at (t, 3) [m], (t, 4); False where A is not positive definite."""
+        work, contact = self.work, self._contact
+        contact[:] = 0.0
+        touching = np.flatnonzero(state.contact_tool >= 0)
+        contact[touching, state.contact_tool[touching], :3] = state.contact_force[touching]
+        spread_over_faces(self.model, contact)
+        work.state[:] = OPEN
+        work.factored_state[:] = OPEN
+        tools = moved(self._whole, ToolMotion(position, orientation, position, orientation))
+        x, still = np.ascontiguousarray(state.x), np.zeros_like(state.x)
+        wrench, out, distance = self._unused
+        status = kernel.advance(
+            self._scheme, x, still, 0.0, self._history, contact, self._dt, 1.0, _NONE, self.model, self._tree, tools,
+            1.0, 0, False, work, self._memo,
+            x, still, self._history, contact, wrench, out, _NONE, distance, True, np.zeros((0, 0)),
+        )  # fmt: skip
+        return bool(status == CONVERGED)
+
+    def solve(self, g: Floats) -> Floats:
+        """z (N, 3) of eq. (1) for g (N, 3), with the factor at hand; 0 at clamped nodes."""
+        free = np.flatnonzero(self.model.order >= 0)
+        b = np.zeros((len(free), 3))
+        b[self.model.order[free]] = g[free]
+        flat = b.reshape(-1)
+        solve(self._tree, self.work.values, flat, self.work.factoring)
+        z = np.zeros_like(g)
+        z[free] = b[self.model.order[free]]
+        return z
+
+    def push(self, direction: Floats) -> Floats:
+        """g (N, 3) [N/m] of J = sum over tools of direction (t, 3) . force of the body on the tool."""
+        model, work = self.model, self.work
+        pairs = np.flatnonzero(work.state != OPEN)
+        points, tools = work.pair[pairs].T
+        row, stiffness, d = work.contact[pairs], work.hold[pairs, 0], direction[tools]
+        normal, slips = row[:, NORMAL : NORMAL + 3], work.state[pairs] == SLIP
+        along = np.einsum("pi,pi->p", normal, d)[:, None] * normal
+        # eq. (2) of kernels.contact with q = 1: a point that slips gives way along its slip
+        bound = np.maximum(self._friction[tools] * row[:, PRESSURE], np.finfo(float).tiny)
+        way = row[:, TRACTION : TRACTION + 3] / bound[:, None]
+        across = d - along
+        sliding = across - np.einsum("pi,pi->p", way, across)[:, None] * way
+        sliding *= (bound / np.maximum(row[:, TRIAL], bound))[:, None]
+        force = stiffness[:, None] * (along + np.where(slips[:, None], sliding, across))
+        g = np.zeros((len(model.mass), 3))
+        count = np.diff(model.point_ptr)[points]
+        entry = np.repeat(model.point_ptr[points] - np.cumsum(count) + count, count) + np.arange(count.sum())
+        np.add.at(g, model.point_node[entry], model.point_weight[entry][:, None] * np.repeat(force, count, axis=0))
+        return g
+
+    def forces(self) -> Floats:
+        """f_int of each cell on its nodes (C, 27, 3) [N] at the state of `factor`, which must have come just before."""
+        return np.asarray(self.work.fe.transpose(0, 2, 1))
+
+    def stress(self, x: Floats) -> Floats:
+        """Cauchy stress of all octants at x (N, 3), xx yy zz yz xz xy (C, 8, 6) [Pa]."""
+        cauchy = np.zeros((len(self.model.cell_nodes), 8, 6))
+        cauchy_stress(x, self.model, self.work, cauchy)
+        return cauchy

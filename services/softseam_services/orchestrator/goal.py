@@ -1,0 +1,192 @@
+"""How far one number that a scene is run for, the goal, is off, and which cells are to blame for it.
+
+The goal J is the force of a grip, or the von Mises stress of the octant of a cell that holds a probe, the mean over it.
+With z the adjoint of J (`adjoint`), K_F and K_P what FEM and PBD pull with, and u_P what PBD has found, FEM in all
+cells would find, to first order,
+
+    J_F - J_P = -z . (f_F(u_P) - f_P(u_P))                                                                         (1)
+
+summed over the nodes of PBD's cells: exact where the body is linear, whatever the seam. And cells that grew ever
+smaller would find, since the error of Galerkin's method is orthogonal to all that its cells can follow,
+
+    J - J_F = c sum_e int_e (sigma* - sigma)_u : C^-1 : (sigma* - sigma)_z dV                                      (2)
+
+with the stresses that u and z lack to smoother ones (`fem.mesh_error`) and c of the element (`trust`); not told of a
+probe, for stress at a point is read where it is better than the rest of a cell's, and (2) has the wrong sign there
+(docs/decisions/0122). Both have a sign:
+R. Becker, R. Rannacher, Acta Numerica 10 (2001) 1-102, eqs. (2.14) and (3.20); J. T. Oden, S. Prudhomme, J. Comput.
+Phys. 182 (2002) 496-515, of models. Cell by cell (1) is of no use, for models share out the same traction otherwise
+over the nodes of a face. So which cells ought to be FEM's is told by a bound of what PBD does there to J,
+
+    theta_e = 2 (eta_e(u) eta_e(z))^(1/2)                                                                          (3)
+
+with the energies of PBD's errors (`pbd.model_error`) of what the body does and of the adjoint, at which PBD must be
+good for its answer to be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages import Fields
+from softseam_protocol.scene import Scene
+from softseam_services.body.body import Body, Ints
+from softseam_services.body.region import build_region
+from softseam_services.fem.mesh_error import MeshError
+from softseam_services.orchestrator.adjoint import Adjoint
+from softseam_services.orchestrator.goal_error import GoalError
+from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.probes import place_of
+from softseam_services.orchestrator.sides import Sides, merged_state
+from softseam_services.orchestrator.stress import von_mises
+from softseam_services.orchestrator.trust import MESH
+from softseam_services.pbd.model_error import ModelError
+from softseam_services.tools.tool_set import ToolSet
+
+Floats = NDArray[np.float64]
+
+_STRAIN = 1e-5
+"""of the adjoint where its errors are measured, so that every law is Hooke's [1]"""
+_SEEN = 1e-9
+"""least stress of a probe, over the shear modulus, that has a direction [1]"""
+_SMALL_STRAINS = "linear"
+"""the law that knows no rotation"""
+
+
+class Goal:
+    """One scene's goal; built once, what it needs of a cut with that cut. Raises MeshError for a probe outside."""
+
+    def __init__(self, scene: Scene, body: Body, tools: ToolSet) -> None:
+        name = scene.regions.goal
+        assert name is not None
+        self.name = name
+        self._scene, self._body, self._tools = scene, body, tools
+        self._grip = next(iter(grips_by_phase(scene, tools, body.x_rest).values()), None)
+        at = scene.probes.get(name)
+        self._octant = None if at is None else place_of(body, name, np.asarray(at))[:2]
+        self._adjoint: Adjoint | None = None
+        self._fine: Ints = np.zeros(0, dtype=np.int32)  # cells that self._mesh is of
+
+    def look(
+        self, sides: Sides, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False
+    ) -> GoalError | None:
+        """The errors between tools at (t, 3) [m], (t, 4); blame: with eq. (3). None where J is nothing yet."""
+        body = self._body
+        if self._adjoint is None:
+            self._adjoint = Adjoint(self._scene, body, self._tools)
+            self._blocks = ModelError(body, self._adjoint.region, self._scene.models.pbd.hourglass)
+        adjoint = self._adjoint
+        state = merged_state(body, sides, fields)[0]
+        cauchy = np.empty((body.n_cells, 8, 6))
+        for name, side in fields.items():
+            cauchy[sides.cells[name]] = side.cauchy
+        value, pushed = 0.0, np.zeros((len(self._tools.names), 3))
+        if self._octant is not None:
+            value = float(von_mises(cauchy[self._octant]))
+        elif self._grip is not None:
+            axis = 0.5 * self._grip.axis_now(orientation)
+            pushed[self._grip.first], pushed[self._grip.second] = -axis, axis
+            touching = state.contact_tool >= 0
+            value = -float((pushed[state.contact_tool[touching]] * state.contact_force[touching]).sum())
+        least = _SEEN * body.material.mu * (1.0 if self._octant is not None else body.resolution**2)
+        if not value > least or not adjoint.factor(state, position, orientation):
+            return None
+        forces = adjoint.forces().copy()
+        g = adjoint.push(pushed) if self._octant is None else self._stressed(state.x, cauchy[self._octant])
+        z = adjoint.solve(g)
+        x, turned = np.ascontiguousarray(state.x), self._turned(state.x)
+        span = float(np.ptp(z[body.cell_nodes], axis=1).max()) / body.resolution
+        if not (span > 0.0 and np.isfinite(span)):
+            return None
+        scale = _STRAIN / span
+        y = turned + scale * z
+        fine = [cells for name, cells in sides.cells.items() if sides.models[name] == "fem"]
+        mesh = self._mesh_error(fine[0], x, y, cauchy) / scale if fine and self._octant is None else 0.0
+        model = self._model_error(sides, x, z, forces) + self._read_otherwise(sides, x, value)
+        theta = np.zeros(0)
+        if blame:
+            energies = (self._blocks.measure(at, state.contact_force, bounded=True) for at in (x, y))
+            theta = 2.0 * np.sqrt(np.multiply(*energies)) / (scale * value)
+        return GoalError(value, mesh, model, theta)
+
+    def _stressed(self, x: Floats, cauchy: Floats) -> Floats:
+        """g (N, 3) [Pa/m] of the von Mises stress of the probe's octant, which has the stress cauchy (6,) [Pa].
+
+        dJ = 3/(2 J) s : dsigma, dsigma = 2 mu e(du) but for the pressure.
+        """
+        assert self._octant is not None
+        (cell, octant), body = self._octant, self._body
+        value, pressure = float(von_mises(cauchy)), cauchy[:3].mean()
+        xx, yy, zz, yz, xz, xy = cauchy
+        s = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - pressure * np.eye(3)
+        at_point = self._scene.models.fem.element == "hex27"  # which takes an octant's stress at its Gauss point
+        slope = _slopes(octant, at_point) * (2.0 / body.edges)  # by places at rest
+        nodes = body.cell_nodes[cell]
+        deformation = x[nodes].T @ slope
+        mu = body.materials[body.octant_material[cell, octant]].mu
+        g = np.zeros_like(x)
+        g[nodes] = slope @ np.linalg.inv(deformation) @ (3.0 * mu / value * s)
+        return g
+
+    def _turned(self, x: Floats) -> Floats:
+        """The body at rest in shape, turned as it is at x (N, 3) [m]."""
+        rest = self._body.x_rest - self._body.x_rest.mean(axis=0)
+        if self._body.material.kind == _SMALL_STRAINS:
+            return self._body.x_rest
+        u, _, vt = np.linalg.svd((x - x.mean(axis=0)).T @ rest)
+        u[:, 2] *= np.linalg.det(u @ vt)
+        return np.asarray(rest @ (u @ vt).T)
+
+    def _mesh_error(self, cells: Ints, x: Floats, y: Floats, cauchy: Floats) -> float:
+        """Eq. (2) of FEM's cells, whose recovered stress stops at the seam; x and y (N, 3) as in `look`."""
+        assert self._adjoint is not None
+        element = self._scene.models.fem.element
+        if not np.array_equal(cells, self._fine):
+            region = build_region(self._body, cells, np.zeros(0, dtype=np.int32))
+            self._fine, self._nodes = cells, region.nodes
+            self._mesh = MeshError(self._body, region, element)
+        other = np.ascontiguousarray(self._adjoint.stress(y)[cells])
+        product = self._mesh.product(x[self._nodes], cauchy[cells], y[self._nodes], other)
+        return MESH[element] * float(product.sum())
+
+    def _read_otherwise(self, sides: Sides, x: Floats, value: float) -> float:
+        """What FEM reads of PBD's positions at a probe but PBD does not: J_F(u_P) - J_P(u_P)."""
+        if self._octant is None or any(
+            sides.models[name] == "fem" and self._octant[0] in cells for name, cells in sides.cells.items()
+        ):
+            return 0.0
+        assert self._adjoint is not None
+        return float(von_mises(self._adjoint.stress(x)[self._octant])) - value
+
+    def _model_error(self, sides: Sides, x: Floats, z: Floats, forces: Floats) -> float:
+        """Eq. (1), with FEM's forces of all cells (C, 27, 3)."""
+        coarse = [cells for name, cells in sides.cells.items() if sides.models[name] == "pbd"]
+        if not coarse:
+            return 0.0
+        cells, blocks = coarse[0], self._blocks
+        nodes = np.arange(len(x), dtype=np.int32)
+        if len(cells) < self._body.n_cells:
+            region = build_region(self._body, cells, np.zeros(0, dtype=np.int32))
+            nodes, blocks = region.nodes, ModelError(self._body, region, self._scene.models.pbd.hourglass)
+        pull = blocks.pull(x[nodes])
+        whole = float(np.einsum("cai,cai->", z[self._body.cell_nodes[cells]], forces[cells]))
+        return -whole - float((z[nodes] * pull).sum())
+
+
+def _slopes(octant: int, at_point: bool) -> Floats:
+    """Slopes of hex27 by local coordinates at an octant's Gauss point, or their means over the octant (27, 3)."""
+    lines = []
+    for axis in range(3):
+        t = 1.0 if octant >> axis & 1 else -1.0
+        if at_point:
+            t /= np.sqrt(3.0)
+            value, slope = [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)], [t - 0.5, -2.0 * t, t + 0.5]
+        else:
+            value = [1.0 / 6.0 - 0.25 * t, 2.0 / 3.0, 1.0 / 6.0 + 0.25 * t]
+            slope = [0.5 * (t - 1.0), -t, 0.5 * (t + 1.0)]
+        lines.append((value, slope))
+    by_axis = [[line[axis == i] for i, line in enumerate(lines)] for axis in range(3)]
+    return np.stack([np.einsum("i,j,k->kji", *line).reshape(27) for line in by_axis], axis=1)
