@@ -14,6 +14,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.quickly_made import quickly_made
+
 SCHEMA_VERSION = 1
 
 
@@ -86,6 +88,7 @@ def _no_labels() -> NDArray[np.int8]:
     return np.zeros(0, dtype=np.int8)
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class Header:
     """Names a message: a request with the same header and kind is the same request."""
@@ -153,6 +156,7 @@ class Configured:
     """strain energy of the state it begins with [J]"""
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class ToolMotion:
     """Poses of all tools at the start and the end of the step, in the scene's order (t tools)."""
@@ -166,6 +170,7 @@ class ToolMotion:
     """1 for tools that hold the particles that they found within reach as they began to grip (t,); empty: none does"""
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class Advance:
     """Advance tentatively by one step; a new step number commits the tentative step before it.
@@ -194,6 +199,7 @@ class Advance:
     is committed; empty: it is committed as it is"""
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class Advanced:
     header: Header
@@ -303,6 +309,7 @@ class Observe:
     """of these only what the region's own model errs, at a bounded cost: what is looked at as a run ends"""
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class Fields:
     """Fields of one region: its nodes, cells and surface points in ascending global order."""
@@ -383,6 +390,7 @@ Reply = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored | 
 # ---- orchestrator to clients and recorders ---------------------------------------------------------------
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamReport:
     """How well the two sides agree."""
@@ -397,6 +405,7 @@ class SeamReport:
     """work of the seam, both sides together, in this step [J]"""
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class RegionReport:
     """One region's size and energies [J]."""
@@ -441,6 +450,7 @@ class ErrorEstimate:
     """by how much of itself the goal ought to be larger, with its sign [1]; of a probe, by FEM on the same cells"""
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class StepReport:
     """What happened in one committed step; one is published for every step."""
@@ -487,6 +497,7 @@ class Indicators:
     """largest distance between the two sides at a cell's seam nodes, 0 elsewhere [m]"""
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class Frame:
     """The whole body at the end of a step: what a replay draws."""
@@ -603,6 +614,7 @@ class Closed:
     header: Header
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class Observation:
     """The answer to Open, Reset, Step and Load: the last step's report, its frame if asked for, and events since."""

@@ -14,7 +14,7 @@ element's pressure is noise that it never feels. Tetrahedra have the stress that
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -43,8 +43,9 @@ class MeshError:
         shapes, self._shape = cell_shapes(body, region)
         quadratic_cell = FUNCTIONS[element] == "hex27"
         (samples, at_samples), (points, at_points) = _rules(quadratic_cell)
+        placed = _placed_in_boxes if len(shapes) == 1 else _placed
         self._full, self._tetrahedra = element in _FULL, FUNCTIONS[element].startswith("tet")
-        self._points, self._point_nodes = place(points, shapes), points.nodes
+        self._points, self._point_nodes = placed(quadratic_cell, 1, shapes.tobytes()), points.nodes
         self._fill = np.ascontiguousarray(body.fill[region.cells])
         n_cells = len(self._fill)
         weight = self._points.weight[self._shape] * np.einsum("bqo,co->cbq", points.share, self._fill)
@@ -65,7 +66,7 @@ class MeshError:
         self._of_point = np.ascontiguousarray(self._octant[:, share.argmax(axis=1)])
         self._parameters = point_parameters(body, region.cells, share)
         if self._full:
-            self._samples, self._sample_nodes = place(samples, shapes), samples.nodes
+            self._samples, self._sample_nodes = placed(quadratic_cell, 0, shapes.tobytes()), samples.nodes
             self._sampled = point_parameters(body, region.cells, samples.share.reshape(-1, 8))
 
     def measure(self, x: Floats, cauchy: Floats) -> Floats:
@@ -116,6 +117,15 @@ def _rules(quadratic_cell: bool) -> tuple[tuple[Reference, Floats], tuple[Refere
     """Samples and points of the integration in a cell, each with the shape functions (b q, 27) that say where it is."""
     samples, points = (quadratic(2), quadratic(3)) if quadratic_cell else (linear(1), linear(2))
     return (samples, _values(samples, quadratic_cell)), (points, _values(points, quadratic_cell))
+
+
+def _placed(quadratic_cell: bool, rule: int, shapes: bytes) -> Points:
+    """One of `_rules` in cells of these shapes (t, 27, 3)."""
+    return place(_rules(quadratic_cell)[rule][0], np.frombuffer(shapes).reshape(-1, 27, 3))
+
+
+_placed_in_boxes = lru_cache(maxsize=16)(_placed)
+"""the same; a simulation that begins anew has the boxes that it had"""
 
 
 def _values(reference: Reference, quadratic_cell: bool) -> Floats:

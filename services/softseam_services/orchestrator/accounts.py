@@ -106,7 +106,7 @@ class Accounts:
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
             self._told.update(self.raised)
-        drive_work = -self._dt * float((wrench * command).sum())
+        drive_work = -self._dt * float(np.vdot(wrench, command))
         total = perf_counter() - self._began
         seconds = dict(self._seconds)
         seconds["total"] = total

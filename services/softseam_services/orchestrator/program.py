@@ -92,8 +92,11 @@ class Program:
         if progress.phase in self._whole:
             duration = min(self._dt, self._left(progress, position, orientation))
             return self._way(progress.phase, duration, position, orientation) / self._dt, None
-        way = np.zeros((len(position), 6))
         rest, tick = self._dt, _ROUNDING * self._dt
+        if self._left(progress, position, orientation) > rest + tick:
+            way = self._way(progress.phase, rest, position, orientation)
+            return way / self._dt, Progress(progress.phase, progress.elapsed + rest)
+        way = np.zeros((len(position), 6))
         while rest > tick and not self.done(progress):
             if rest < self._dt and self._waits(progress, way):
                 break

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -70,12 +71,14 @@ class Quantities:
         position, orientation  of the tools (t, 3) [m], (t, 4)
         rise        height above where the lift began [m]
         """
-        low = min(float(reply.bounds[0, 2]) for reply in replies.values())
-        high = max(float(reply.bounds[1, 2]) for reply in replies.values())
+        low, high, slip = math.inf, -math.inf, -math.inf
+        for reply in replies.values():
+            low, high = min(reply.bounds.item(2), low), max(reply.bounds.item(5), high)
+            slip = max(reply.slip, slip)
         found = {
             "grip_force": grip_force,
             "lift_height": rise,
-            "slip": max(reply.slip for reply in replies.values()),
+            "slip": slip,
             "sag": (self._top - self._bottom) - (high - low),
             "compression": max(0.0, self._program.compression(position, orientation)),
         }

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced
+from softseam_protocol.quickly_made import quickly_made
 from softseam_services.orchestrator.pace import Pace
 
 Floats = NDArray[np.float64]
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class SideRequest:
     """What one side is asked for in one exchange."""
@@ -33,6 +35,7 @@ class SideRequest:
 Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
 
 
+@quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamSolution:
     """The step that both sides agreed on."""

@@ -107,6 +107,14 @@ def whole_frame(
     orientation: Floats,
 ) -> Frame:
     """The sides' fields put together; seam nodes are the near side's. Tool poses (t, 3), (t, 4)."""
+    if len(sides.names) == 1:  # all of it, in the body's order
+        (side,) = fields.values()
+        x, cauchy, point_x = side.x, side.cauchy, side.point_x
+        force, tool, strain, energy = side.contact_force, side.contact_tool, side.point_strain, side.cell_energy
+        return Frame(
+            header, x, cauchy, near.astype(np.int8), point_x, force, tool, sides.seam, multiplier, position.copy(),
+            orientation.copy(), strain, energy,
+        )  # fmt: skip
     x = np.empty((body.n_nodes, 3))
     cauchy = np.empty((body.n_cells, 8, 6))
     point_x = np.empty((body.n_points, 3))

@@ -157,7 +157,7 @@ class Simulation:
         else:
             command, progress = self._commanded(velocities), self._progress
         motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
-        if self._gripping.any():
+        if any(self._gripping.tolist()):
             motion = replace(motion, gripping=self._gripping.copy())
         self._accounts.begin(began)
         too_far = beyond_middle(self.tools, motion)

@@ -27,11 +27,11 @@ def tool_motion(tools: ToolSet, position: Floats, orientation: Floats, velocitie
             f"({n_tools}, 6); got {position.shape}, {orientation.shape}, {velocities.shape}"
         )
     orientation_next = orientation
-    for tool, rates in enumerate(velocities[:, 3:].tolist()):
-        if any(rates):
+    for tool, (*_, x, y, z) in enumerate(velocities.tolist()):
+        if x or y or z:
             if orientation_next is orientation:
                 orientation_next = orientation.copy()
-            turn = dt * np.array(rates)
+            turn = dt * np.array([x, y, z])
             if float(np.linalg.norm(turn)) > LARGEST_TURN:
                 raise ValueError(
                     f"the tool {tools.names[tool]!r} turns by {np.linalg.norm(turn):.3g} rad in a step of {dt:g} s, "

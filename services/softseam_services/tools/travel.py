@@ -19,6 +19,9 @@ def beyond_middle(tools: ToolSet, motion: ToolMotion) -> list[str]:
         if x == y == z == 0.0:
             continue
         kind, half = tools.kind[tool], tools.shape[tool, :3].tolist()
+        least = min(half) if kind == BOX else half[0]
+        if x * x + y * y + z * z < 0.9 * least * least:
+            continue  # nearly every step: whichever way it points, it is too short
         if kind == BOX:
             inside = rotate_back(motion.orientation[tool], x, y, z)
             far = any(abs(way) >= (1.0 - 1e-9) * edge for way, edge in zip(inside, half, strict=True))
