@@ -92,8 +92,9 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
             share, carry, side = 1.0, 1.0, -1
             if face >= 0:
                 share, whole, side = covered(
-                    x, model.face_nodes[face], xp, patches, model.point_patch[point], shape, position, turn
-                )
+                    x, model.face_nodes[face], xp, patches, model.point_patch[point], shape,
+                    tools.position[tool], tools.orientation[tool],
+                )  # fmt: skip
                 carry = whole**CARRY_POWER
                 if side >= 0:
                     gap = side_gap(side, shape, position, turn, xp)[0]
