@@ -34,6 +34,9 @@ from softseam_protocol.watched_asker import WatchedAsker
 _INTRODUCTION = 1.0
 """time in which a publisher learns of those who have subscribed before [s]"""
 
+_LOOKS = 2
+"""for a peer that lives; zenoh's answer may lack one"""
+
 _PROTOBUF = zenoh.Encoding.APPLICATION_PROTOBUF
 
 _log = logging.getLogger(__name__)
@@ -79,7 +82,7 @@ class Bus(BusSession):
         extra  further zenoh settings; in its mode "peer" others reach this one without the router
         """
         self.endpoints = as_endpoints(endpoints)
-        self._publishers: dict[tuple[str, bool], tuple[Any, float]] = {}
+        self._publishers: dict[tuple[str, bool], Declared] = {}
         self._publishing = threading.Lock()
         self._open: list[Server | Inbox[Any]] = []
         self._askers: weakref.WeakSet[Asker] = weakref.WeakSet()
@@ -182,36 +185,30 @@ class Bus(BusSession):
 
     def publish(self, key: str, payload: bytes, droppable: bool = False) -> None:
         """Publish; `droppable` gives way under congestion instead of waiting."""
-        try:
-            self._publisher(key, droppable)[0].put(payload)
-        except zenoh.ZError:  # it belongs to a session that is closed
-            self._forget_publishers(lambda known: known == key)
-            self._on_session(lambda _: self._publisher(key, droppable)[0].put(payload))
+        publisher = self._publisher(key, droppable)
+        self._on_session(lambda _: publisher.current.put(payload))
 
     def listened(self, key: str) -> bool:
         """Whether anybody subscribes to what is published, droppable, under `key`; not sure at first, so it is True."""
-        publisher, since = self._publisher(key, True)
-        return bool(publisher.matching_status.matching) or time.monotonic() - since < _INTRODUCTION
+        publisher = self._publisher(key, True)
+        matching = self._on_session(lambda _: publisher.current.matching_status.matching)
+        return bool(matching) or time.monotonic() - publisher.since < _INTRODUCTION
 
-    def _publisher(self, key: str, droppable: bool) -> tuple[Any, float]:
-        """The publisher and when it was declared."""
-        session = self._session
+    def _publisher(self, key: str, droppable: bool) -> Declared:
+        control = zenoh.CongestionControl.DROP if droppable else zenoh.CongestionControl.BLOCK
         with self._publishing:
             known = self._publishers.get((key, droppable))
             if known is None:
-                control = zenoh.CongestionControl.DROP if droppable else zenoh.CongestionControl.BLOCK
-                publisher = session.declare_publisher(key, encoding=_PROTOBUF, congestion_control=control)
-                known = self._publishers[key, droppable] = publisher, time.monotonic()
+                known = self._publishers[key, droppable] = self._declare(
+                    lambda session: session.declare_publisher(key, encoding=_PROTOBUF, congestion_control=control)
+                )
         return known
 
     def forget(self, prefix: str) -> None:
         """Undeclare the publishers of keys that begin with `prefix`: a session has ended."""
-        self._forget_publishers(lambda known: known.startswith(prefix))
-
-    def _forget_publishers(self, chosen: Callable[[str], bool]) -> None:
         with self._publishing:
-            for key in [k for k in self._publishers if chosen(k[0])]:
-                self._publishers.pop(key)[0].undeclare()
+            for known in [known for known in self._publishers if known[0].startswith(prefix)]:
+                self._publishers.pop(known).undeclare()
 
     def subscribe(self, key: str, latest: bool = False, limit_bytes: int = 256 * 2**20) -> Inbox[Received]:
         """Collect what is published; `latest` keeps only the newest. What does not fit is dropped and counted."""
@@ -283,15 +280,17 @@ class Bus(BusSession):
 
     def _mend(self, lost: frozenset[str]) -> bool:
         """Join anew if peers whose links broke live but are not heard; False if that cannot be known yet."""
-        tokens = {node(peer) for peer in lost}
+        silent = {node(peer) for peer in lost}
         try:
             with Bus(self.endpoints, LEASE, self._aside) as client:
-                silent = tokens & client.live(EVERY_NODE)
-            if self._zenoh is not None:
-                silent -= self.live(EVERY_NODE)
+                silent &= client.live(EVERY_NODE)
+                for _ in range(_LOOKS):
+                    if silent and self._zenoh is not None:
+                        silent -= self.live(EVERY_NODE)
+                        silent &= client.live(EVERY_NODE)  # without who left meanwhile
         except BusError:
             return False  # the router is gone
-        if not silent:
+        if not silent and self._zenoh is not None:
             return True
         _log.warning("the link to a process that lives is lost: joining the bus anew")
         return self._rejoin()

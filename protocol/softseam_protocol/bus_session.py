@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import itertools
 import json
 import os
 import threading
@@ -45,7 +46,9 @@ class BusSession:
         self._settings = mode, listen, connect, extra
         self._zenoh: Any = zenoh.open(_config(*self._settings))
         self._closed = False
-        self._declared: weakref.WeakSet[Declared] = weakref.WeakSet()
+        self._declared: weakref.WeakValueDictionary[int, Declared] = weakref.WeakValueDictionary()
+        """in their order: who sees a token counts on what was declared before it"""
+        self._numbers = itertools.count()
         self._joining = threading.RLock()
         """held while one session takes the place of another"""
         self._reference = weakref.ref(self)
@@ -77,11 +80,11 @@ class BusSession:
         """Declare something on this session and on those that follow it."""
         with self._joining:
             declared = Declared(make, self._session)
-            self._declared.add(declared)
+            self._declared[next(self._numbers)] = declared
         return declared
 
     def _rejoin(self) -> bool:
-        """Leave and join with everything that was declared; False where no router answers."""
+        """Leave and join with everything that was declared; False where that fails, as without a router."""
         with self._joining:
             if self._closed:
                 return True
@@ -91,11 +94,15 @@ class BusSession:
             config = _config(*self._settings)
             config.insert_json5("connect/timeout_ms", str(int(LEASE * 1000)))
             try:
-                joined = zenoh.open(config)
+                joined: Any = zenoh.open(config)
             except zenoh.ZError:
                 return False
-            for declared in list(self._declared):
-                declared.renew(joined)
+            try:
+                for declared in list(self._declared.values()):
+                    declared.renew(joined)
+            except zenoh.ZError:
+                joined.close()
+                return False
             self._zenoh = joined
         return True
 

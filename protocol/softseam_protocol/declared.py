@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
 
 class Declared:
-    """A subscriber, queryable, querier or token, however often the bus is joined anew."""
+    """A publisher, subscriber, queryable, querier or token, however often the bus is joined anew."""
 
     def __init__(self, make: Callable[[Any], Any], session: Any) -> None:
         """make: declares it on a session"""
@@ -17,12 +18,14 @@ class Declared:
         self._undeclared = False
         self.current = make(session)
         """zenoh's own object"""
+        self.since = time.monotonic()
+        """when it was declared, on this machine's clock [s]"""
 
     def renew(self, session: Any) -> None:
         """Declare it on another session; the one before is closed."""
         with self._lock:
             if not self._undeclared:
-                self.current = self._make(session)
+                self.current, self.since = self._make(session), time.monotonic()
 
     def undeclare(self) -> None:
         """Take it back; a second call does nothing."""
