@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,13 @@ import pytest
 from particle_run import ParticleRun
 from tet_bar import bar, bar_run, vtk
 
+import softseam
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene_file import SceneError, parse_scene
 from softseam_services.body.errors import MeshError
 from softseam_services.server import build_setup
 
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
 LENGTH = 0.2
 SIZE = (LENGTH, 0.05, 0.05)
 
@@ -78,25 +81,36 @@ def _neo_hookean_hanging(mu: float, bulk: float) -> float:
 
 @pytest.mark.parametrize("poisson", [0.05, 0.3, 0.45])
 def test_neo_hookean_pairs_stay_calm_and_put_themselves_right(poisson: float) -> None:
-    """Kicked at random with automatic substeps no energy comes from nowhere; a body pressed flat, mirrored or with all
-    corners thrown about finds its shape again."""
+    """Kicked at random with automatic substeps no energy comes from nowhere; a body pressed flat, into a point,
+    mirrored or with all corners thrown about finds its shape again."""
     keys: dict[str, Any] = {"clamped": False, "poisson": poisson, "law": "neo_hookean"}
     run = bar_run((4, 2, 2), (0.1, 0.05, 0.05), **keys)
     rng = np.random.default_rng(2)
     run.v[:] += 0.2 * rng.standard_normal(run.v.shape)
     energy = [reply.kinetic + reply.strain for reply in (run.step() for _ in range(60))]
     assert max(energy) <= energy[0] and energy[-1] < 0.25 * energy[0]
-    for name in ("flat", "mirrored", "thrown about"):
+    for name in ("flat", "mirrored", "thrown about", "a point", "nearly a point"):
         run = bar_run((4, 2, 2), (0.1, 0.05, 0.05), damping=20.0, **keys)
         rest = run.body.x_rest
         moved = {
             "flat": rest * [1.0, 1.0, 0.0] + 1e-6 * rng.standard_normal(rest.shape),
+            "a point": 0.0 * rest + [0.01, 0.02, 0.03],
+            "nearly a point": 0.2 * rest,
             "mirrored": rest * [1.0, 1.0, -1.0],
             "thrown about": 0.03 * rng.standard_normal(rest.shape),
         }
         run.x[:] = moved[name]
         last = run.run(3.0)
         assert last.particles is not None and last.particles.worst_stretch < 1e-6, name
+
+
+def test_no_tetrahedron_of_the_pudding_stays_squeezed() -> None:
+    with softseam.open(SCENES / "pudding.yaml") as session:
+        seen = session.reset()
+        while not seen.done:
+            seen = session.step()
+    assert seen.quantities["worst_stretch"] < 0.06
+    assert seen.quantities["stretch_violation"] < 1e-3
 
 
 @pytest.mark.parametrize("law", ["st_venant_kirchhoff", "neo_hookean"])

@@ -4,6 +4,9 @@ neo-Hookean materials"): C_D = sqrt(F:F) and C_H = det F - gamma, one after the 
 Their energies with alpha_D = 1/(mu V) and alpha_H = 1/(lambda' V) add up to V (mu/2 F:F + lambda'/2 (J - gamma)^2),
 which for gamma = 1 + mu/lambda' is at rest where F = 1 and meets Hooke's law there for lambda' = lambda + mu.
 Gradients by x_k, k = 1..3: P d_k with P = F/C_D and P = cof F, d_k the rows of D_m^-1; that of x_0 is minus their sum.
+By these energies a point, F = 0, would be at rest, too: the push of C_H is quadratic there, the pull of C_D linear. So
+the stiffness mu is multiplied with min(1, F:F), which makes mu/4 (1 + (F:F)^2) of mu/2 F:F where F:F < 1, that is in
+tetrahedra crushed from all sides; and what is a point is pushed as if it were SEED of its size.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ SHAPE, SOFT, GAMMA, LAMBDA = 4 * NODE, 4 * NODE + 72, 4 * NODE + 88, 4 * NODE + 
 PULL = 4 * NODE + 112
 N_WORK = PULL + 12 * WIDTH
 TINY = 1e-100
+SEED = 0.01
 AT_ONCE = 0.4
 """h^2 times the square of a tetrahedron's own frequency of volume up to which its stress acts at once, eq. (2)"""
 
@@ -121,10 +125,12 @@ def project_pairs(ws, xw, nodes, inverse, soft, gamma, lam):
                 move_four(ws, LAMBDA + 8 * each + four, lam, WIDTH * (2 * batch + each) + four)
         for lane in range(WIDTH):
             d, f = _shape(ws, lane)
-            value, g = np.sqrt(_square(f) + TINY), _along(f, d)  # g: gradients times the value
+            square, g = _square(f), _along(f, d)  # g: gradients times the value
+            hold, value = min(1.0, square), np.sqrt(square + TINY)
             per = 1.0 / value
             alpha, before = ws[SOFT + lane], ws[LAMBDA + lane]
-            change = -(value + alpha * before) / (_weighted(ws, lane, g) * per * per + alpha + TINY)  # eq. (1)
+            weight = hold * _weighted(ws, lane, g) * per * per
+            change = -(hold * value + alpha * before) / (weight + alpha + TINY)  # eq. (1), both sides times hold
             ws[LAMBDA + lane] = before + change
             _move(ws, lane, change * per, g)
             _, f = _shape(ws, lane)
@@ -151,12 +157,15 @@ def pull_pairs(ws, xw, nodes, inverse, soft, gamma, lam, pull):
         _bring(ws, xw, nodes, inverse, soft, gamma, batch)
         for lane in range(WIDTH):
             d, f = _shape(ws, lane)
+            square = _square(f)
+            seed = SEED if square < SEED * SEED else 0.0
+            f = (f[0] + seed, f[1], f[2], f[3], f[4] + seed, f[5], f[6], f[7], f[8] + seed)
             c, J = cofactors(f)
             at_once = AT_ONCE * ws[SOFT + 8 + lane] / (_weighted(ws, lane, _along(c, d)) + TINY)
             share = at_once if at_once < 1.0 else 1.0
-            m = -share / (ws[SOFT + lane] + TINY)
+            m = -share * min(1.0, square) / (ws[SOFT + lane] + TINY)
             n = -share * (J - ws[GAMMA + lane]) / (ws[SOFT + 8 + lane] + TINY)
-            ws[LAMBDA + lane], ws[LAMBDA + 8 + lane] = m * np.sqrt(_square(f)), n
+            ws[LAMBDA + lane], ws[LAMBDA + 8 + lane] = m * np.sqrt(square), n
             p = (  # -P = m F + n cof F
                 *(m * f[0] + n * c[0], m * f[1] + n * c[1], m * f[2] + n * c[2]),
                 *(m * f[3] + n * c[3], m * f[4] + n * c[4], m * f[5] + n * c[5]),
@@ -206,7 +215,8 @@ def begin_pairs(ws, xw, nodes, inverse, soft, gamma, lam, pull):
 def measure_pairs(xw, nodes, row, inverse, compliance, soft, lam, strain, result):
     """How well pairs are met: result (5,) in place, as of `distance.measure_distances`: a violation is |C + alpha~
     lambda|, without unit as it is, the largest strain that of any component of Green's, and the energy that of the
-    law, zero at rest, V (mu/2 (F:F - 3) - mu (J - 1) + lambda'/2 (J - 1)^2). strain (n,) [1] is raised."""
+    law, zero at rest, V (mu/2 (F:F - 3) - mu (J - 1) + lambda'/2 (J - 1)^2) but for what is crushed from all sides.
+    strain (n,) [1] is raised."""
     energy, worst, total, most, count = 0.0, 0.0, 0.0, 0.0, 0.0
     for batch in range(len(nodes)):
         for lane in range(WIDTH):
@@ -219,9 +229,11 @@ def measure_pairs(xw, nodes, row, inverse, compliance, soft, lam, strain, result
             J = cofactors(f)[1]
             stiff, bulk = 1.0 / compliance[batch, 0, lane], 1.0 / compliance[batch, 1, lane]
             gamma = 1.0 + stiff / bulk
-            energy += 0.5 * stiff * (xx + yy + zz - 3.0) + 0.5 * bulk * (J - 1.0) ** 2 - stiff * (J - 1.0)
+            square = xx + yy + zz
+            held = square if square > 1.0 else 0.5 * (1.0 + square * square)
+            energy += 0.5 * stiff * (held - 3.0) + 0.5 * bulk * (J - 1.0) ** 2 - stiff * (J - 1.0)
             if xw[i, 3] + xw[j, 3] + xw[k, 3] + xw[m, 3] > 0.0:
-                off = abs(np.sqrt(xx + yy + zz) + soft[batch, 0, lane] * lam[batch, 0, lane])
+                off = abs(min(1.0, square) * np.sqrt(square) + soft[batch, 0, lane] * lam[batch, 0, lane])
                 volume_off = abs(J - gamma + soft[batch, 1, lane] * lam[batch, 1, lane])
                 worst = max(worst, off, volume_off)
                 total += off + volume_off
