@@ -100,8 +100,16 @@ def test_neo_hookean_pairs_stay_calm_and_put_themselves_right(poisson: float) ->
             "thrown about": 0.03 * rng.standard_normal(rest.shape),
         }
         run.x[:] = moved[name]
+        assert "96 tetrahedra are crushed" in run.step().alarm or name != "a point"
         last = run.run(3.0)
+        assert last.alarm == ""
         assert last.particles is not None and last.particles.worst_stretch < 1e-6, name
+
+
+def test_strains_that_are_met_inside_out_are_told_of() -> None:
+    run = bar_run((2, 1, 1), (0.1, 0.05, 0.05), clamped=False)
+    run.x[:] = run.body.x_rest * [1.0, 1.0, -1.0]
+    assert "12 tetrahedra are crushed to nothing or inside out, and stay so: take law" in run.step().alarm
 
 
 def test_no_tetrahedron_of_the_pudding_stays_squeezed() -> None:

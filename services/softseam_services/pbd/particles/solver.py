@@ -111,7 +111,7 @@ class ParticleSolver:
         self._poses = np.zeros((2, t, 3)), np.zeros((2, t, 4)), np.zeros((2, t, 12))
         self._mean, self._felt, self._wrench = np.zeros((n, 3)), np.zeros((n, t)), np.zeros((t, 6))
         self._outcome, self._result = np.zeros(N_OUTCOMES), np.zeros(k.N_RESULTS)
-        self._measure, self._strain = np.zeros((4, 5)), np.zeros(n + 8)
+        self._measure, self._strain = np.zeros((4, 6)), np.zeros(n + 8)
         self._layers = (APART * float(body.spacing) if body.self_contact else 0.0, float(body.self_friction))
         self._load_kernels()
         self._fill(start.x)
@@ -186,6 +186,7 @@ class ParticleSolver:
             seconds=time.perf_counter() - began,
             cell_distance=np.zeros(0),
             bounds=result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
+            alarm=self._alarm(),
             particles=self._measures(),
         )
 
@@ -268,8 +269,17 @@ class ParticleSolver:
             self._xw, nodes, row, inverse, compliance, soft, lam_pairs, self._strain, self._measure[3]
         )
 
+    def _alarm(self) -> str:
+        """Where tetrahedra have lost their shape: constraints may be met then, and yet nothing is as it should be."""
+        strains, pairs = self._measure[2:, 5].tolist()
+        if pairs > 0.0:
+            return f"{pairs:.0f} tetrahedra are crushed to nothing or inside out; most put themselves right"
+        if strains > 0.0:
+            return f"{strains:.0f} tetrahedra are crushed to nothing or inside out, and stay so: take law: neo_hookean"
+        return ""
+
     def _measures(self) -> ParticleReport:
-        springs, (bend, off, off_total, _, n_bends), strains, pairs = self._measure.tolist()
+        springs, (bend, off, off_total, _, n_bends), strains, pairs = self._measure[:, :5].tolist()
         solid = self.model.body.solid
         of_solid = pairs if solid is not None and solid.law == "neo_hookean" else strains
         stretch, worst, total, most, count = springs if solid is None else of_solid

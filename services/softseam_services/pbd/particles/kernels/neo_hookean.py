@@ -19,7 +19,7 @@ from softseam_services.pbd.kernels.neo_hookean import cofactors
 
 from .corners import CORNER as NODE
 from .corners import gather_corner, scatter_corner
-from .tetrahedron import deformation, metric, stretched
+from .tetrahedron import deformation, is_crushed, metric, stretched
 
 WIDTH = 8
 SHAPE, SOFT, GAMMA, LAMBDA = 4 * NODE, 4 * NODE + 72, 4 * NODE + 88, 4 * NODE + 96
@@ -213,11 +213,11 @@ def begin_pairs(ws, xw, nodes, inverse, soft, gamma, lam, pull):
 
 @njit(cache=True, error_model="numpy")
 def measure_pairs(xw, nodes, row, inverse, compliance, soft, lam, strain, result):
-    """How well pairs are met: result (5,) in place, as of `distance.measure_distances`: a violation is |C + alpha~
+    """How well pairs are met: result (6,) in place, as of `distance.measure_distances`: a violation is |C + alpha~
     lambda|, without unit as it is, the largest strain that of any component of Green's, and the energy that of the
     law, zero at rest, V (mu/2 (F:F - 3) - mu (J - 1) + lambda'/2 (J - 1)^2) but for what is crushed from all sides.
     strain (n,) [1] is raised."""
-    energy, worst, total, most, count = 0.0, 0.0, 0.0, 0.0, 0.0
+    energy, worst, total, most, count, crushed = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for batch in range(len(nodes)):
         for lane in range(WIDTH):
             if row[batch, lane] < 0:
@@ -225,6 +225,7 @@ def measure_pairs(xw, nodes, row, inverse, compliance, soft, lam, strain, result
             i, j = nodes[batch, 0, lane], nodes[batch, 1, lane]
             k, m = nodes[batch, 2, lane], nodes[batch, 3, lane]
             f = deformation(xw, i, j, k, m, inverse, batch, lane)
+            crushed += 1.0 if is_crushed(f) else 0.0
             xx, yy, zz, xy, xz, yz = metric(f)
             J = cofactors(f)[1]
             stiff, bulk = 1.0 / compliance[batch, 0, lane], 1.0 / compliance[batch, 1, lane]
@@ -244,4 +245,4 @@ def measure_pairs(xw, nodes, row, inverse, compliance, soft, lam, strain, result
                 node = nodes[batch, corner, lane]
                 strain[node] = max(strain[node], largest)
             count += 2.0
-    result[0], result[1], result[2], result[3], result[4] = energy, worst, total, most, count
+    result[0], result[1], result[2], result[3], result[4], result[5] = energy, worst, total, most, count, crushed

@@ -13,7 +13,7 @@ import numpy as np
 from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.lanes import batch_kernel
 
-from .tetrahedron import deformation, metric
+from .tetrahedron import deformation, is_crushed, metric
 
 WIDTH = 8
 N_STRAINS = 7
@@ -78,9 +78,9 @@ def project_strains(xw, nodes, row, inverse, soft, share, lam):
 
 @njit(cache=True, error_model="numpy")
 def measure_strains(xw, nodes, row, inverse, soft, lam, h, strain, result):
-    """How well strains are met: result (5,) in place, as of `distance.measure_distances`: a violation is |C + alpha~
+    """How well strains are met: result (6,) in place, as of `distance.measure_distances`: a violation is |C + alpha~
     lambda|, without unit as it is, and the largest strain is that of any component. strain (n,) [1] is raised."""
-    energy, worst, total, most, count = 0.0, 0.0, 0.0, 0.0, 0.0
+    energy, worst, total, most, count, crushed = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for batch in range(len(nodes)):
         for lane in range(WIDTH):
             if row[batch, lane] < 0:
@@ -88,6 +88,7 @@ def measure_strains(xw, nodes, row, inverse, soft, lam, h, strain, result):
             i, j = nodes[batch, 0, lane], nodes[batch, 1, lane]
             k, m = nodes[batch, 2, lane], nodes[batch, 3, lane]
             f = deformation(xw, i, j, k, m, inverse, batch, lane)
+            crushed += 1.0 if is_crushed(f) else 0.0
             xx, yy, zz, xy, xz, yz = metric(f)
             xx, yy, zz = 0.5 * (xx - 1.0), 0.5 * (yy - 1.0), 0.5 * (zz - 1.0)
             values = (xx, yy, zz, xy, xz, yz, xx + yy + zz)
@@ -106,4 +107,4 @@ def measure_strains(xw, nodes, row, inverse, soft, lam, h, strain, result):
                 node = nodes[batch, corner, lane]
                 strain[node] = max(strain[node], largest)
             count += N_STRAINS
-    result[0], result[1], result[2], result[3], result[4] = energy, worst, total, most, count
+    result[0], result[1], result[2], result[3], result[4], result[5] = energy, worst, total, most, count, crushed

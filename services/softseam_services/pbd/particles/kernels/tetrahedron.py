@@ -6,8 +6,12 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.pbd.kernels.lanes import lane_kernel
+from softseam_services.pbd.kernels.neo_hookean import cofactors
 
 from .corners import three_edges
+
+CRUSHED = 1e-3
+"""of the volume at rest"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -40,6 +44,12 @@ def stretched(edges, d):
         *(ay * d[0] + by * d[3] + cy * d[6], ay * d[1] + by * d[4] + cy * d[7], ay * d[2] + by * d[5] + cy * d[8]),
         *(az * d[0] + bz * d[3] + cz * d[6], az * d[1] + bz * d[4] + cz * d[7], az * d[2] + bz * d[5] + cz * d[8]),
     )
+
+
+@lane_kernel
+def is_crushed(f):
+    """Whether a tetrahedron has lost its shape: less than CRUSHED of its volume is left, or it is inside out."""
+    return cofactors(f)[1] < CRUSHED
 
 
 @lane_kernel
