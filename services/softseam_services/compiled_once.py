@@ -10,7 +10,7 @@ Python it becomes a whole of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numba
@@ -107,8 +107,7 @@ class _PartLibrary(JITCodeLibrary):
         """For a plain numba function that calls a kernel: the part with all that it reaches."""
         if self._shared_module is None:
             module = self._final_module.clone()
-            for library in _reached(self):
-                module.link_in(_code(library), preserve=True)
+            _link(module, _reached(self))
             self._shared_module = module
         return self._shared_module
 
@@ -117,11 +116,31 @@ class _WholeLibrary(JITCodeLibrary):
     """Code with all that it reaches."""
 
     def finalize(self) -> None:
-        for library in _reached(self):
+        reached = list(_reached(self))
+        for library in reached:
             self._reload_init.update(library._reload_init)
-            self._final_module.link_in(_code(library), preserve=True)
+        _link(self._final_module, reached)
         self._linking_libraries = []
         super().finalize()  # type: ignore[no-untyped-call]
+
+
+def _link(module: Any, libraries: Iterable[Any]) -> None:
+    """Link the code of libraries into a module, whatever their order.
+
+    LLVM leaves out what nothing calls yet: where code that is linked later does, it is linked again.
+    """
+    codes = [_code(library) for library in libraries]
+    waiting, missing = codes, set[str]()
+    while waiting:
+        for code in waiting:
+            module.link_in(code, preserve=True)
+        before, missing = missing, {function.name for function in module.functions if function.is_declaration}
+        waiting = [] if missing == before else [code for code in codes if missing.intersection(_defined(code))]
+
+
+def _defined(code: Any) -> Iterator[str]:
+    """Names of the functions that are in a module."""
+    return (function.name for function in code.functions if not function.is_declaration)
 
 
 def _code(library: Any) -> Any:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import json
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
+import llvmlite.binding as llvm
 import numba
 import numpy as np
 import pytest
 
 import softseam_services
-from softseam_services.compiled_once import njit
+from softseam_services.compiled_once import _link, njit
 
 SERVICES = Path(softseam_services.__file__).parent
 
@@ -50,6 +53,35 @@ def test_kernels_call_each_other_and_answer_python() -> None:
     assert _plain(x) == 26.0 + 18.0
     with pytest.raises(ValueError, match="nothing"):
         _highest(x[:0])
+
+
+@dataclass
+class Library:
+    """Code as numba hands it on for linking."""
+
+    code: llvm.ModuleRef
+
+    def _get_module_for_linking(self) -> llvm.ModuleRef:
+        return self.code
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))), ids=str)
+def test_parts_are_linked_whatever_their_order(order: tuple[int, ...]) -> None:
+    """A library may be reached before the code that calls it: LLVM leaves it out then."""
+    parts = [
+        llvm.parse_assembly(text)
+        for text in (
+            "declare i32 @middle()\n define linkonce_odr i32 @upper() {\n %x = call i32 @middle()\n ret i32 %x\n}",
+            "declare i32 @lower()\n define linkonce_odr i32 @middle() {\n %x = call i32 @lower()\n ret i32 %x\n}",
+            "define linkonce_odr i32 @lower() {\n ret i32 1\n}",
+        )
+    ]
+    whole = llvm.parse_assembly(
+        "declare i32 @upper()\n declare i32 @abs(i32)\n define i32 @whole() {\n"
+        "%x = call i32 @upper()\n %y = call i32 @abs(i32 %x)\n ret i32 %y\n}"
+    )
+    _link(whole, [Library(parts[i]) for i in order])
+    assert [f.name for f in whole.functions if f.is_declaration] == ["abs"]
 
 
 def test_only_what_python_calls_becomes_machine_code() -> None:
