@@ -109,7 +109,7 @@ def test_the_adjoint_tells_what_a_force_does_to_the_grip() -> None:
         while not of.done:
             of.step()
         assert of.report is not None
-        found.append(of.report.wrench[:, 0].copy())
+        found.append(of.report.wrench[:, :3].reshape(6))
         if gravity == 0.0:
             setup = build_setup(bundle_scene(Scene.model_validate(scene)))
             assert isinstance(setup.body, Body)
@@ -118,11 +118,11 @@ def test_the_adjoint_tells_what_a_force_does_to_the_grip() -> None:
             assert adjoint.factor(state, of.report.tool_position, of.report.tool_orientation)
             mass = adjoint.region.mass[:, None] * way
             foretold = [
-                float((adjoint.solve(adjoint.push(direction)) * mass).sum())
-                for direction in np.eye(6).reshape(6, 2, 3)[[0, 3]]
+                float((adjoint.solve(adjoint.push(direction)) * mass).sum()) for direction in np.eye(6).reshape(6, 2, 3)
             ]
         of.close()
-    np.testing.assert_allclose(foretold, 0.5 * (found[1] - found[2]), rtol=0.02)
+    change = 0.5 * (found[1] - found[2])
+    np.testing.assert_allclose(foretold, change, rtol=0.02, atol=0.02 * np.abs(change).max())
 
 
 def pinched_twice(near: dict[str, Any] | None, goal: str | None = None, model: str = "pbd") -> Scene:
@@ -187,13 +187,15 @@ def test_a_run_with_a_goal_goes_on_from_a_snapshot_bit_for_bit() -> None:
     one, other = (Simulation(bundle_scene(scene), EmbeddedTransport()) for _ in range(2))
     for _ in range(18):
         one.step()
+    assert one.regions.near_arrays()["goal_look"][0] > 0.0
     other.load(one.save())
     for _ in range(14):
         one.step()
         other.step()
     np.testing.assert_array_equal(one.frame().x, other.frame().x)
-    np.testing.assert_array_equal(one.regions.near.mask, other.regions.near.mask)
     assert one.regions.near.mask.any()
+    for name, array in one.regions.near_arrays().items():
+        np.testing.assert_array_equal(other.regions.near_arrays()[name], array, err_msg=name)
     for simulation in (one, other):
         simulation.close()
 
