@@ -8,8 +8,16 @@ M_nn = int N_near N_near^T and M_nf = int N_near N_far^T over the seam,
     x_near = P x_far,   P = M_nn^-1 M_nf                                          (1)
 
 and nodal forces lambda on the near side act as -P^T lambda on the far side, so that the tie does no work. P reproduces
-linear fields, so constant stress passes exactly. Where both traces are alike, P is the identity. Bernardi, Maday and
-Patera (1994) call this a mortar method; the near side is the slave.
+linear fields, so constant stress passes a flat seam exactly. Where both traces are alike, P is the identity. Bernardi,
+Maday and Patera (1994) call this a mortar method; the near side is the slave.
+
+Where a seam turns, a constant stress pulls otherwise on either side of the turn, and a continuous multiplier cannot
+follow. So nodes at which faces of different direction meet (turns, and cross points of several patches) are
+tied one by one, and the multipliers psi of the others span what is constant on each face by itself:
+
+    int psi_i (N_near x_near - N_far x_far) = 0,   psi_i = N_i + sum_b N_b/k on each face                         (2)
+
+with the k other nodes i of a face and its nodes b at turns, as Bernardi, Maday and Patera lower theirs at cross points.
 """
 
 from __future__ import annotations
@@ -94,8 +102,17 @@ def identity_tie(n_nodes: int) -> SeamTie:
     return SeamTie(None, np.zeros((n_nodes, 3)))
 
 
-def mortar_tie(faces: Ints, edges: Floats, fill: Floats, near: str, far: str, nodes: Ints, x_rest: Floats) -> SeamTie:
-    """The tie of a seam.
+def mortar_tie(
+    faces: Ints,
+    edges: Floats,
+    fill: Floats,
+    near: str,
+    far: str,
+    nodes: Ints,
+    x_rest: Floats,
+    facing: Ints | None = None,
+) -> SeamTie:
+    """The tie of a seam; nodes on none of its faces, where cells touch along an edge alone, are tied one by one.
 
     faces   (f, 9)  global node ids of each seam face, a = i + 3 j
     edges   (f, 2)  edge lengths of each face along i and j [m]
@@ -103,22 +120,46 @@ def mortar_tie(faces: Ints, edges: Floats, fill: Floats, near: str, far: str, no
     near, far       the traces of the two sides, see `TRACES`
     nodes   (s,)    global ids of the seam nodes that are free, ascending; the others on the faces are clamped
     x_rest  (N, 3)  where clamped nodes stay [m]
+    facing  (f,)    direction of each face, equal where two that meet lie in one plane and have the near side on the
+                    same side of it; None for a flat seam
     """
     if near == far:
         return identity_tie(len(nodes))
-    ids, local = np.unique(faces, return_inverse=True)
-    local = local.reshape(-1, 9)
+    ids = np.union1d(faces, nodes)
+    local = np.searchsorted(ids, faces)
+    turns = _turns(local, facing, len(ids))
     m_nn, m_nf = np.zeros((2, len(ids), len(ids)))
+    lowered = _lowered(turns[local])
     weight = np.maximum(fill, _LEAST_FILL) * (edges[:, :1] * edges[:, 1:])
     for quarter in range(4):
         for trace, matrix in ((near, m_nn), (far, m_nf)):
-            values = weight[:, quarter, None, None] * _quarter_products(near, trace, quarter)
+            products = _quarter_products(near, trace, quarter)
+            values = weight[:, quarter, None, None] * (products if lowered is None else lowered @ products)
             np.add.at(matrix, (local[:, :, None], local[:, None, :]), values)
+    alone = np.flatnonzero(turns)
+    m_nn[alone], m_nf[alone] = np.eye(len(ids))[alone], np.eye(len(ids))[alone]
     p = np.linalg.solve(m_nn, m_nf)
     free = np.searchsorted(ids, nodes)
     clamped = np.setdiff1d(np.arange(len(ids)), free)
     c = p[np.ix_(free, clamped)] @ x_rest[ids[clamped]]
     return SeamTie(np.ascontiguousarray(p[np.ix_(free, free)]), c)
+
+
+def _turns(local: Ints, facing: Ints | None, n_nodes: int) -> NDArray[np.bool_]:
+    """Nodes where faces (f, 9) of different direction meet, and those of no face (n,)."""
+    directions = np.zeros(len(local), dtype=np.int64) if facing is None else np.unique(facing, return_inverse=True)[1]
+    meets = np.zeros((n_nodes, int(directions.max(initial=0)) + 1), dtype=np.bool_)
+    meets[local, directions[:, None]] = True
+    return np.asarray(meets.sum(axis=1) != 1)
+
+
+def _lowered(turns: NDArray[np.bool_]) -> Floats | None:
+    """psi of eq. (2) by N on each face (f, 9, 9), rows at turns (f, 9) zero; None where there are no turns."""
+    if not turns.any():
+        return None
+    others = np.where(turns, 0.0, 1.0)
+    share = others[:, :, None] * turns[:, None, :] / others.sum(axis=1)[:, None, None]  # the middle never turns
+    return np.asarray(share + np.eye(9) * others[:, :, None])
 
 
 @cache

@@ -48,8 +48,9 @@ def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions
     """
     if len(sides.names) < 2 or functions[sides.models[NEAR]] == functions[sides.models[FAR]]:
         return identity_tie(len(sides.seam))
-    faces, edges, fill = [], [], []
+    faces, edges, fill, facing = [], [], [], []
     for face, cells, others in seam_faces(body, sides, neighbours):
+        facing.append(np.full(len(cells), face, dtype=np.int32))
         faces.append(body.cell_nodes[cells][:, _sheet(_LATTICE, face)])
         along = [axis for axis in range(3) if axis != face // 2]
         corners = body.x_rest[body.cell_nodes[cells][:, face_corners(face)]]
@@ -66,4 +67,5 @@ def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions
         functions[sides.models[FAR]],
         sides.seam,
         body.x_rest,
+        np.concatenate(facing),
     )
