@@ -126,7 +126,7 @@ def mortar_tie(
     if near == far:
         return identity_tie(len(nodes))
     ids = np.union1d(faces, nodes)
-    local = np.searchsorted(ids, faces)
+    local = np.searchsorted(ids, faces).astype(np.int32)
     turns = _turns(local, facing, len(ids))
     m_nn, m_nf = np.zeros((2, len(ids), len(ids)))
     lowered = _lowered(turns[local])

@@ -97,7 +97,7 @@ def build(name: str) -> tuple[Body, Sides, Floats, Floats]:
 def sheet(face: int) -> NDArray[np.int64]:
     """Local ids of the nodes on a face -x +x -y +y -z +z (9,)."""
     cube = np.arange(27).reshape(3, 3, 3)
-    return np.take(cube, 2 * (face % 2), axis=2 - face // 2).reshape(-1)
+    return np.asarray(np.take(cube, 2 * (face % 2), axis=2 - face // 2)).reshape(-1)
 
 
 def assembled(body: Body, sides: Sides) -> tuple[Floats, Floats]:
