@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
+from time import perf_counter
 
 import numpy as np
 
@@ -190,13 +191,15 @@ class ParticipantServer:
         if header.epoch != seat.epoch:
             return _stale(request, seat)
         if isinstance(request, Advance):
+            began = perf_counter()
             if header.step == seat.committed + 1 and seat.exchange >= 0:
                 _commit(seat, request.seam_settle)
             if header.step != seat.committed or header.exchange <= seat.exchange:
                 return _stale(request, seat)
             reply = seat.solver.advance(request)
-            if request.fields:
-                reply = replace(reply, fields=seat.solver.fields(header))
+            fields = seat.solver.fields(header) if request.fields else None
+            if fields is not None or len(request.seam_settle):  # the solver's clock runs while it advances only
+                reply = replace(reply, fields=fields, seconds=perf_counter() - began)
             seat.exchange = header.exchange
             return reply
         if isinstance(request, Observe):

@@ -1,8 +1,10 @@
-"""What the bus costs: `make bus`, or `python tests/benchmarks/bus.py [SCENE]`.
+"""What the bus costs: `make bus`, or `python tests/benchmarks/bus.py [SCENE ...]`.
 
 Starts real services and runs a scene embedded and over the bus, as FEM only, PBD only and hybrid. Prints the real-time
 factor (RTF) that a client sees once everything is warm, what an exchange costs beyond the solvers' own work (median),
-an echo of the same size to the same processes in the same run, and their ratio.
+an echo of the same size to the same processes in the same run, and their ratio. Then, of hybrids, the wall time of a
+step at the orchestrator (median), the work of the busier participant in it, and what is beyond, in echoes: the bus, the
+orchestrator's own work, and where one side waits for the other's answer, the work of the less busy one.
 """
 
 from __future__ import annotations
@@ -14,6 +16,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+
+import numpy as np
 
 import softseam
 from softseam.variants import Model
@@ -28,6 +32,7 @@ from softseam_services.launch import UpOptions, supervisor
 ROOT = Path(__file__).resolve().parents[2]
 MODELS: tuple[Model | None, ...] = (None, "fem", "pbd", "hybrid")
 """None: as the scene says"""
+HYBRIDS = ("tofu_grasp", "cantilever", "tofu_slab")
 REPEATS = 3
 """runs of which the fastest counts: other work on the machine only slows down"""
 _READY = 300.0
@@ -40,23 +45,41 @@ class Run:
 
     rtf: float
     exchanges: float
+    wall: float
+    """of a step, as the next three (medians)"""
+    busy: float
+    """of the participant that worked longer"""
+    beyond: float
+    """wall - busy"""
+    bus: float
+    """what exchanges take beyond the slowest participant's work in each"""
     overhead: int
     echo: int
 
 
-def rtf(session: softseam.Session) -> tuple[float, float]:
-    """Real-time factor from the second step on, as the client sees it, and the mean exchanges a step."""
+def follow(session: softseam.Session) -> tuple[float, float, list[float]]:
+    """RTF as the client sees it, exchanges a step, and the four times of a `Run`, from the second step on."""
     session.reset()
     first = session.run(max_steps=1)
     exchanges: list[int] = []
+    seconds: list[tuple[float, float, float]] = []
+
+    def take(seen: softseam.Observation) -> None:
+        spent = seen.seconds
+        exchanges.append(seen.seam.exchanges)
+        seconds.append((spent["total"], max(spent["fem"], spent["pbd"]), spent["bus"]))
+
     began = perf_counter()
-    last = session.run(lambda seen: exchanges.append(seen.seam.exchanges))
-    return (last.time - first.time) / (perf_counter() - began), sum(exchanges) / len(exchanges)
+    last = session.run(take)
+    factor = (last.time - first.time) / (perf_counter() - began)
+    wall, busy, bus = 1e6 * np.array(seconds).T
+    medians = np.median([wall, busy, wall - busy, bus], axis=1)
+    return factor, sum(exchanges) / len(exchanges), medians.tolist()
 
 
 def embedded(scene: str, model: Model | None) -> float:
     with softseam.open(scene, model=model) as session:
-        return max(rtf(session)[0] for _ in range(REPEATS))
+        return max(follow(session)[0] for _ in range(REPEATS))
 
 
 def on_the_bus(scene: str, model: Model | None, endpoint: str, published: Inbox[Received]) -> Run:
@@ -64,8 +87,8 @@ def on_the_bus(scene: str, model: Model | None, endpoint: str, published: Inbox[
     runs = []
     for _ in range(REPEATS):
         with softseam.open(scene, endpoint, model=model) as session:
-            factor, exchanges = rtf(session)
-        runs.append(Run(factor, exchanges, *_told(published)))
+            factor, exchanges, (wall, busy, beyond, bus) = follow(session)
+        runs.append(Run(factor, exchanges, wall, busy, beyond, bus, *_told(published)))
     return max(runs, key=lambda run: run.rtf)
 
 
@@ -80,11 +103,12 @@ def _told(published: Inbox[Received]) -> tuple[int, int]:
     raise RuntimeError("no service told what the bus cost")
 
 
-def main(scene: str) -> None:
+def main(scenes: list[Path]) -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         options = BusOptions(connect=f"tcp/127.0.0.1:{probe.getsockname()[1]}")
-    print(f"{scene}, {machine()}\n")
+    scene = str(scenes[0])
+    print(f"{scenes[0].stem}, {machine()}\n")
     print("| model | RTF embedded | RTF on the bus | exchanges a step | overhead of one [us] | echo [us] | ratio |")
     print("|---|---|---|---|---|---|---|")
     with (
@@ -101,7 +125,15 @@ def main(scene: str) -> None:
                     f"| {model or 'as is'} | {embedded(scene, model):.1f} | {run.rtf:.1f} | {run.exchanges:.2f} | "
                     f"{run.overhead} | {run.echo} | {run.overhead / run.echo:.2f} |"
                 )
+            print("\n| hybrid | exchanges a step | a step [us] | FEM or PBD | beyond | the bus in it | echo | echoes |")
+            print("|---|---|---|---|---|---|---|---|")
+            for path in scenes:
+                run = on_the_bus(str(path), "hybrid", options.connect, published)
+                print(
+                    f"| {path.stem} | {run.exchanges:.2f} | {run.wall:.0f} | {run.busy:.0f} | "
+                    f"{run.beyond:.0f} | {run.bus:.0f} | {run.echo} | {run.beyond / run.echo:.2f} |"
+                )
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else str(ROOT / "scenes" / "tofu_grasp.yaml"))
+    main([Path(name) for name in sys.argv[1:]] or [ROOT / "scenes" / f"{name}.yaml" for name in HYBRIDS])
