@@ -1,9 +1,10 @@
 """Von Mises stress beside fingertips: `python tests/benchmarks/edge_stress.py [--most-cells 1000] [--steps 0.04]`.
 
-tofu_pads by FEM alone on hexahedra of a file: four millimetres beyond a fingertip's edge the stress falls by two thirds
-within three millimetres, so cells are thin towards the edge that a point is near, and long elsewhere. Each probe has
+tofu_pads by FEM alone on hexahedra of a file: some millimetres from a fingertip's edge the stress falls by two thirds
+within three more, so cells are thin towards the edge that a point is near, and long elsewhere. Each probe has
 levels of its own. Values are of the end of the last hold. The estimate is the finest level's, its uncertainty what
-the finest level differs by from the one before it, or the step's influence on the coarsest level, whichever is more.
+the finest level differs by from the one before it, or the step's influence on the coarsest level, whichever is more;
+cells along the edge are long in the series above and beside, which this does not see.
 Results are kept in `out/edge-stress` and used again by the same code; an interrupted series goes on where it was.
 """
 
