@@ -259,6 +259,8 @@ class Advanced:
     seam_yield: Matrix = field(default_factory=_NO_MATRIX)
     """beside an anchor: d(seam_x)/d(seam_force) with the stiffness (3s, 3s) [m/N], by which it would be settled; empty:
     as in the reply before"""
+    seam_yield_root: Matrix = field(default_factory=_NO_MATRIX)
+    """in place of seam_yield R with seam_yield = R R^T, which takes an eighth of the work (3s, 3s) [(m/N)^(1/2)]"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -172,10 +172,17 @@ def _warm_link() -> None:
     """What two models of one kind have no use for: a linked step of the seam."""
     from softseam_coupling.kernels.link import foretell, link_round, settled
     from softseam_coupling.kernels.quasi_newton import multiply
+    from softseam_coupling.learned_line import LearnedLine
 
     one, vectors = np.eye(3), np.zeros((1, 3))
     flat = vectors.reshape(-1)
     multiply(one, flat, np.empty(3))
     foretell(one, flat, flat, np.empty(3), np.empty(3))
-    link_round(one, one, one, *(flat,) * 7, *np.empty((5, 3)))
+    learned = LearnedLine(3)
+    learned.renew(one, one)
+    learned.learn(np.ones(3), np.ones(3))
+    learned.beside(one, True)
+    pairs = (learned.kept, learned.changes, learned.defects, learned.along)
+    products = (learned.pushes, learned.moves, learned.answers)
+    link_round(one, one, one, True, *(flat,) * 7, *pairs, *products, *np.empty((5, 3)))
     settled(vectors.copy(), *(vectors,) * 5, 0.01, np.zeros(3), np.zeros(3))

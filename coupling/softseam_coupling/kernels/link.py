@@ -6,6 +6,14 @@ With H the compliance of the far side as the near side's nodes see it, S its inv
     m = c - a - H lambda_near                           what the near side was told wrong
     dx = Y S m,  lambda = lambda' + S (m - dx)          the near side's linear answer                           (2)
     P dx_far = -H (lambda - lambda_far)                 the far side's                                          (3)
+
+What earlier rounds taught of the far side's line is kept beside H (`learned_line`: pairs of changes D and defects E):
+
+    H' = H + E (D^T H D)^-1 (H D)^T                                                                             (4)
+
+in place of H in (2) and (3) makes of m in (2) m + E z, where with G = S - S Y S
+
+    (D^T H D + (H D)^T G E) z = (H D)^T (lambda_far - lambda' - G m)                                            (5)
 """
 
 from __future__ import annotations
@@ -13,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from softseam_coupling.kernels.learned_line import dot, solve_small, yield_to
 from softseam_coupling.kernels.quasi_newton import largest_node, multiply
 
 
@@ -26,29 +35,51 @@ def foretell(h, line, multiplier, yielded, anchor):
 
 @njit(cache=True, error_model="numpy")
 def link_round(
-    h, s, y, x_near, found, image, anchor, yielded_near, yielded_far, told_far, line, push, moved, multiplier, given
-):
-    """Eqs. (1) to (3) for one round; h, s, y (n, n), the others (n,) in the order x, y, z of each node.
+    h, s, y, rooted, x_near, found, image, anchor, yielded_near, yielded_far, told_far,
+    kept, changes, defects, along, pushes, moves, answers, line, push, moved, multiplier, given,
+):  # fmt: skip
+    """Eqs. (1) to (5) for one round; h, s, y (n, n), the others (n,) in the order x, y, z of each node.
 
+    y, rooted                   Y, or R with Y = R R^T
     x_near, found               what the near side answered to the anchor and its multiplier: x_near and lambda'
     image                       what the far side answered to told_far: P x_far
     yielded_near, yielded_far   H times the multipliers that the two were told
-    line, push, moved, multiplier, given    updated in place: c, S m, dx, lambda, H (lambda - lambda_far)
+    kept ... answers            pairs of rounds, as in `learned_line`
+    line, push, moved, multiplier, given    updated in place: c, S m, dx, lambda, -P dx_far
     Returns the lengths of the gap that is left, of what the far side is moved by and of m [m].
     """
-    n = len(line)
-    away = np.empty(n)
-    lost = np.empty(n)
+    n, k = len(line), len(kept)
+    away, lost = np.empty(n), np.empty(n)
     for i in range(n):
         line[i] = image[i] + yielded_far[i]
         away[i] = line[i] - anchor[i] - yielded_near[i]
     multiply(s, away, push)
-    multiply(y, push, moved)
+    yield_to(y, rooted, push.reshape(1, n), moved.reshape(1, n))
     multiply(s, moved, lost)
     for i in range(n):
         multiplier[i] = found[i] + push[i] - lost[i]
+        lost[i] = told_far[i] - multiplier[i]
+    share, system = np.empty(k), np.empty((k, k))
+    for r in range(k):
+        share[r] = dot(along[kept[r]], lost)
+        for c in range(k):
+            system[r, c] = dot(along[kept[r]], changes[kept[c]]) + dot(along[kept[r]], answers[kept[c]])
+    if not solve_small(system, share):
+        share[:] = 0.0
+    for r in range(k):
+        z, pair = share[r], kept[r]
+        for i in range(n):
+            away[i] += z * defects[pair, i]
+            line[i] += z * defects[pair, i]
+            push[i] += z * pushes[pair, i]
+            moved[i] += z * moves[pair, i]
+            multiplier[i] += z * answers[pair, i]
+    for i in range(n):
         lost[i] = multiplier[i] - told_far[i]
     multiply(h, lost, given)
+    for r in range(k):
+        for i in range(n):
+            given[i] -= share[r] * defects[kept[r], i]
     for i in range(n):
         lost[i] = x_near[i] + moved[i] - image[i] + given[i]
     return largest_node(lost), largest_node(given), largest_node(away)
@@ -62,7 +93,7 @@ def settled(x, moved, before, start, force, final, dt, momentum, angular):
     seam's nodes as the step was solved and as it is settled. Returns the seam's work, and by how much the kinetic and
     the strain energy are others. The step's impulses balance, so to second order, with d = final - force,
 
-        d(K + U) = force . moved + dt v . d + 1/2 d . moved                                                     (4)
+        d(K + U) = force . moved + dt v . d + 1/2 d . moved                                                     (6)
 
     where v is the velocity at the start, taken as that of the seam; the term with v is what changes K.
     """

@@ -18,7 +18,7 @@ from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.elements import strain_energy
-from softseam_services.fem.kernels.fronts import seam_inverse
+from softseam_services.fem.kernels.fronts import seam_root
 from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import (
     CONVERGED,
@@ -338,7 +338,7 @@ class FemSolver:
             step_error=taken.error,
             seam_v=self.state.v[self._region.seam] if len(request.seam_force_start) else np.zeros((0, 3)),
             settles=settles,
-            seam_yield=self._news_of_yield() if settles else np.zeros((0, 0)),
+            seam_yield_root=self._news_of_yield() if settles else np.zeros((0, 0)),
         )
 
     def _settles(self) -> bool:
@@ -347,13 +347,13 @@ class FemSolver:
         return bool(at_once and self._work.seam_coupled[0] and self._memo[FACTORED])
 
     def _news_of_yield(self) -> Floats:
-        """d(seam_x)/d(seam_force) of the factor at hand (3s, 3s) [m/N]; empty where that was told before."""
+        """A root of d(seam_x)/d(seam_force) of the factor at hand (3s, 3s); empty where that was told before."""
         if self._told == self._memo[N_FACTORS]:
             return np.zeros((0, 0))
         self._told = float(self._memo[N_FACTORS])
-        work = self._work
-        seam_inverse(self._tree, work.values, work.seam_block, self._inverse, work.ints)
-        return self._inverse.copy()
+        work, root = self._work, np.empty_like(self._inverse)
+        seam_root(self._tree, work.values, work.seam_block, root, work.ints)
+        return root
 
     def settle(self, force: Floats) -> None:
         """Move the tentative step on by its linear answer to a force (s, 3) [N] on the seam; see `kernels.settle`."""

@@ -9,8 +9,8 @@ from softseam_protocol.messages import Advanced, Bundle, Failure, Reply, Request
 from softseam_services.orchestrator.transport import ParticipantFailed
 from softseam_services.server import ParticipantServer, Setup
 
-_WORTH_A_THREAD = 1e-3
-"""[s]; a hand-over to another thread costs about a tenth of that"""
+_WORTH_A_THREAD = 3e-4
+"""[s]; a hand-over to another thread costs about a fifth of that, and kernels leave the interpreter to the other"""
 
 
 class EmbeddedTransport:

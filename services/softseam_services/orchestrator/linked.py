@@ -24,9 +24,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from softseam_coupling.kernels.link import foretell, link_round, settled
 from softseam_coupling.kernels.quasi_newton import multiply
+from softseam_coupling.learned_line import LearnedLine
 from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import Outcome, SeamSolver, SeamState
 from softseam_protocol.messages import Advanced
@@ -35,14 +37,17 @@ from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 3
-"""more rounds of both sides at once, before the near side is asked with what the far side answered"""
-_ROUGH, _ROUGH_STEPS = 0.3, 3
-"""so many rounds in a row in which the far side missed more than this share of its move make its compliance old [1]"""
+ROUNDS, MOST_ROUNDS = 5, 10
+"""more rounds of both sides at once, before the near side is asked with what the far side answered; and as long as two
+rounds halve what is in doubt"""
+_SMOOTH, _ROUGH_STEPS = 2, 3
+"""so many steps on which the sides did not agree, none of so many exchanges between them, make a compliance old"""
 _LEAST_AGE = 32
 """steps that a compliance serves at least; doubled where a new one was no better"""
 _DOUBT = 1.1
 """growth of a kappa a step in which it was not measured [1]"""
+_CHANGED = 0.5
+"""least kappa of a far side that touches at more or fewer points than before [1]"""
 _LONGEST = 31
 """most steps between tries where sides would not agree [1]"""
 _SEEN = 0.02
@@ -73,33 +78,42 @@ class Link:
         self._predictor = SeamSolver(tolerance=tolerance)
         self._line: SeamState = self._predictor.init(n_nodes)  # history of c
         n = 3 * n_nodes
-        self._h, self._far, self._s, self._yield = (
-            np.zeros((n, n)),
-            np.zeros((n, n)),
-            np.zeros((n, n)),
-            np.zeros((0, 0)),
-        )
+        self._learned = LearnedLine(n)
+        self._bends: list[NDArray[np.generic]] = []  # factor and pivots of the far side's compliance
+        self._far, self._yield = np.zeros((n, n)), np.zeros((0, 0))
         self._x = np.zeros((2, 2, n_nodes, 3))  # seam nodes of near and far where the last step began and ended
+        self._rooted = False  # whether the yield is known by its root
         self._kappa_near = self._kappa_far = 1.0
         self._rough = 0  # rounds in a row
         self._age, self._least_age = 0, _LEAST_AGE
         self._skip = self._patience = 0  # steps to come that are not linked
-        self._can = False  # the far side has told that it can be settled
+        self._can = True  # as far as is known, both sides can be settled
 
     def renew(self, far: Advanced, stiffness: Floats, lambda_: Floats) -> None:
         """The far side gave a new compliance, whose inverse is `stiffness`, with its answer to lambda_."""
-        h = self._tie.far_compliance(far.compliance)
+        before = self._learned.h
+        h = self._know(far.compliance)
+        self._learned.renew(h, stiffness)
         if self._line.n_history:
             # the same answers on the new line
-            self._line.history[:4] += (h - self._h) @ lambda_.reshape(-1)
+            self._line.history[:4] += (h - before) @ lambda_.reshape(-1)
+        else:
+            self._can = far.settles
         if self.worn:
             self._least_age *= 2
-        self._h, self._far, self._s = h, far.compliance, stiffness
         self._kappa_far, self._rough, self._age = 1.0, 0, 0
+
+    def _know(self, compliance: Floats) -> Floats:
+        """Keep the far side's compliance; its symmetric part as the near side sees it."""
+        h = self._tie.far_compliance(compliance)
+        self._far = compliance
+        *self._bends, singular = lapack.dgetrf(h)
+        self._bends = [] if singular else self._bends
+        return 0.5 * (h + h.T)
 
     def due(self) -> bool:
         """Whether the next step is to be linked."""
-        if not self._can or self._line.n_history < 2:
+        if not self._can:
             return False
         self._skip = max(self._skip - 1, 0)
         return self._skip == 0
@@ -124,29 +138,43 @@ class Link:
         self._leave(replies)
         self._age += 1
         self._can = self._can or replies[FAR].settles
-        if self._h.any():
-            line = (self._h @ _flat(lambda_)).reshape(self._shape) + self._tie.image(replies[FAR].seam_x)
+        if self._far.any():
+            line = (self._learned.h @ _flat(lambda_)).reshape(self._shape) + self._tie.image(replies[FAR].seam_x)
             self._predictor.commit(self._line, line)
 
     def hear(self, near: Advanced) -> None:
         """Every answer of the near side beside a stiffness, because what it told once it does not tell again."""
-        if near.seam_yield.size:
-            self._yield = near.seam_yield
+        told = near.seam_yield_root if near.seam_yield_root.size else near.seam_yield
+        if told.size:
+            self._yield, self._rooted = told, bool(near.seam_yield_root.size)
 
     def solve(
-        self, ask: Ask, lambda_: Floats, dt: float, coupled: Callable[[Floats, Floats], SideRequest], n_contacts: int
+        self,
+        ask: Ask,
+        lambda_: Floats,
+        dt: float,
+        coupled: Callable[[Floats, Floats], SideRequest],
+        n_contacts: int,
+        far: Advanced | None = None,
     ) -> Linked:
         """One step of length dt [s] by eqs. (1) to (3).
 
         coupled     makes the near side's request of a multiplier and an anchor
         n_contacts  of the far side at the start of the step: where they change, its line is doubted
+        far         its answer to lambda_, where it was asked before: its line is known then, not foretold
         """
         tie, tolerance, shape = self._tie, self._tolerance, self._shape
         yielded, anchor = np.empty(shape), np.empty(shape)
-        foretell(self._h, _flat(self._predictor.predict(self._line)), _flat(lambda_), _flat(yielded), _flat(anchor))
+        learned = self._learned
+        foretell(learned.h, _flat(self._predictor.predict(self._line)), _flat(lambda_), _flat(yielded), _flat(anchor))
         told_far, yielded_near = lambda_, yielded
-        replies = ask({NEAR: coupled(lambda_, anchor), FAR: SideRequest(tie.far_force(lambda_), fields=False)})
+        if far is None:
+            replies = ask({NEAR: coupled(lambda_, anchor), FAR: SideRequest(tie.far_force(lambda_), fields=False)})
+        else:
+            anchor = tie.image(far.seam_x)
+            replies = ask({NEAR: coupled(lambda_, anchor)}) | {FAR: far}
         exchanges = 1
+        doubts: list[float] = []
         while True:
             near, far = replies[NEAR], replies[FAR]
             self.hear(near)
@@ -155,40 +183,56 @@ class Link:
                 return Linked(False, replies, {}, told_far, np.inf, exchanges)
             image = tie.image(far.seam_x)
             line, push, moved, found, given = np.empty((5, *shape))
+            learned.beside(self._yield, self._rooted)
             gap, move, miss = link_round(
-                *(self._h, self._s, self._yield, _flat(near.seam_x), _flat(near.seam_force), _flat(image)),
-                *(_flat(anchor), _flat(yielded_near), _flat(yielded), _flat(told_far)),
+                *(learned.h, learned.s, self._yield, self._rooted, _flat(near.seam_x), _flat(near.seam_force)),
+                *(_flat(image), _flat(anchor), _flat(yielded_near), _flat(yielded), _flat(told_far)),
+                *(learned.kept, learned.changes, learned.defects, learned.along),
+                *(learned.pushes, learned.moves, learned.answers),
                 *(_flat(line), _flat(push), _flat(moved), _flat(found), _flat(given)),
             )
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
-            doubt = self._kappa_far * move + self._kappa_near * miss
             steady = exchanges > 1 or far.n_contacts == n_contacts
-            if steady and max(doubt, gap) <= tolerance:
+            kappa_far = self._kappa_far if steady else max(self._kappa_far, _CHANGED)
+            doubts.append(kappa_far * move + self._kappa_near * miss)
+            if max(doubts[-1], gap) <= tolerance:
                 break
-            if exchanges > ROUNDS:
+            if exchanges > (MOST_ROUNDS if exchanges > 2 and doubts[-1] < 0.5 * doubts[-3] else ROUNDS):
                 self._put_off()
                 self._rough += 1
                 return Linked(False, replies, {}, told_far, gap, exchanges)
-            replies = ask({NEAR: coupled(told_far, image), FAR: SideRequest(tie.far_force(found), fields=False)})
+            anchor = image - given
+            replies = ask({NEAR: coupled(found, anchor), FAR: SideRequest(tie.far_force(found), fields=False)})
             exchanges += 1
-            self._measure(replies, near.seam_x + moved, miss, image - given, move)
-            anchor, told_far, yielded_near, yielded = image, found, yielded, yielded + given
+            self._measure(replies, near.seam_x + moved, miss, anchor, move)
+            self.learn(found - told_far, tie.image(replies[FAR].seam_x) - image)
+            told_far, yielded_near = found, np.empty(shape)
+            multiply(learned.h, _flat(found), _flat(yielded_near))
+            yielded = yielded_near
         if exchanges == 1:
             self._kappa_near, self._kappa_far = min(1.0, _DOUBT * self._kappa_near), min(1.0, _DOUBT * self._kappa_far)
         self._patience = 0
+        self._rough = 0 if exchanges <= _SMOOTH else self._rough
         self._age += 1
         self._predictor.commit(self._line, line)
         forces = tie.far_force(found)
-        settle = {NEAR: push, FAR: forces - tie.far_force(told_far)}
+        bent = lapack.dgetrs(*self._bends, _flat(given))[0] if self._bends else learned.s @ _flat(given)
+        settle = {NEAR: push, FAR: tie.far_force(bent.reshape(shape))}
         far_moved = np.empty(shape)
         multiply(self._far, _flat(settle[FAR]), _flat(far_moved))
         replies = {
             NEAR: _settled(near, self._x[0], moved, near.seam_force, found, dt),
-            FAR: _settled(far, self._x[1], far_moved, forces - settle[FAR], forces, dt),
+            FAR: _settled(far, self._x[1], far_moved, tie.far_force(told_far), forces, dt),
         }
         self._leave(replies)
         return Linked(True, replies, settle, found, gap, exchanges)
+
+    def learn(self, change: Floats, moved: Floats) -> None:
+        """In a step the far side was told a multiplier that is another by `change` (s, 3) [N], and moved so [m]."""
+        if largest(moved) <= _SEEN * self._tolerance:
+            return
+        self._learned.learn(change.reshape(-1), moved.reshape(-1))
 
     def _leave(self, replies: Mapping[str, Advanced]) -> None:
         """The step ended so."""
@@ -202,7 +246,6 @@ class Link:
         least = _SEEN * self._tolerance
         if move > least:
             self._kappa_far = largest(self._tie.image(replies[FAR].seam_x) - image) / move
-            self._rough = self._rough + 1 if self._kappa_far > _ROUGH else 0
         if miss > least:
             self._kappa_near = largest(replies[NEAR].seam_x - x_near) / miss
 
@@ -210,7 +253,8 @@ class Link:
         """Everything that evolves but what the participants tell anew after a snapshot."""
         arrays = {f"line_{name}": array for name, array in self._line.to_arrays().items()}
         flags = [self._kappa_near, self._kappa_far, self._rough, self._age, self._least_age, self._skip, self._patience]
-        return arrays | {"link_x": self._x.copy(), "link_flags": np.array([*flags, self._can], dtype=np.float64)}
+        arrays["link_pairs"], arrays["link_x"] = self._learned.to_array(), self._x.copy()
+        return arrays | {"link_flags": np.array([*flags, self._can], dtype=np.float64)}
 
     def take(self, arrays: Mapping[str, Floats], far_compliance: Floats, stiffness: Floats | None) -> None:
         """Continue from `to_arrays`, with the far side's compliance and its inverse as they were then."""
@@ -223,7 +267,7 @@ class Link:
         self._least_age, self._skip, self._patience, self._can = int(least_age), int(skip), int(patience), bool(can)
         self._yield = np.zeros((0, 0))
         if stiffness is not None:
-            self._h, self._far, self._s = self._tie.far_compliance(far_compliance), far_compliance, stiffness
+            self._learned.take(self._know(far_compliance), stiffness, np.array(arrays["link_pairs"]))
 
 
 def _settled(reply: Advanced, x: Floats, moved: Floats, force: Floats, final: Floats, dt: float) -> Advanced:

@@ -140,12 +140,17 @@ class SeamLoop:
                 self._fresh = True
             self._dt = dt
         lambda_ = self._solver.predict(self.state)
-        if not (self._fresh or self._stale) and self.pace.parts == 1 and self._link.due():
-            if not self._link.worn and self._touched == (self._n_contacts > 0):
+        if self._condensable and self.pace.parts == 1 and self._link.due():
+            old = self._stiffness is None or self._stale or self._link.worn
+            if not old and self._touched == (self._n_contacts > 0):
                 return self._linked(ask, lambda_, may_cut)
-            far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True)})[FAR]
-            self._take_far(far, lambda_)
-            return self._condense(ask, lambda_, far, 1)
+            far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True, fields=False)})[FAR]
+            taken = self._take_far(far, lambda_)
+            if taken:
+                self._fresh, self._resumed = False, True
+            if taken and far.settles:
+                return self._linked(ask, lambda_, may_cut, far)
+            return self._unlinked(ask, lambda_, may_cut, 1, far)
         return self._unlinked(ask, lambda_, may_cut)
 
     def _unlinked(
@@ -193,22 +198,27 @@ class SeamLoop:
             raise SeamUnsettled
         return self._agree(replies, lambda_, answer.gap, before + self._most, "the sides' exchanges did not converge")
 
-    def _linked(self, ask: Ask, lambda_: Floats, may_cut: bool) -> SeamSolution:
-        """A step with both sides at once; where it does not work out, it goes on as one that is not linked."""
+    def _linked(self, ask: Ask, lambda_: Floats, may_cut: bool, far: Advanced | None = None) -> SeamSolution:
+        """A step with both sides at once, or with the near side first where the `far` one has answered to lambda_.
+
+        Where it does not work out, it goes on as one that is not linked.
+        """
         base = self._base
         assert base is not None
 
         def coupled(multiplier: Floats, anchor: Floats) -> SideRequest:
             return replace(self._coupled(multiplier, anchor, base), fields=False)
 
-        step = self._link.solve(ask, lambda_, self._dt, coupled, self._n_contacts)
+        before = 0 if far is None else 1
+        step = self._link.solve(ask, lambda_, self._dt, coupled, self._n_contacts, far)
+        exchanges = before + step.exchanges
         if not step.agreed:
             if _touches(step.replies):
                 self._condense_on()
-            return self._unlinked(ask, step.lambda_, may_cut, step.exchanges, step.replies[FAR])
+            return self._unlinked(ask, step.lambda_, may_cut, exchanges, step.replies[FAR])
         self._solver.commit(self.state, step.lambda_)
         self._n_contacts = step.replies[FAR].n_contacts
-        return SeamSolution(step.replies, step.lambda_, step.gap, step.exchanges, "", settle=step.settle)
+        return SeamSolution(step.replies, step.lambda_, step.gap, exchanges, "", settle=step.settle)
 
     def _condense_on(self) -> None:
         """Condense the near side in the steps to come, if it can be."""
@@ -243,6 +253,7 @@ class SeamLoop:
             far = ask({FAR: SideRequest(self._tie.far_force(found))})[FAR]
             exchanges += 2
             image = self._tie.image(far.seam_x)
+            self._link.learn(found - lambda_, image - anchor)
             gap = largest(near.seam_x - image)
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
@@ -298,15 +309,17 @@ class SeamLoop:
             gap = largest(self._tie.gap(near.seam_x, far.seam_x))
         return self._agree(replies, found, gap, exchanges, "the far side's contact jumps with the seam's force")
 
-    def _take_far(self, far: Advanced, lambda_: Floats) -> None:
-        """Keep the far side's answer to a request for its compliance."""
-        if far.compliance.size:
+    def _take_far(self, far: Advanced, lambda_: Floats) -> bool:
+        """Keep the far side's answer to a request for its compliance; whether there is one."""
+        taken = far.compliance.size > 0 and bool(np.isfinite(far.compliance).all())
+        if taken:
             self._far_compliance = far.compliance
             self._base = stiffness_of(self._tie.far_compliance(far.compliance))
             self._stiffness, self._used = self._base.copy(), self._base
             self._touched = far.n_contacts > 0
             self._stale = False
             self._link.renew(far, self._base, lambda_)
+        return taken
 
     def _rebuild(self, replies: dict[str, Advanced], lambda_: Floats) -> None:
         near, far = replies[NEAR].compliance, replies[FAR].compliance

@@ -10,10 +10,10 @@ for implicit Euler, where v = (x - x0)/dt. On a free body the sum of M dv is dt 
 from __future__ import annotations
 
 from softseam_services.compiled_once import njit
-from softseam_services.fem.kernels.fronts import solve
+from softseam_services.fem.kernels.fronts import solve_seam
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def settle(model, tree, work, force, dt, x, v):
     """x and v (n, 3) <- eq. (1) for f = force (s, 3) [N], with the factor at hand; updated in place."""
     step = work.d
@@ -22,7 +22,7 @@ def settle(model, tree, work, force, dt, x, v):
         place = 3 * model.order[model.seam[s]]
         for i in range(3):
             step[place + i] += force[s, i]
-    solve(tree, work.values, step, work.factoring)
+    solve_seam(tree, work.values, step, work.factoring)
     for node in range(len(model.order)):
         place = 3 * model.order[node]
         if place >= 0:

@@ -151,7 +151,7 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
     return CONVERGED, total, count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model, tree, tools, tolerance, most, careful,
             work, memo, x, v, history_next, contact, wrench, out, seam_x, distance, derive, inverse):  # fmt: skip
     """One step from x0, v0, history, contact0 over dt; returns a status of `newton`.
