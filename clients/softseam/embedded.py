@@ -176,7 +176,8 @@ def compile_first(scene: Scene) -> None:
     if not isinstance(scene.body, BodySpec):
         return  # particles: few kernels, which compile in seconds
     near = scene.regions.near
-    models = sorted({scene.regions.default, *(() if near is None else (near.model,))})
+    goal = () if scene.regions.goal is None else ("fem",)  # whose kernels solve for the adjoint
+    models = sorted({scene.regions.default, *(() if near is None else (near.model,)), *goal})
     fresh = [model for model in models if never_compiled(model)]
     if fresh:
         if sys.stderr.isatty():

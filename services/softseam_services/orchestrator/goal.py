@@ -34,8 +34,10 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Fields
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Ints
+from softseam_services.body.errors import MeshError
 from softseam_services.body.region import build_region
-from softseam_services.fem.mesh_error import MeshError
+from softseam_services.fem.mesh_error import MeshError as MeshIndicator
+from softseam_services.fem.model import MOST_FACTORED
 from softseam_services.orchestrator.adjoint import Adjoint
 from softseam_services.orchestrator.goal_error import GoalError
 from softseam_services.orchestrator.grip import grips_by_phase
@@ -57,12 +59,19 @@ _SMALL_STRAINS = "linear"
 
 
 class Goal:
-    """One scene's goal; built once, what it needs of a cut with that cut. Raises MeshError for a probe outside."""
+    """One scene's goal; built once, what it needs of a cut with that cut.
+
+    Raises MeshError for a probe outside, and for a body whose matrix is too large to be factored.
+    """
 
     def __init__(self, scene: Scene, body: Body, tools: ToolSet) -> None:
         name = scene.regions.goal
         assert name is not None
-        self.name = name
+        if 3 * body.n_nodes > MOST_FACTORED:
+            raise MeshError(
+                f"regions.goal: {3 * body.n_nodes:,} unknowns, more than the {MOST_FACTORED:,} that the adjoint of a "
+                "goal is solved for: give a longer body.cell, or leave regions.goal out"
+            )
         self._scene, self._body, self._tools = scene, body, tools
         self._grip = next(iter(grips_by_phase(scene, tools, body.x_rest).values()), None)
         at = scene.probes.get(name)
@@ -147,7 +156,7 @@ class Goal:
         if not np.array_equal(cells, self._fine):
             region = build_region(self._body, cells, np.zeros(0, dtype=np.int32))
             self._fine, self._nodes = cells, region.nodes
-            self._mesh = MeshError(self._body, region, element)
+            self._mesh = MeshIndicator(self._body, region, element)
         other = np.ascontiguousarray(self._adjoint.stress(y)[cells])
         product = self._mesh.product(x[self._nodes], cauchy[cells], y[self._nodes], other)
         return MESH[element] * float(product.sum())
