@@ -179,3 +179,18 @@ def test_the_reference_is_refined_for_a_quantity_that_nearly_counts() -> None:
     assert choose(Goal(0.05), first(0.12), WANTED, Bench(runs), lambda: next(better, None)).choice.label == "middle"
     plan = choose(Goal(0.05), first(0.5), WANTED, Bench(runs), iter([]).__next__)
     assert plan.choice.label == "cheap", "what is out of reach is not waited for"
+
+
+def test_a_level_of_the_reference_is_a_run_like_others() -> None:
+    """Nothing of the sweep is accurate to 5 %: the reference is refined until one of its levels is; none is run again."""
+    bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.15), "dear": outcome(10.0, 0.1)})
+    better, levels = iter([reference(0.002)]), [(configuration("level 6", 5.0), outcome(5.0, 0.06))]
+
+    def refine() -> Reference | None:
+        levels.append((configuration("level 8", 20.0), outcome(20.0, 0.03)))
+        return next(better, None)
+
+    plan = choose(Goal(0.05), reference(), WANTED, bench, refine, lambda: levels)
+    assert plan.choice.label == "level 8" and "level 8" not in bench.asked and len(bench.asked) == 3
+    with pytest.raises(NoPlan, match="level 6 comes nearest"):
+        choose(Goal(0.05), reference(), WANTED, bench, levels=lambda: levels[:1])

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
 import softseam
+from softseam.chart.configurations import Frame, configurations
+from softseam.chart.reference import Ladder
 from softseam_protocol.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.messages import Advanced, BodyState
 from softseam_protocol.scene import Scene
@@ -256,3 +258,10 @@ def test_what_does_not_go_with_it_is_refused_by_name() -> None:
         Scene.model_validate({**pbd, "models": {"pbd": {"method": "leapfrog"}}})
     with pytest.raises(ValueError, match="says the same for both models"):
         Scene.model_validate({**pbd, "models": {"pbd": {"damping": {"stiffness": 1e-3}}}})
+
+
+def test_charts_and_plans_leave_out_what_refuses_it() -> None:
+    for time, least in ((0.0, "bdf2"), (1e-3, "midpoint")):
+        frame = Frame(clamped(time), np.full(3, 0.05))
+        assert Ladder("free", (), frame, ()).integrator == least
+        assert any("bdf2" in one.key for one in configurations(frame)) == (time == 0.0)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.configurations import Frame, fem_seconds, fem_settings
+from softseam.chart.configurations import Configuration, Frame, fem_one, fem_seconds, fem_settings, is_viscous
 from softseam.chart.errors import KNOWN, Truth, is_nothing, rms, scale_of
 from softseam.chart.measure import Outcome, Told, measure
 from softseam.chart.richardson import Limit, limit
@@ -37,7 +37,7 @@ ACROSS = (2, 3, 4, 6, 8, 12, 16)
 """cells along the body's shortest edge, level by level"""
 STEPS_AT = 3
 """cells along the shortest edge at which the step is refined"""
-HALVINGS = 5
+HALVINGS = 7
 """most halvings of the step"""
 CLEAR = 4
 """levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
@@ -105,7 +105,8 @@ class Ladder:
     def __init__(self, name: str | Path | Scene, settings: Sequence[str], frame: Frame, names: tuple[str, ...]) -> None:
         self._name, self._settings, self._frame, self._names = name, tuple(settings), frame, names
         # an undamped body swings on, which implicit Euler would have to resolve with very short steps
-        self.integrator = "implicit_euler" if frame.scene.tools else "bdf2"
+        free = "midpoint" if is_viscous(frame.scene) else "bdf2"
+        self.integrator = "implicit_euler" if frame.scene.tools else free
         self._store: Store | None = None
         self.done: dict[tuple[int, float], Outcome] = {}
         self.spent = 0.0
@@ -159,6 +160,14 @@ class Ladder:
         if found.status == "done":
             self.done[across, step] = found
         return found
+
+    def tried(self) -> list[tuple[Configuration, Outcome]]:
+        """Levels that are done, as configurations that a plan may choose: nothing else is as fine."""
+        frame, how = self._frame, self.integrator
+        return [
+            (fem_one(frame, frame.across(across), step, integrator=how), outcome)
+            for (across, step), outcome in sorted(self.done.items())
+        ]
 
     def cached(self, across: int, step: float) -> Outcome | None:
         """A level that was computed before."""

@@ -124,7 +124,7 @@ def _search(
                 store.write(configuration.key, outcome.as_json())
             return outcome
 
-        return choose(goal, reference, wanted, run, lambda: next(levels, None))
+        return choose(goal, reference, wanted, run, lambda: next(levels, None), ladder.tried)
 
 
 def finer(ladder: Ladder, frame: Frame, tolerance: float, budget: float, watch: Watch) -> Iterator[Reference]:

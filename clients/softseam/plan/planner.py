@@ -8,7 +8,7 @@ errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -127,6 +127,7 @@ def choose(
     wanted: Sequence[Configuration],
     measure: Measure,
     refine: Callable[[], Reference | None] = lambda: None,
+    levels: Callable[[], Iterable[tuple[Configuration, Outcome]]] = tuple,
 ) -> Plan:
     """The fastest configuration that is accurate enough.
 
@@ -135,9 +136,11 @@ def choose(
 
     measure  called at most once for each configuration
     refine   a reference that is known better than the last, or None where there is none
+    levels   the reference's levels so far and what became of them: runs like others, and finer than all that is wanted
 
     Raises NoPlan where none is accurate enough, or none of those fast enough; its text names the nearest.
     """
+    every = {one.key: one for one in wanted}
     kept: dict[str, Outcome] = {}
 
     def once(configuration: Configuration) -> Outcome:
@@ -147,14 +150,16 @@ def choose(
 
     while True:
         plan, why = None, None
+        for one, outcome in levels():
+            every[one.key], kept[one.key] = one, outcome
         try:
-            plan = _fastest(goal, reference, wanted, once)
+            plan = _fastest(goal, reference, list(every.values()), once)
         except NoPlan as error:
             why = error
         least = 0.0 if plan is None else FASTER * plan.choice.rtf
         open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal))
         vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance or _in_reach(reference, goal.tolerance)
-        better = refine() if vague or any(open_ones) else None
+        better = refine() if plan is None or vague or any(open_ones) else None
         if better is not None:
             reference = better
         elif plan is None:
