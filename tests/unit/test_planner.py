@@ -182,7 +182,7 @@ def test_the_reference_is_refined_for_a_quantity_that_nearly_counts() -> None:
 
 
 def test_a_level_of_the_reference_is_a_run_like_others() -> None:
-    """Nothing of the sweep is accurate to 5 %: the reference is refined until one of its levels is; none is run again."""
+    """Nothing of the sweep is accurate to 5 %: the reference is refined until a level is; none is run again."""
     bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.15), "dear": outcome(10.0, 0.1)})
     better, levels = iter([reference(0.002)]), [(configuration("level 6", 5.0), outcome(5.0, 0.06))]
 
