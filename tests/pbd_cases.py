@@ -24,14 +24,21 @@ BONDED = {0.05: 4.91716, 0.15: 16.2662}
 """force on a plate at these squeezes [N], the second within 0.4 %"""
 
 
-def newton(run: PbdRun, x: Floats, free: NDArray[np.bool_], load: Floats | float, grid: Ints | None = None) -> Floats:
-    """Where the blocks' forces balance `load` on the free coordinates (n, 3); grid (n, 3) as in `node_grid`."""
+def newton(
+    run: PbdRun,
+    x: Floats,
+    free: NDArray[np.bool_],
+    load: Floats | float,
+    grid: Ints | None = None,
+    reach: int = BLOCK_REACH,
+) -> Floats:
+    """Where the blocks' forces balance `load` on the free coordinates (n, 3); grid and reach as in `stiffness`."""
     force, grid = block_force(run.solver), node_grid(run.body) if grid is None else grid
     step, kept = 1e-6 * float(run.body.edges.min()), np.flatnonzero(free.ravel())
     for n in range(30):
         share = min(1.0, 0.25 * (n + 1))
         residual = (force(x) + share * np.broadcast_to(load, x.shape)).ravel()[kept]
-        matrix = stiffness(force, x, grid, BLOCK_REACH, step)[kept][:, kept].tocsc()
+        matrix = stiffness(force, x, grid, reach, step)[kept][:, kept].tocsc()
         move = splu(matrix).solve(residual)
         x.reshape(-1)[kept] += move
         if share == 1.0 and np.abs(move).max() < 1e-9:

@@ -36,11 +36,13 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     try:
         from softseam_services.body.check import check_body
         from softseam_services.body.particles import ParticleBody
+        from softseam_services.pbd.levels import coarse_cells
         from softseam_services.server import build_setup
     except ImportError as error:
         raise missing_extra(error, "checking a mesh") from error
     with translated():
-        built = build_setup(bundle).body
+        setup = build_setup(bundle)
+    built = setup.body
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_row("scene", f"{scene.name}  (hash {scene_hash(bundle)[:12]})")
@@ -70,6 +72,10 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
+    if scene.models.pbd.coarse is not None:
+        coarse = coarse_cells(built, scene.models.pbd.coarse, setup.tools)
+        blocks = f"{int(coarse.sum())} of {body.n_cells} cells are one block where pbd has them, not eight"
+        table.add_row("coarse", blocks)
     table.add_row("steps", _steps(scene))
     console.print(table)
     for warning in (*body.warnings, *_stiff_for_pbd(scene, built)):

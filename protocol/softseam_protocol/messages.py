@@ -154,6 +154,10 @@ class Configured:
     """substeps a step that the participant takes (1 for FEM)"""
     strain: float = 0.0
     """strain energy of the state it begins with [J]"""
+    kinetic: float = 0.0
+    """kinetic energy of that state, with the masses of the model that has it now [J]"""
+    gravity: float = 0.0
+    """its energy in gravity, likewise [J]"""
 
 
 @quickly_made

@@ -256,6 +256,8 @@ class Scene(Spec):
             raise wrong(f"{have}: leapfrog moves cells, use xpbd", "models", "pbd", "method")
         if self.models.pbd.residual is not None:
             raise wrong(f"{have}: only blocks have a residual, leave it out", "models", "pbd", "residual")
+        if self.models.pbd.coarse is not None:
+            raise wrong(f"{have}: leave it out", "models", "pbd", "coarse")
         if self.models.pbd.damping != DampingSpec():
             raise wrong(f"{have}: say body.damping", "models", "pbd", "damping")
         if self.regions.default != "pbd":
@@ -301,6 +303,16 @@ class Scene(Spec):
                 place = ("quantities", self.quantities.index("model_error"))
                 raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)
         self._has_goal(own or (isinstance(body.shape, BlockShape) and body.shape.graded))
+        if self.models.pbd.coarse is not None and "pbd" in models:
+            if self.regions.goal is not None:
+                said = "errors of a goal are told of cells of eight blocks"
+                raise wrong(f"{said}: leave out models.pbd.coarse, or goal", "regions", "goal")
+            said = "the model error of pbd is measured on cells of eight blocks"
+            if near and near.error is not None:
+                raise wrong(f"{said}: leave out regions.near.error, or models.pbd.coarse", "regions", "near", "error")
+            if "model_error" in self.quantities:
+                place = ("quantities", self.quantities.index("model_error"))
+                raise wrong(f"{said}: leave out this quantity, or models.pbd.coarse", *place)
         if isinstance(body.shape, BlockShape):
             self._known(body.shape.towards, "body", "shape", "towards")
             tool_borders(body.shape.size, body.position, self.tools, body.shape.towards)

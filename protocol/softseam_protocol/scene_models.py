@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from softseam_protocol.kinds import VISCOUS_INTEGRATORS, ElementKind, IntegratorKind
-from softseam_protocol.spec import NonNegative, Positive, Spec, wrong
+from softseam_protocol.spec import BoxRegion, NonNegative, Positive, Spec, wrong
 
 
 class FemSpec(Spec):
@@ -76,6 +76,23 @@ class DampingSpec(Spec):
     )
 
 
+class CoarseSpec(Spec):
+    """Which cells of PBD are one block in place of eight, on the cell's corners; FEM's cells stay as they are."""
+
+    beyond: NonNegative | None = Field(
+        default=None,
+        description="cells further than this from where the tools that move are at the start; without such tools all "
+        "cells are [m]",
+    )
+    boxes: tuple[BoxRegion, ...] = Field(default=(), description="and cells with their centre in a box")
+
+    @model_validator(mode="after")
+    def _some(self) -> CoarseSpec:
+        if self.beyond is None and not self.boxes:
+            raise wrong("say which cells are coarse: beyond (a distance to tools) or boxes")
+        return self
+
+
 class PbdSpec(Spec):
     """Settings of the PBD participant."""
 
@@ -98,6 +115,9 @@ class PbdSpec(Spec):
     )
     damping: DampingSpec = Field(default=DampingSpec(), description="of bodies in cells")
     hourglass: Literal["physical", "fitted"] = "physical"
+    coarse: CoarseSpec | None = Field(
+        default=None, description="cells that are one block in place of eight; default: none is"
+    )
 
     @model_validator(mode="after")
     def _sweeps(self) -> PbdSpec:

@@ -73,19 +73,21 @@ def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
         return _particle_solver(setup, setup.body, request)
     region = build_region(setup.body, request.cells, request.seam_nodes, request.owns_seam_points)
     solver: Solver
-    substeps = 1
+    moving, substeps = (0.0, 0.0), 1
     if request.model == "fem":
         from softseam_services.fem.solver import FemSolver
 
-        solver = FemSolver(setup.scene, setup.body, region, setup.tools, request.state)
+        fem = FemSolver(setup.scene, setup.body, region, setup.tools, request.state)
+        solver, moving = fem, fem.moving
     elif request.model == "pbd":
         from softseam_services.pbd.solver import PbdSolver
 
         pbd = PbdSolver(setup.scene, setup.body, region, setup.tools, request.state)
-        solver, substeps = pbd, pbd.substeps
+        solver, moving, substeps = pbd, pbd.moving, pbd.substeps
     else:
         raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
-    return solver, Configured(request.header, len(region.nodes), len(region.cells), substeps, solver.strain)
+    n_nodes, n_cells = len(region.nodes), len(region.cells)
+    return solver, Configured(request.header, n_nodes, n_cells, substeps, solver.strain, *moving)
 
 
 def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tuple[Solver, Configured]:

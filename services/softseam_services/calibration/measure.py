@@ -95,13 +95,18 @@ class Shown:
 
 
 class Bench:
-    """A body ready to be let go with any setting. Raises ValueError for bodies beyond MOST_CELLS."""
+    """A body ready to be let go with any setting. Raises ValueError for bodies beyond MOST_CELLS, or coarse ones."""
 
     def __init__(self, scene: Scene, body: Body) -> None:
         if body.n_cells > MOST_CELLS:
             raise ValueError(
                 f"calibrating takes bodies of at most {MOST_CELLS} cells, this one has {body.n_cells}: "
                 "coarsen it with --set body.cell=..., the losses follow from frequency and substep alone"
+            )
+        if scene.models.pbd.coarse is not None:
+            raise ValueError(
+                "calibrating compares PBD with finite elements node by node, which cells of one block do not have: "
+                "leave out models.pbd.coarse"
             )
         self._step = scene.step
         self.scene = scene.model_copy(update={"tools": {}, "motion": (), "gravity": (0.0, 0.0, 0.0)})

@@ -118,6 +118,13 @@ class FemSolver:
         """Strain energy of the last advanced step [J]."""
         return float(strain_energy(self.state.x, self._model, self._work))
 
+    @property
+    def moving(self) -> tuple[float, float]:
+        """Kinetic energy, and that in gravity, of the last advanced step [J]."""
+        model, state = self._model, self.state
+        sunk = (state.x - model.x_rest) @ model.acceleration
+        return 0.5 * float(model.mass @ (state.v * state.v).sum(axis=1)), -float(model.mass @ sunk)
+
     def advance(self, request: Advance) -> Advanced:
         """Advance tentatively by request.dt; a new step number commits the tentative step before it."""
         began = time.perf_counter()

@@ -152,12 +152,11 @@ class Accounts:
         """A switch's change of energy [J] over the body's [1]; beyond `SWITCH_LIMIT` it is better not made."""
         return self._book.share_of_switch(self.ledger, change)
 
-    def switched(self, kinetic_change: float, strain: float) -> None:
-        """Regions switched after the last step.
-
-        kinetic_change  of the kinetic energy [J]
-        strain          energy of the models that hold the body now [J]
-        """
-        if self.ledger is not None:
-            last = self.ledger.last
-            self._book.switched(self.ledger, Energies(last.kinetic + kinetic_change, strain, last.gravity))
+    def switched(self, energies: Energies) -> float:
+        """Regions switched after the last step, and the models that hold the body now have these energies; by how much
+        the kinetic one changed [J]."""
+        if self.ledger is None:
+            return 0.0
+        change = energies.kinetic - self.ledger.last.kinetic
+        self._book.switched(self.ledger, energies)
+        return change

@@ -6,7 +6,7 @@ most of a run's time goes:
   FEM   ITERATIONS of forces and a solve, and FACTORS factorisations: the cells' matrices, nested dissection of the
         region (times of the order of its unknowns to the power 1.95, fitted from 216 to 3993 unknowns) and the dense
         front of the seam's unknowns
-  PBD   eight blocks a cell in each sweep of each substep
+  PBD   eight blocks a cell, or one of coarse ones, in each sweep of each substep
 
 and CALL for a call of either. The choice must be the same on every machine and in every replay: so nothing is timed
 while a simulation runs, and the constants were measured once (docs/decisions/0029).
@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene_models import ModelsSpec, PbdSpec
@@ -50,12 +51,16 @@ DENSE = 1.0 / 3.0 / 15e3
 """dense factor of n unknowns: DENSE n^3 [us], at 15 GFLOP/s"""
 BLOCK = 0.1
 """a block of PBD, sweep and substep [us]"""
-SWING, PARTLY = 1.87, 1.15
-"""omega_max of blocks with edges l is SWING c_p |1/l|, and PARTLY times that where the body fills cells in part [1]"""
+SWING, PARTLY, EVEN = 1.87, 1.15, 0.77
+"""omega_max of blocks with edges l is SWING c_p |1/l|, and PARTLY times that where the body fills cells in part, EVEN
+times where each cell is one block: its nodes have even masses [1]"""
 
 
-def step_cost(body: Body, sides: Sides, models: ModelsSpec, dt: float, touched: bool) -> float:
-    """Cost of one step of length dt [s] cut like this [us]; touched: there are tools."""
+def step_cost(
+    body: Body, sides: Sides, models: ModelsSpec, dt: float, touched: bool, coarse: NDArray[np.bool_]
+) -> float:
+    """Cost of one step of length dt [s] cut like this [us]; touched: there are tools; coarse (C,): cells that PBD takes
+    as one block."""
     force, matrix = DEARER[models.fem.element]
     seam = 3 * len(sides.seam)
     cost = 0.0
@@ -66,15 +71,17 @@ def step_cost(body: Body, sides: Sides, models: ModelsSpec, dt: float, touched: 
             cost += n_cells * (ITERATIONS * (ITERATION + force) + FACTORS * (ASSEMBLY + matrix))
             cost += FACTORS * (FACTOR * (3 * sides.n_nodes[name]) ** 1.95 + DENSE * seam**3)
         else:
-            cost += 8 * n_cells * BLOCK * models.pbd.sweeps * substeps(body, models.pbd, dt, touched)
+            n_coarse = int(np.count_nonzero(coarse[sides.cells[name]]))
+            count = substeps(body, models.pbd, dt, touched, n_coarse == n_cells)
+            cost += (8 * n_cells - 7 * n_coarse) * BLOCK * models.pbd.sweeps * count
     return cost * (EXCHANGES if len(sides.models) > 1 else 1.0)
 
 
-def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool) -> int:
+def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool, whole: bool = False) -> int:
     """Substeps that PBD takes, as the scene has them or expected by PBD's own rule, omega_max h <= its limit.
 
     omega_max takes the blocks of a region; here it is estimated from their size, so that the number is the same for
-    every cut. On the scenes that come along it is the same as PBD's or next to it.
+    every cut. On the scenes that come along it is the same as PBD's or next to it. whole: each cell is one block
     """
     if spec.substeps != "auto":
         return spec.substeps
@@ -85,6 +92,8 @@ def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool) -> int:
         limit = min(float(np.interp(material.elastic.poisson, *table)) for material in body.materials)
         limit *= TWO_SWEEPS if spec.sweeps > 1 else 1.0
     frequency = SWING * body.wave_speed * float(np.linalg.norm(2.0 / body.edges))
+    if whole:
+        frequency *= 0.5 * EVEN
     if (body.fill < 1.0).any():
         frequency *= PARTLY
     rate, damped = frequency / limit, body.material.retardation_time or spec.damping.stiffness

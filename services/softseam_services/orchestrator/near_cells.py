@@ -20,6 +20,7 @@ from softseam_services.body.body import Body
 from softseam_services.orchestrator.cost import step_cost
 from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.orchestrator.urgency import Urgency
+from softseam_services.pbd.levels import coarse_cells
 from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.tool_set import ToolSet
 
@@ -54,6 +55,7 @@ class NearCells:
         self._far_model, self._models, self._dt = scene.regions.default, scene.models, scene.step
         self._spares = near is not None and near.split == "when_cheaper" and not self._fixed
         self._spares = self._spares and (self.model, self._far_model) == ("fem", "pbd")
+        self._coarse = coarse_cells(body, scene.models.pbd.coarse, tools)
         self._alone = self._cost(np.ones(body.n_cells, dtype=np.bool_)) if self._spares else 0.0
         self.reset()
 
@@ -165,7 +167,7 @@ class NearCells:
     def _cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""
         sides = cut(self._body, near, self.model, self._far_model)
-        return step_cost(self._body, sides, self._models, self._dt, touched=len(self._tools.names) > 0)
+        return step_cost(self._body, sides, self._models, self._dt, len(self._tools.names) > 0, self._coarse)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """What evolves, for a snapshot."""

@@ -10,6 +10,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.ledger import Energies
 from softseam_protocol.messages import (
     Advance,
     Advanced,
@@ -199,8 +200,8 @@ class Regions:
             self._watch.reset()
         self._configure(*self._tied(), state)
 
-    def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> tuple[float, float] | None:
-        """Let the cut follow the scene's rule after a step; what a switch did (see `switch`), None where none was made.
+    def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
+        """Let the cut follow the scene's rule after a step; the energies after a switch, None where none was made.
 
         A switch that would change the energy by more than its share is taken back, bit for bit, and tried again later.
         """
@@ -212,7 +213,7 @@ class Regions:
             return None
         seam, states = self.seam_arrays(), self.snapshot()
         done = self.switch()
-        change = done[0] + done[1] - sum(reply.strain for reply in replies.values())
+        change = done.total - sum(reply.kinetic + reply.strain + reply.gravity for reply in replies.values())
         share = self._accounts.share_of_switch(change)
         cost = f"{reason}; energy {change:+.2g} J, {100.0 * share:.2g} %"
         if share <= SWITCH_LIMIT:
@@ -250,17 +251,17 @@ class Regions:
             self._watch.take(arrays)
         self.near.take(arrays)
 
-    def switch(self) -> tuple[float, float]:
-        """Cut the body anew; by how much that changed the kinetic energy, and the strain energy from now on [J]."""
+    def switch(self) -> Energies:
+        """Cut the body anew; its energies from now on."""
         old, fields, body = self.sides, self.observe(), self._body
         assert isinstance(body, Body)  # others are not divided
-        state, kinetic_change = merged_state(body, old, fields)
+        state = merged_state(body, old, fields)
         cauchy = np.empty((body.n_cells, 8, 6))
         for name, side in fields.items():
             cauchy[old.cells[name]] = side.cauchy
-        strain = self._configure(*self._tied(state, cauchy), state)
+        energies = self._configure(*self._tied(state, cauchy), state)
         self._release(set(old.names) - set(self.sides.names))
-        return kinetic_change, strain
+        return energies
 
     def _tied(self, state: BodyState | None = None, cauchy: Floats | None = None) -> tuple[Sides, SeamScheme | None]:
         """The sides of the present near cells, and what ties them where they share nodes.
@@ -279,8 +280,8 @@ class Regions:
             first = first_multiplier(body, sides, state, cauchy, tie, functions)
         return sides, build_scheme(scene.seam, self._solver, body, sides, tie, first)
 
-    def _configure(self, sides: Sides, loop: SeamScheme | None, state: BodyState | None) -> float:
-        """Build both sides in a new epoch; their strain energy [J]."""
+    def _configure(self, sides: Sides, loop: SeamScheme | None, state: BodyState | None) -> Energies:
+        """Build both sides in a new epoch; the energies that they begin with."""
         self._clock.epoch += 1
         self._n_asked, self._under_way = -1, False
         self._settle = {}
@@ -299,7 +300,12 @@ class Regions:
                 for name in sides.names
             }
         )
-        return sum(reply.strain for reply in replies.values() if isinstance(reply, Configured))
+        begun = [reply for reply in replies.values() if isinstance(reply, Configured)]
+        return Energies(
+            sum(reply.kinetic for reply in begun),
+            sum(reply.strain for reply in begun),
+            sum(reply.gravity for reply in begun),
+        )
 
     def close(self) -> None:
         """Release the participants and the transport."""

@@ -84,8 +84,8 @@ def resting_state(body: AnyBody) -> BodyState:
     )
 
 
-def merged_state(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> tuple[BodyState, float]:
-    """One state of the whole body out of its sides', and by how much merging changed the kinetic energy [J]."""
+def merged_state(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> BodyState:
+    """One state of the whole body out of its sides'."""
     empty = Side(np.zeros(0, np.int32), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
     parts = {
         name: Side(side.nodes, side_mass(body, sides.cells[name])[side.nodes], side.x, side.v)
@@ -93,7 +93,7 @@ def merged_state(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> tupl
     }
     merged = merge_sides(parts.get(NEAR, empty), parts.get(FAR, empty), body.n_nodes, body.fixed)
     force, tool = contact_state(body, fields)
-    return BodyState(merged.x, merged.v, force, tool), merged.kinetic_change
+    return BodyState(merged.x, merged.v, force, tool)
 
 
 def whole_frame(

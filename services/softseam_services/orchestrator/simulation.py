@@ -212,7 +212,7 @@ class Simulation:
         )
         if switched is not None:
             self._frame = None
-            self._accounts.switched(*switched)
+            self._accounts.switched(switched)
         self._warn(replies)
         if estimate is not None and estimate.too_large:
             self._event("accuracy", f"step {self._clock.step - 1}: estimated error of {estimate.text}")
@@ -244,10 +244,9 @@ class Simulation:
     def set_near(self, near: NDArray[np.bool_]) -> float:
         """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
         self._regions.near.mask = near
-        kinetic_change, strain = self._regions.switch()
+        energies = self._regions.switch()
         self._frame = None
-        self._accounts.switched(kinetic_change, strain)
-        return kinetic_change
+        return self._accounts.switched(energies)
 
     def close(self) -> None:
         """Release the participants and the transport."""

@@ -122,7 +122,7 @@ class Trust:
         for name, side in fields.items():
             cells = sides.cells[name]
             judged = self._whole[cells]
-            if sides.models[name] == "pbd" and not self._body.boxes:
+            if sides.models[name] == "pbd" and not (self._body.boxes and self._scene.models.pbd.coarse is None):
                 judged = np.zeros_like(judged)
             strain += float(side.cell_energy.sum())
             whole += float(side.cell_energy[judged].sum())
@@ -161,6 +161,8 @@ class Trust:
             cells = "cells that one material fills"
             if self._body is not None and not self._body.boxes:
                 cells += ", and for pbd are boxes of one size"
+            elif self._scene.models.pbd.coarse is not None:
+                cells += ", and for pbd are eight blocks (leave out models.pbd.coarse)"
             text = f"not known: {_percent(judged)} of the strain energy is in {cells}"
             return ErrorEstimate(time, mesh, model, 0.0, judged, text, False)
         parts = [f"{what} {_percent(error)}" for what, error in (("mesh", mesh), ("model", model)) if error > 0.0]

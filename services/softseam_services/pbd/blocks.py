@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.lattice import OCTANT_NODES
 
 from .forms import SIGNS, build_forms
 from .hourglass import block_constants
 from .kernels.block import Constants
 from .kernels.form import N_FORM
 from .kernels.lanes import LANES
+from .levels import Levels, build_levels
 from .particles.kernels.coloring import MOST_COLORS, color_tiles
 
 Longs = NDArray[np.int64]
@@ -35,7 +35,7 @@ class Blocks:
     volume: Floats
     """fill times volume, 0 for padding (n_batches, 4 lanes) [m^3]"""
     octant: Ints
-    """8 cell + octant of each lane, -1 for padding (n_batches, 4 lanes)"""
+    """8 cell + octant of each lane, 8 cell where it is the whole cell, -1 for padding (n_batches, 4 lanes)"""
     colours: Ints
     """where the batches of each colour begin, and the end (c + 1,)"""
     edges: Floats
@@ -51,16 +51,26 @@ class Blocks:
         return len(self.nodes)
 
 
-def build_blocks(body: Body, region: Region, hourglass: str, only: Ints | None = None) -> Blocks:
-    """Colour the filled octants of the region's cells; `only` restricts them to these ids 8 cell + octant."""
-    edges = body.edges / 2.0
+def build_blocks(
+    body: Body, region: Region, hourglass: str, levels: Levels | None = None, only: Ints | None = None
+) -> Blocks:
+    """Colour the filled octants of the region's cells, and its coarse cells; `only` restricts them to these ids."""
+    if levels is None:
+        levels = build_levels(region, np.zeros(len(region.cells), dtype=np.bool_))
+    coarse = levels.coarse
+    whole = bool(coarse.all())
+    boxes = body.boxes and (whole or not coarse.any())
+    edges = body.edges if whole else body.edges / 2.0
     fill = body.fill[region.cells].ravel()
-    ids = np.flatnonzero(fill > 0.0)
+    ids = np.flatnonzero((fill > 0.0) & ((np.arange(len(fill)) % 8 == 0) | ~np.repeat(coarse, 8)))
     if only is not None:
         ids = np.intersect1d(ids, only)
-    ids_nodes = region.cell_nodes[ids // 8][np.arange(len(ids))[:, None], OCTANT_NODES[ids % 8]]
-    # The place of an octant in the lattice is 2 grid + (i, j, k), so its parity is (i, j, k): colour = octant.
-    colour = ids % 8 if body.boxes else _colours(ids, ids_nodes, len(region.nodes))
+    ids_nodes, weight = levels.block_nodes(region, ids)
+    if boxes and whole:
+        colour = (body.cell_grid[region.cells[ids // 8]] & 1) @ np.array([1, 2, 4])
+    else:
+        # The place of an octant in the lattice is 2 grid + (i, j, k), so its parity is (i, j, k): colour = octant.
+        colour = ids % 8 if boxes else _colours(ids, ids_nodes, len(region.nodes))
     material = body.octant_material[region.cells].ravel()[ids]
     lanes: list[Longs] = []
     ends, numbers = [0], []
@@ -77,18 +87,20 @@ def build_blocks(body: Body, region: Region, hourglass: str, only: Ints | None =
     nodes[...] = len(region.nodes) + np.arange(8)
     nodes[real] = ids_nodes[order[real]]
     padding_x = 0.5 * (1.0 + SIGNS) * edges
-    if body.boxes:
+    if boxes:
         volume = fill[ids] * edges.prod()
         table = np.stack([block_constants(each, edges, hourglass) for each in body.materials])
         constants = Constants(table, np.array(numbers, dtype=np.int32))
     else:
         x = np.concatenate([body.x_rest[region.nodes[ids_nodes]], padding_x[None]])
+        if weight is not None:
+            weight = np.concatenate([weight, np.eye(8)[None]])
         forms, volume = np.empty((len(x), N_FORM)), np.empty(len(x))
         material = np.append(material, 0)
         for number, of in enumerate(body.materials):
             mine = material == number
-            forms[mine], volume[mine] = build_forms(x[mine], of, hourglass)
-        volume[-1] = 0.0
+            forms[mine], volume[mine] = build_forms(x[mine], of, hourglass, None if weight is None else weight[mine])
+        volume = volume * np.append(fill[ids], 0.0)
         table = np.ascontiguousarray(forms[order].transpose(0, 2, 1))
         constants = Constants(table, np.arange(len(order), dtype=np.int32))
     return Blocks(

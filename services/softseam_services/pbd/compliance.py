@@ -39,7 +39,7 @@ class SeamProbe:
     """The blocks within some layers of the seam, numbered on their own."""
 
     def __init__(self, model: PbdModel, dt: float) -> None:
-        region = model.region
+        region, levels = model.region, model.levels
         # Damping by stiffness spreads news within the step as a longer one would: sqrt(b dt) is how far, over c_p.
         reached_in = np.sqrt(dt * (dt + model.spec.damping.stiffness))
         way = reached_in * model.body.wave_speed / float(model.blocks.edges.min())
@@ -48,21 +48,21 @@ class SeamProbe:
         octants = model.blocks.octant.ravel()
         all_nodes, octants = all_nodes[octants >= 0], octants[octants >= 0]
         reached = np.zeros(model.n_nodes, dtype=np.bool_)
-        reached[region.seam] = True
+        reached[model.seam] = True
         inside = np.zeros(len(all_nodes), dtype=np.bool_)
         for _ in range(layers):
             inside = reached[all_nodes].any(axis=1)
             reached[all_nodes[inside]] = True
-        blocks = build_blocks(model.body, region, model.spec.hourglass, only=octants[inside])
+        blocks = build_blocks(model.body, region, model.spec.hourglass, levels, octants[inside])
         used = blocks.nodes < model.n_nodes
-        ids = np.unique(np.concatenate([blocks.nodes[used], region.seam]))
+        ids = np.unique(np.concatenate([blocks.nodes[used], model.seam]))
         number = np.full(model.n_nodes + 8, -1, dtype=np.int32)
         number[ids] = np.arange(len(ids))
         number[model.n_nodes :] = len(ids) + np.arange(8)
         held = np.zeros(model.n_nodes, dtype=np.bool_)
         held[all_nodes[~inside]] = True
-        held[region.seam] = False
-        outside = np.ones(model.n_nodes, dtype=np.bool_)
+        held[model.seam] = False
+        outside = ~levels.hangs
         outside[ids] = False
         left_out, edge = np.flatnonzero(outside), np.flatnonzero(held & ~outside)
         clamped = bool((model.inverse_mass[np.concatenate([left_out, edge])] == 0.0).any())
@@ -70,8 +70,8 @@ class SeamProbe:
         """nodes that are probed (k,)"""
         self.beyond = left_out[: 0 if clamped else len(left_out)].astype(np.int32)
         """free nodes that are not, and go along with the nodes at which they begin"""
-        mass = region.mass[edge]
-        lighter = 0.0 if clamped else mass.sum() / (mass.sum() + region.mass[left_out].sum()) if len(edge) else 1.0
+        mass = model.mass[edge]
+        lighter = 0.0 if clamped else mass.sum() / (mass.sum() + model.mass[left_out].sum()) if len(edge) else 1.0
         inverse_mass = np.where(held, lighter * model.inverse_mass, model.inverse_mass)[ids]
         self._edge = number[edge[: 0 if clamped else len(edge)]]
         self._share_of_edge = mass[: len(self._edge)] / max(mass.sum(), 1e-300)
@@ -80,7 +80,7 @@ class SeamProbe:
         nodes = number[blocks.nodes]
         padded = np.concatenate([model.inverse_mass[ids], np.zeros(8)])
         self._arrays = block_arrays(blocks, nodes, np.ascontiguousarray(8.0 * padded[nodes].max(axis=1)))
-        self._seam = number[region.seam]
+        self._seam = number[model.seam]
         # Points that follow nodes of the probed blocks only.
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
         astray = np.zeros(model.n_points, dtype=np.bool_)
@@ -130,7 +130,8 @@ class SeamProbe:
 
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
         contacts stay as they are, tools stand still. Equal to the derivative of the step up to the motion within it.
-        Also d(x, v)/d(seam force) of every probed node, and last of `beyond` (3s, 2, k + 1, 3), where `keeps_ways`.
+        Also d(x, v)/d(force) of every probed node, and last of `beyond` (3m, 2, k + 1, 3), where `keeps_ways`: forces
+        on the nodes m that the seam follows, which are the seam's own where none of them hangs.
         """
         blocks, dt = self._blocks, self._dt
         seam_mass = self._xw[self._seam, 3]
@@ -151,4 +152,10 @@ class SeamProbe:
             *(np.array([0, blocks.n_batches], dtype=np.int32), self._crew, self._ws),
             *(self._edge, self._share_of_edge, result, ways),
         )
+        weight = self._model.seam_weight
+        if weight is not None:
+            # What a node of the region's seam feels and shows goes by the nodes that it follows: H = W H_m W^T.
+            by_node = result.reshape(n_seam, 3, n_seam, 3)
+            size = 3 * len(weight)
+            result = np.einsum("sm,manb,tn->satb", weight, by_node, weight, optimize=True).reshape(size, size)
         return result, ways

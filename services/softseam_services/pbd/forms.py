@@ -40,9 +40,17 @@ def mean_slopes(x: Floats) -> tuple[Floats, Floats]:
     return slopes / volume[:, None, None], volume
 
 
-def build_forms(x: Floats, material: Material, hourglass: str) -> tuple[Floats, Floats]:
-    """Forms (n, N_FORM) and volumes (n,) [m^3] of blocks of one material with nodes x (n, 8, 3) [m] at rest."""
-    slopes, volume = mean_slopes(x)
+def build_forms(x: Floats, material: Material, hourglass: str, weight: Floats | None = None) -> tuple[Floats, Floats]:
+    """Forms (n, N_FORM) and volumes (n,) [m^3] of blocks of one material with nodes x (n, 8, 3) [m] at rest.
+
+    weight (n, 8, 8): what each node gives to each of the block's corners where some of these hang, see `levels`; the
+    hourglass stiffness is then that of the hexahedron of the nodes.
+    """
+    if weight is None:
+        slopes, volume = mean_slopes(x)
+    else:
+        slopes, volume = mean_slopes(weight @ x)
+        slopes = weight.transpose(0, 2, 1) @ slopes
     gram = np.einsum("nip,niq->npq", slopes, slopes)
     if material.number != LINEAR:
         turn = _axes(gram)

@@ -17,6 +17,7 @@ from .blocks import Blocks, build_blocks
 from .kernels.block import new_workspace
 from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
 from .kernels.frequency import highest_frequency
+from .levels import Levels, build_levels, coarse_cells
 
 KAPPA = 0.5
 """share of the largest local compliance that the local solve counts with; 0.5 to 0.6 gave the longest stable substeps
@@ -44,9 +45,16 @@ class PbdModel:
     region: Region
     tools: ToolSet
     spec: PbdSpec
+    levels: Levels
     blocks: Blocks
+    mass: Floats
+    """of nodes, those that hang have given theirs away (n,) [kg]"""
     inverse_mass: Floats
     """0 for clamped nodes and nodes without mass (n,) [1/kg]"""
+    seam: Ints
+    """nodes that the region's seam follows (m,)"""
+    seam_weight: Floats | None
+    """what each of these gives to each node of the region's seam (s, m); None where they are the same"""
     softness: Floats
     """8 times the largest inverse mass of each block's nodes (n_batches, 4) [1/kg]"""
     x_rest: Floats
@@ -91,6 +99,10 @@ class PbdModel:
         rate = self.frequency / limit
         return max(1, int(np.ceil(dt * rate * max(1.0, rate * self.spec.damping.stiffness) - 1e-9)))
 
+    def seam_force(self, force: Floats) -> Floats:
+        """Forces (s, 3) [N] on the region's seam as forces on the nodes that it follows (m, 3); (0, 3) stays."""
+        return force if self.seam_weight is None or len(force) == 0 else self.seam_weight.T @ force
+
     @property
     def explicit(self) -> bool:
         """Whether the region is stepped by leapfrog."""
@@ -114,27 +126,38 @@ def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> Pbd
     if body.material.retardation_time > 0.0:
         damping = spec.damping.model_copy(update={"stiffness": body.material.retardation_time})
         spec = spec.model_copy(update={"damping": damping})
-    blocks = build_blocks(body, region, spec.hourglass)
+    levels = build_levels(region, coarse_cells(body, spec.coarse, tools)[region.cells])
+    blocks = build_blocks(body, region, spec.hourglass, levels)
+    mass = levels.gathered(region.mass)
     inverse_mass = np.zeros(len(region.nodes))
-    free = ~region.fixed & (region.mass > 0.0)
-    inverse_mass[free] = 1.0 / region.mass[free]
+    free = ~region.fixed & (mass > 0.0)
+    inverse_mass[free] = 1.0 / mass[free]
     padded = np.concatenate([inverse_mass, np.zeros(8)])
     x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
-    indptr, node, weight = point_weights(body, region, "hex8")
+    indptr, node, weight = rows = levels.rows(*point_weights(body, region, "hex8"))
+    seam, seam_weight = region.seam, None
+    if levels.ties is not None:
+        of_seam = levels.ties[region.seam]
+        seam = np.unique(of_seam.indices).astype(np.int32)
+        seam_weight = of_seam[:, seam].toarray()
     return PbdModel(
         body=body,
         region=region,
         tools=tools,
         spec=spec,
+        levels=levels,
         blocks=blocks,
+        mass=mass,
         inverse_mass=inverse_mass,
+        seam=seam,
+        seam_weight=seam_weight,
         softness=np.ascontiguousarray(8.0 * padded[blocks.nodes].max(axis=1)),
         x_rest=x_rest,
         indptr=indptr,
         node=node,
         weight=weight,
         point_softness=np.add.reduceat(weight**2 * inverse_mass[node], indptr[:-1]) if len(node) else np.zeros(0),
-        active=body.surface.area[region.points] > 0.0,
+        active=levels.touching(body.surface.area[region.points] > 0.0, rows, region.seam),
         frequency=highest_frequency(
             new_workspace(),
             x_rest,

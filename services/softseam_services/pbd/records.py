@@ -14,6 +14,7 @@ from softseam_services.tools.tool_set import ToolSet
 from .blocks import Blocks
 from .kernels.block import N_STRESS, Constants
 from .kernels.damping import N_FRAME
+from .kernels.hanging import Hanging
 from .kernels.lanes import LANES, aligned
 from .kernels.monitor import N_FIGURES
 from .kernels.pairs import N_ROWS, WIDTH
@@ -55,6 +56,7 @@ class NodeArrays(NamedTuple):
     gravity: Floats
     cell_nodes: Ints
     seam: Ints
+    hanging: Hanging
 
 
 @by_reference
@@ -139,6 +141,12 @@ class Solve(NamedTuple):
 def block_arrays(blocks: Blocks, nodes: Ints, softness: Floats) -> BlockArrays:
     """Blocks with their nodes numbered like this."""
     return BlockArrays(nodes, blocks.volume, softness.copy(), softness, blocks.constants, blocks.law)
+
+
+def node_arrays(model: PbdModel) -> NodeArrays:
+    """A region's nodes."""
+    region = model.region
+    return NodeArrays(model.mass, model.x_rest, model.body.gravity, region.cell_nodes, model.seam, model.levels.hanging)
 
 
 def point_arrays(model: PbdModel) -> PointArrays:

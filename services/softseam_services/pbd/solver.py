@@ -17,6 +17,7 @@ from .compliance import SeamProbe, Ways, no_ways
 from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.energy import cell_energies
+from .kernels.hanging import follow
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
 from .kernels.settle import settle
@@ -24,16 +25,17 @@ from .kernels.split import split_forces
 from .kernels.stress import octant_stress
 from .kernels.substep import advance_step
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
+from .levels import fill_in, thin_out
 from .model import KAPPA, build_model
 from .model_error import ModelError
 from .pair import Pair
 from .records import (
-    NodeArrays,
     Solve,
     block_arrays,
     leap_arrays,
     new_contacts,
     new_scratch,
+    node_arrays,
     point_arrays,
     solve_arrays,
     tool_arrays,
@@ -72,7 +74,7 @@ class PbdSolver:
         self._scratch = new_scratch(model)
         self._xw, self._figures = self._scratch.xw, self._scratch.figures
         self._contacts = new_contacts(n, model.blocks.n_batches, p, t)
-        self._nodes = NodeArrays(region.mass, model.x_rest, body.gravity, region.cell_nodes, region.seam)
+        self._nodes = node_arrays(model)
         self._blocks = block_arrays(model.blocks, model.blocks.nodes, model.softness)
         self._points = point_arrays(model)
         self._tools = tool_arrays(tools)
@@ -114,6 +116,10 @@ class PbdSolver:
             state.force[touching, tool[touching]] = handed.contact_force[region.points[touching]]
             state.force_mean[:] = state.force
         state.v[region.fixed] = 0.0
+        if handed is None:
+            follow(state.x, state.v, model.levels.hanging)
+        else:
+            thin_out(model.levels, region, model.mass, state.x, state.v)
         blocks = model.blocks
         n = model.n_nodes
         self._xw[:n, :3] = state.x
@@ -128,8 +134,8 @@ class PbdSolver:
             self._figures,
         )
         strain, least_j = strain_energy(self._figures)
-        kinetic = 0.5 * float(region.mass @ np.einsum("nc,nc->n", state.v, state.v))
-        gravity = -float(region.mass @ ((state.x - model.x_rest) @ model.body.gravity))
+        kinetic = 0.5 * float(model.mass @ np.einsum("nc,nc->n", state.v, state.v))
+        gravity = -float(model.mass @ ((state.x - model.x_rest) @ model.body.gravity))
         stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(model.x_rest, axis=0).max())
         state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch, 0.0, 0.0
         self._floor = 1e-8 * min(material.mu for material in model.body.materials) * float(blocks.volume.sum())
@@ -138,6 +144,11 @@ class PbdSolver:
     def strain(self) -> float:
         """Strain energy of the last committed step [J]."""
         return float(self._committed.monitor[watch.STRAIN])
+
+    @property
+    def moving(self) -> tuple[float, float]:
+        """Kinetic energy, and that in gravity, of the last committed step [J]."""
+        return float(self._committed.monitor[watch.KINETIC]), float(self._committed.monitor[watch.GRAVITY])
 
     @property
     def positions(self) -> Floats:
@@ -253,10 +264,11 @@ class PbdSolver:
         if watch.needs_two_sweeps(work.monitor):
             n_sweeps = max(n_sweeps, 2)
         self._solve.used[:] = 0
-        force, growth = request.seam_force, _NO_FORCES
+        force, growth = self.model.seam_force(request.seam_force), _NO_FORCES
         if len(request.seam_force_start):
-            growth = (force - request.seam_force_start) / n_substeps
-            force = request.seam_force_start + growth
+            start = self.model.seam_force(request.seam_force_start)
+            growth = (force - start) / n_substeps
+            force = start + growth
         self._pair.run(
             n_substeps * n_sweeps,
             advance_step,
@@ -281,9 +293,10 @@ class PbdSolver:
         self._pair.run(
             n_substeps,
             advance_leapfrog,
-            *(self._work, self._blocks, self._leap, model.region.mass, model.x_rest, model.body.gravity),
+            *(self._work, self._blocks, self._leap, model.mass, model.x_rest, model.body.gravity),
             *(self._cell_distance, self._result, model.spec.damping.mass, dt, n_substeps),
         )
+        follow(self._work.x, self._work.v, model.levels.hanging)
 
     def _compliance(self, request: Advance) -> Floats:
         """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
@@ -326,8 +339,9 @@ class PbdSolver:
         assert probe is not None
         settle(
             *(self._ws, self._xw, self._blocks, self._nodes, self._figures, probe.ids, probe.beyond),
-            *(self._ways, force, np.empty(self._ways.shape[1:]), work.x, work.v, result),
+            *(self._ways, self.model.seam_force(force), np.empty(self._ways.shape[1:]), work.x, work.v, result),
         )
+        follow(work.x, work.v, self.model.levels.hanging)
         watch.settle(work.monitor, result)
 
     def commit(self) -> None:
@@ -356,6 +370,9 @@ class PbdSolver:
         point_x = np.zeros((model.n_points, 3))
         place_points(self._xw, model.indptr, model.node, model.weight, point_x)
         size = np.einsum("ptc,ptc->pt", state.force_mean, state.force_mean)
+        v = state.v.copy()
+        fill_in(model.levels, region, model.mass, state.x, v)
+        cauchy[model.levels.coarse] = cauchy[model.levels.coarse, :1]
         tool = np.full(model.n_points, -1, dtype=np.int32)
         if model.n_tools and model.n_points:
             touching = size.max(axis=1) > 0.0
@@ -364,7 +381,7 @@ class PbdSolver:
             header=request_header,
             nodes=region.nodes,
             x=state.x.copy(),
-            v=state.v.copy(),
+            v=v,
             cauchy=cauchy,
             points=region.points,
             point_x=point_x,
@@ -377,9 +394,9 @@ class PbdSolver:
         )
 
     def _model_error(self, x: Floats, contact_force: Floats, stress: Floats, bounded: bool) -> Floats:
-        """Zero where cells are no boxes: scenes that ask for it are refused."""
+        """Zero where cells are no boxes, or some are one block: scenes that ask for it are refused."""
         model = self.model
-        if not model.body.boxes:
+        if not model.body.boxes or model.levels.ties is not None:
             return np.zeros(len(model.region.cells))
         if self._measure is None:
             self._measure = ModelError(model.body, model.region, model.spec.hourglass, model.blocks)

@@ -16,6 +16,7 @@ from .contact import account_pairs, begin_pairs
 from .copy_rows import copy_rows
 from .crew import done, first_share, next_share, wait_for
 from .damping import damping_share, note_shapes
+from .hanging import follow
 from .hold import find_held_blocks
 from .monitor import batch_residuals, residual
 from .pairs import find_pairs, place_points, store_pairs
@@ -267,6 +268,7 @@ def advance_step(
         for c in range(3):
             seam_work += (n_substeps - 1) * seam_growth[s, c] * x[seam[s], c]
     place_points(xw, indptr, node, weight, point_x)
+    follow(x, v, nodes_of.hanging)
     summarise(
         *(x, v, nodes_of.mass, nodes_of.x_rest, gravity, point_x, kind, shape, tools.near, pose[1], quaternion[1]),
         *(force, pair_start, pair_rows, pairs, n_substeps, result),
