@@ -88,7 +88,7 @@ class Goal:
             self._adjoint = Adjoint(self._scene, body, self._tools)
             self._blocks = ModelError(body, self._adjoint.region, self._scene.models.pbd.hourglass)
         adjoint = self._adjoint
-        state = merged_state(body, sides, fields)[0]
+        state = merged_state(body, sides, fields)
         cauchy = np.empty((body.n_cells, 8, 6))
         for name, side in fields.items():
             cauchy[sides.cells[name]] = side.cauchy

@@ -51,10 +51,12 @@ def carried(xw, indptr, node, weight, force, pull, a):
 def predict(xw, x_star, x, v, a, push, keep, h, first, end):
     """x* of eq. (1) into xw and x_star for the nodes first .. end - 1; push (n, 3) = g + a_seam [m/s^2].
 
-    keep v in place of v: what mass-proportional damping of rate r leaves in a substep, exp(-r h). Clamped nodes have
-    v = a = push = 0.
+    keep v in place of v: what mass-proportional damping of rate r leaves in a substep, exp(-r h). Clamped nodes, and
+    those that hang on others, stay.
     """
     for i in range(first, end):
+        if xw[i, 3] == 0.0:
+            continue
         for c in range(3):
             moved = x[i, c] + h * (keep * v[i, c] + h * (push[i, c] + a[i, c]))
             x_star[i, c] = moved
@@ -67,6 +69,8 @@ def finish(xw, x_star, x, v, a, h, first, end):
     per_h = 1.0 / h
     per_hh = per_h * per_h
     for i in range(first, end):
+        if xw[i, 3] == 0.0:
+            continue
         for c in range(3):
             now = xw[i, c]
             a[i, c] += (now - x_star[i, c]) * per_hh
