@@ -116,7 +116,7 @@ def test_the_adjoint_tells_what_a_force_does_to_the_grip() -> None:
             setup = build_setup(bundle_scene(Scene.model_validate(scene)))
             assert isinstance(setup.body, Body)
             adjoint = Adjoint(setup.scene, setup.body, setup.tools)
-            state = merged_state(setup.body, of.regions.sides, of.regions.observe())[0]
+            state = merged_state(setup.body, of.regions.sides, of.regions.observe())
             assert adjoint.factor(state, of.report.tool_position, of.report.tool_orientation)
             mass = adjoint.region.mass[:, None] * way
             foretold = [

@@ -116,7 +116,7 @@ def test_in_flight_momentum_is_kept_and_those_that_hang_follow() -> None:
     np.testing.assert_allclose(last.momentum, run.region.mass @ v, rtol=1e-12)
     np.testing.assert_allclose(first.momentum, last.momentum, rtol=1e-12)
     np.testing.assert_allclose(
-        last.angular_momentum, first.angular_momentum, atol=0.02 * np.linalg.norm(first.angular_momentum)
+        last.angular_momentum, first.angular_momentum, atol=0.02 * float(np.linalg.norm(first.angular_momentum))
     )
     ties = run.solver.model.levels.ties
     assert ties is not None
@@ -277,8 +277,8 @@ def test_switches_between_levels_keep_momentum_and_the_ledger() -> None:
         if step % 20 == 19:
             simulation.set_near(cuts[step // 20])
             held = _begun(simulation)
-            np.testing.assert_allclose(held[0], momentum, atol=1e-12 * np.linalg.norm(momentum))
-            np.testing.assert_allclose(held[1], angular, atol=1e-10 * np.linalg.norm(angular))
+            np.testing.assert_allclose(held[0], momentum, atol=1e-12 * float(np.linalg.norm(momentum)))
+            np.testing.assert_allclose(held[1], angular, atol=1e-10 * float(np.linalg.norm(angular)))
     simulation.close()
 
 

@@ -93,6 +93,11 @@ class Levels:
         """Forces, masses or momenta of all nodes on those that are free to move, eq. (2) (n, ...)."""
         return loads if self.ties is None else np.asarray(self.ties.T @ loads)
 
+    def follow(self, x: Floats, v: Floats) -> None:
+        """Places and velocities (n, 3) of the nodes that hang; in place."""
+        if self.ties is not None:
+            follow(x, v, self.hanging)
+
     def rows(self, indptr: Ints, node: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
         """Sparse rows over all nodes as rows over those that are free to move."""
         if self.ties is None:
@@ -160,12 +165,11 @@ def build_levels(region: Region, coarse: Mask) -> Levels:
 def thin_out(levels: Levels, region: Region, mass: Floats, x: Floats, v: Floats) -> None:
     """Make a state of all nodes, x and v (n, 3), one of the nodes that move, whose masses are mass (n,); in place.
 
-    They keep their places, and get all the momentum and angular momentum of the region.
+    They keep their places, and get all the momentum and angular momentum of the region; the others are to follow.
     """
     if levels.ties is not None:
         told = region.mass @ v, np.cross(x, region.mass[:, None] * v).sum(axis=0)
         _repair(np.where(region.fixed, 0.0, mass), x, v, *told)
-    follow(x, v, levels.hanging)
 
 
 def fill_in(levels: Levels, region: Region, mass: Floats, x: Floats, v: Floats) -> None:

@@ -17,7 +17,6 @@ from .compliance import SeamProbe, Ways, no_ways
 from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.energy import cell_energies
-from .kernels.hanging import follow
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
 from .kernels.settle import settle
@@ -116,10 +115,9 @@ class PbdSolver:
             state.force[touching, tool[touching]] = handed.contact_force[region.points[touching]]
             state.force_mean[:] = state.force
         state.v[region.fixed] = 0.0
-        if handed is None:
-            follow(state.x, state.v, model.levels.hanging)
-        else:
+        if handed is not None:
             thin_out(model.levels, region, model.mass, state.x, state.v)
+        model.levels.follow(state.x, state.v)
         blocks = model.blocks
         n = model.n_nodes
         self._xw[:n, :3] = state.x
@@ -296,7 +294,7 @@ class PbdSolver:
             *(self._work, self._blocks, self._leap, model.mass, model.x_rest, model.body.gravity),
             *(self._cell_distance, self._result, model.spec.damping.mass, dt, n_substeps),
         )
-        follow(self._work.x, self._work.v, model.levels.hanging)
+        model.levels.follow(self._work.x, self._work.v)
 
     def _compliance(self, request: Advance) -> Floats:
         """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
@@ -341,7 +339,7 @@ class PbdSolver:
             *(self._ws, self._xw, self._blocks, self._nodes, self._figures, probe.ids, probe.beyond),
             *(self._ways, self.model.seam_force(force), np.empty(self._ways.shape[1:]), work.x, work.v, result),
         )
-        follow(work.x, work.v, self.model.levels.hanging)
+        self.model.levels.follow(work.x, work.v)
         watch.settle(work.monitor, result)
 
     def commit(self) -> None:
