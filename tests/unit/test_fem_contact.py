@@ -20,6 +20,7 @@ from softseam_services.fem.kernels.contact import (
     evaluate_contacts,
     find_candidates,
     hold_what_stuck,
+    lets_go,
 )
 from softseam_services.fem.model import FemModel, Tools, Work
 
@@ -135,3 +136,22 @@ def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
                 np.testing.assert_allclose(row[5:8], stuck, rtol=1e-9)
             else:
                 np.testing.assert_allclose(np.linalg.norm(row[5:8]), 0.5 * row[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "along", "up", "lost"),
+    [
+        ((0.1, 0.0, 1.0), 1e-3, 0.0, True),  # stuck, and would slip
+        ((0.5, 0.0, 1.0), 1e-3, 0.0, False),  # slipped, and goes on
+        ((0.1, 0.0, 1.0), 0.0, 0.0, False),  # stuck, and does
+        ((0.1, 0.0, 1.0), 0.0, 5e-4, True),  # touched, and would not
+        ((0.0, 0.0, 0.0), 1e-3, 0.0, False),  # nothing to lose
+    ],
+)
+def test_a_guess_that_loses_its_contacts_is_known(
+    multiplier: tuple[float, float, float], along: float, up: float, lost: bool
+) -> None:
+    model, _, work, tools, x, count = _problem(0.5, multiplier, start=(along, 0.0, 0.0))
+    evaluate_contacts(x + np.array([0.0, 0.0, up]), model, tools, count, work)
+    assert lets_go(tools._replace(near=np.array([True])), count, work) == lost
+    assert not lets_go(tools._replace(near=np.array([False])), count, work)

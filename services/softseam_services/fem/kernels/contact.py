@@ -215,6 +215,28 @@ def any_held(count, work):
 
 
 @njit(cache=True, error_model="numpy")
+def lets_go(tools, count, work):
+    """Whether most points that carried a force of a near tool when the step began are open, or slip though they stuck.
+
+    The ground does not count: what is pushed over it and begins to slide shall slide.
+    """
+    carried = lost = 0
+    for c in range(count):
+        f, row, tool = work.multiplier[c], work.contact[c], work.pair[c, 1]
+        square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
+        if square == 0.0 or not tools.near[tool]:
+            continue
+        carried += 1
+        if work.state[c] == SLIP:
+            along = f[0] * row[NORMAL] + f[1] * row[NORMAL + 1] + f[2] * row[NORMAL + 2]
+            least = _STUCK * tools.friction[tool] * along
+            lost += along > 0.0 and square - along * along < least * least
+        else:
+            lost += work.state[c] == OPEN
+    return 2 * lost > carried
+
+
+@njit(cache=True, error_model="numpy")
 def add_contact_forces(model, count, work, r):
     """r <- r + p n + tau on the nodes of each touching point, in elimination order; r updated in place."""
     for c in range(count):

@@ -22,6 +22,7 @@ from softseam_services.fem.kernels.contact import (
     find_candidates,
     firm_way,
     hold_what_stuck,
+    lets_go,
 )
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, seam_inverse, solve
@@ -238,6 +239,16 @@ def farthest(x0, x):
 
 
 @njit(cache=True, error_model="numpy")
+def _back_to(x0, x, count, work):
+    """Drop the first guess x for the start of the step, in place, where points that stuck are held; returns 0.0."""
+    for node in range(len(x)):
+        for i in range(3):
+            x[node, i] = x0[node, i]
+    hold_what_stuck(count, work)
+    return 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def _too_slow(largest, first, tolerance, since):
     """Whether the mean rate so far asks for more iterations than a new factor costs."""
     if largest <= tolerance or since == 0:
@@ -268,6 +279,9 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         hold_what_stuck(count, work)
     for iteration in range(1, most + 1):
         missing = residual(x, x0, model, tools, count, inertia, share, work, memo)
+        if guessed > _FAR * model.edge and not careful and lets_go(tools, count, work):
+            guessed = _back_to(x0, x, count, work)
+            continue
         if careful and slope > 0.0:
             # where the residual along the last step changed sign by much, go part of the way back
             ahead = dot(work.r, work.dx)
@@ -300,11 +314,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         if not np.isfinite(largest):
             return NOT_FINITE, iteration
         if guessed > _FAR * model.edge and not careful and largest > 0.5 * guessed:
-            for node in range(len(x)):
-                for i in range(3):
-                    x[node, i] = x0[node, i]
-            hold_what_stuck(count, work)
-            guessed = 0.0
+            guessed = _back_to(x0, x, count, work)
             continue
         guessed = 0.0
         if since == 0:
