@@ -197,21 +197,22 @@ def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Confi
 
 
 def _hybrid(frame: Frame) -> Iterator[Configuration]:
-    """The scene's own regions, narrower and wider, always cut."""
+    """The scene's own regions, narrower, wider, and beside one block a cell, always cut."""
     near, step = frame.scene.regions.near, frame.scene.step
     if near is None or near.model == frame.scene.regions.default:
         return
-    reaches = ((1.0, ""),) if near.within is None else ((0.5, ", half as wide"), (1.0, ""), (2.0, ", twice as wide"))
+    ways: dict[str, tuple[str, ...]] = {"": (), ", one block a cell": ("models.pbd.coarse={beyond: 0}",)}
+    if near.within is not None:
+        for reach, told in ((0.5, ", half as wide"), (2.0, ", twice as wide")):
+            ways[told] = (f"regions.near.within={reach * near.within:.9g}",)
     for counts, factors in _cells_and_factors(frame, ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))), (2, 1)):
-        for reach, told in reaches:
-            for factor in factors if reach == 1.0 else (1,):
-                settings = ["regions.near.split=always", *frame.cells(counts), f"step={factor * step:.9g}"]
-                if near.within is not None:
-                    settings.append(f"regions.near.within={reach * near.within:.9g}")
+        for told, region in ways.items():
+            for factor in factors if told in ("", ", one block a cell") else (1,):
+                settings = ("regions.near.split=always", *frame.cells(counts), f"step={factor * step:.9g}", *region)
                 label = f"hybrid {_cells(counts)}, {_ms(factor * step)}{told}"
                 seconds = 3.0 * fem_seconds(frame, counts, factor * step)
-                key = f"hybrid-{_cells(counts)}-{_ms(factor * step, '')}-{reach:g}"
-                yield Configuration(key, "hybrid", label, tuple(settings), seconds)
+                key = f"hybrid-{_cells(counts)}-{_ms(factor * step, '')}{told.replace(',', '').replace(' ', '-')}"
+                yield Configuration(key, "hybrid", label, settings, seconds)
 
 
 def _as_is(frame: Frame) -> Iterator[Configuration]:
