@@ -102,6 +102,8 @@ def test_where_the_accurate_ones_are_too_slow_both_sides_are_named() -> None:
     with pytest.raises(NoPlan) as caught:
         choose(Goal(0.05, rtf=5.0), reference(), WANTED, Bench(runs))
     assert "middle is accurate at 1 times, cheap fast enough with 20 % (grip_force)" in str(caught.value)
+    with pytest.raises(NoPlan):
+        choose(Goal(0.05, rtf=5.0), reference(), WANTED, Bench(runs), lambda: pytest.fail("it would make none faster"))
     assert choose(Goal(0.05, rtf=0.5), reference(), WANTED, Bench(runs)).choice.label == "middle"
 
 
@@ -194,3 +196,11 @@ def test_a_level_of_the_reference_is_a_run_like_others() -> None:
     assert plan.choice.label == "level 8" and "level 8" not in bench.asked and len(bench.asked) == 3
     with pytest.raises(NoPlan, match="level 6 comes nearest"):
         choose(Goal(0.05), reference(), WANTED, bench, levels=lambda: levels[:1])
+
+
+def test_what_a_level_took_is_not_taken_for_a_run_that_was_timed() -> None:
+    """A level's first run, twice as long as it takes once it is warm, is that of a configuration of the sweep."""
+    bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.03), "dear": outcome(10.0, 0.0)})
+    levels = [(configuration("middle", 1.0), outcome(2.0, 0.03))]
+    plan = choose(Goal(0.05), reference(), WANTED, bench, levels=lambda: levels)
+    assert plan.choice.rtf == 1.0 and bench.asked == ["cheap", "middle"]

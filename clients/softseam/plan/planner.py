@@ -52,6 +52,10 @@ class NoPlan(SoftseamError):
     """Nothing that was tried is accurate enough and fast enough."""
 
 
+class TooSlow(NoPlan):
+    """Some are accurate enough, and none of these is fast enough: to know more of the truth is of no use."""
+
+
 @dataclass(frozen=True)
 class Goal:
     """What a plan has to reach."""
@@ -136,11 +140,12 @@ def choose(
 
     measure  called at most once for each configuration
     refine   a reference that is known better than the last, or None where there is none
-    levels   the reference's levels so far and what became of them: runs like others, and finer than all that is wanted
+    levels   the reference's levels so far and what became of them: runs like others where not wanted anyway
 
     Raises NoPlan where none is accurate enough, or none of those fast enough; its text names the nearest.
     """
     every = {one.key: one for one in wanted}
+    timed = set(every)  # by runs of their own: a level's, which is its first, takes longer
     kept: dict[str, Outcome] = {}
 
     def once(configuration: Configuration) -> Outcome:
@@ -151,15 +156,17 @@ def choose(
     while True:
         plan, why = None, None
         for one, outcome in levels():
-            every[one.key], kept[one.key] = one, outcome
+            if one.key not in timed:
+                every[one.key], kept[one.key] = one, outcome
         try:
             plan = _fastest(goal, reference, list(every.values()), once)
         except NoPlan as error:
             why = error
-        least = 0.0 if plan is None else FASTER * plan.choice.rtf
+        slow = isinstance(why, TooSlow)
+        least = goal.rtf if plan is None else FASTER * plan.choice.rtf
         open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal))
         vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance or _in_reach(reference, goal.tolerance)
-        better = refine() if plan is None or vague or any(open_ones) else None
+        better = refine() if (plan is None and not slow) or vague or any(open_ones) else None
         if better is not None:
             reference = better
         elif plan is None:
@@ -190,7 +197,7 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
         if one.error <= goal.tolerance and (best is None or one.rtf > best.rtf):
             best, least = one, outcome.seconds
     if best is None or best.rtf < goal.rtf:
-        raise NoPlan(_nearest(goal, best, tried))
+        raise (NoPlan if best is None else TooSlow)(_nearest(goal, best, tried))
     left_out = {name: true.left_out for name, true in reference.truth.items() if true.left_out}
     return Plan(goal, best, tuple(tried), reference.uncertainty, left_out)
 
