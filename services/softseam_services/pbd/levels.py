@@ -162,6 +162,29 @@ def build_levels(region: Region, coarse: Mask) -> Levels:
     return Levels(coarse, hanging, hangs, ties)
 
 
+def hand_on(force: Floats, active: Mask, rows: tuple[Ints, Ints, Floats]) -> None:
+    """Contact forces (p, t, 3) [N] of points that are not `active` to the points of the nodes they follow; in place.
+
+    Tool by tool, with the weights of `rows` over the free nodes that have points of their own: the total is kept, and
+    the torque where all of them have. Where none has, the force is dropped. No contact looks at such a point again, so
+    that what it carried would push for ever.
+    """
+    idle = ~active & force.any(axis=(1, 2))
+    if not idle.any():
+        return
+    indptr, node, weight = rows
+    alone = np.flatnonzero(active & (np.diff(indptr) == 1))
+    own = np.full(int(node.max()) + 1, -1, dtype=np.int64)
+    own[node[indptr[alone]]] = alone
+    point = np.repeat(np.arange(len(active)), np.diff(indptr))
+    weight = np.where(own[node] >= 0, weight, 0.0)
+    entry = np.flatnonzero(idle[point] & (weight > 0.0))
+    share = weight[entry] / np.add.reduceat(weight, indptr[:-1])[point[entry]]
+    given = share[:, None, None] * force[point[entry]]
+    force[idle] = 0.0
+    np.add.at(force, own[node[entry]], given)
+
+
 def thin_out(levels: Levels, region: Region, mass: Floats, x: Floats, v: Floats) -> None:
     """Make a state of all nodes, x and v (n, 3), one of the nodes that move, whose masses are mass (n,); in place.
 

@@ -24,7 +24,7 @@ from .kernels.split import split_forces
 from .kernels.stress import octant_stress
 from .kernels.substep import advance_step
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
-from .levels import fill_in, thin_out
+from .levels import fill_in, hand_on, thin_out
 from .model import KAPPA, build_model
 from .model_error import ModelError
 from .pair import Pair
@@ -113,6 +113,8 @@ class PbdSolver:
             tool = handed.contact_tool[region.points]
             touching = np.flatnonzero((tool >= 0) & (tool < model.n_tools))
             state.force[touching, tool[touching]] = handed.contact_force[region.points[touching]]
+            hand_on(state.force, model.active, (model.indptr, model.node, model.weight))
+            assert not state.force[~model.active].any()
             state.force_mean[:] = state.force
         state.v[region.fixed] = 0.0
         if handed is not None:

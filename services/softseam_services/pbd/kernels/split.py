@@ -11,18 +11,20 @@ def split_forces(kind, shape, position, orientation, point_x, active, near_gap, 
     """Share out the force of points that touch several tools but were handed over with one: force updated in place.
 
     Any shares with the same sum that lie in the friction cones balance as well. Here a further tool takes the part
-    along its normal, as far as that pushes, and the first one keeps the rest.
+    along its normal, as far as that pushes, and the first one keeps the rest. Points of coarse cells have forces of
+    their neighbours as well, tool by tool (`levels.hand_on`): the largest is shared out, the others gain or stay.
 
     near_gap       a tool that is closer than this touches [m]
-    force (p, t, 3)  one tool's entry per point is not zero
+    force (p, t, 3)  [N]
     """
     for point in range(len(point_x)):
         if not active[point]:
             continue
-        first = -1
+        first, most = -1, 0.0
         for tool in range(len(kind)):
-            if force[point, tool].any():
-                first = tool
+            size = force[point, tool, 0] ** 2 + force[point, tool, 1] ** 2 + force[point, tool, 2] ** 2
+            if size > most:
+                first, most = tool, size
         if first < 0:
             continue
         f = force[point, first]
@@ -35,7 +37,9 @@ def split_forces(kind, shape, position, orientation, point_x, active, near_gap, 
             # Only the part that the first tool does not push itself.
             push -= max(0.0, f[0] * mx + f[1] * my + f[2] * mz) * max(0.0, nx * mx + ny * my + nz * mz)
             if gap < near_gap and push > 0.0:
-                force[point, tool, 0], force[point, tool, 1], force[point, tool, 2] = push * nx, push * ny, push * nz
+                force[point, tool, 0] += push * nx
+                force[point, tool, 1] += push * ny
+                force[point, tool, 2] += push * nz
                 f[0] -= push * nx
                 f[1] -= push * ny
                 f[2] -= push * nz

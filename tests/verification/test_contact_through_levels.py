@@ -1,0 +1,145 @@
+"""A body that touches is handed to cells of one block: its contact forces go to the points that still meet tools."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from pbd_run import PbdRun, block_scene
+
+from softseam_protocol.messages import BodyState, Bundle
+from softseam_protocol.scene import Scene
+from softseam_services.body.body import Floats
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.sides import FAR
+from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.pbd.levels import hand_on
+
+G = 9.81
+ALL = {"coarse": {"beyond": 0.0}, "damping": {"mass": 60.0}}
+GROUND: dict[str, Any] = {"kind": "plane", "friction": 0.5}
+
+
+def standing(pbd: dict[str, Any], state: BodyState | None = None, **other: Any) -> PbdRun:
+    """4 x 2 x 2 cm of 2 cells on the ground."""
+    tools = {"ground": GROUND, **other}
+    scene = block_scene((0.04, 0.02, 0.02), 0.02, gravity=(0.0, 0.0, -G), step=2e-3, tools=tools, pbd=pbd)
+    return PbdRun(scene, state=state)
+
+
+def at_rest() -> PbdRun:
+    fine = standing({"damping": {"mass": 60.0}})
+    fine.run(0.18)
+    return fine
+
+
+def test_at_rest_the_ground_carries_it_and_lifted_off_nothing_does() -> None:
+    """In all steps the momentum changes by gravity and by what the ground feels; no point keeps a force for itself."""
+    fine = at_rest()
+    handed, weight = fine.handed(), fine.body.total_mass * G
+    assert handed.contact_force.sum(axis=0)[2] == pytest.approx(weight, rel=0.02)
+    run = standing({"coarse": {"beyond": 0.0}}, handed)
+    model, dt = run.solver.model, run.scene.step
+    assert 0 < model.active.sum() < len(model.active)
+    np.testing.assert_allclose(
+        run.solver._committed.force.sum(axis=(0, 1)), handed.contact_force.sum(axis=0), atol=1e-15
+    )
+    replies = run.run(0.1)
+    forces = -np.array([reply.wrench[0, :3] for reply in replies])
+    assert forces[:, 2].mean() == pytest.approx(weight, rel=0.05)
+    for before, after, force in zip(replies, replies[1:], forces[1:], strict=False):
+        push = force - np.array([0.0, 0.0, weight])
+        np.testing.assert_allclose(after.momentum - before.momentum, dt * push, atol=1e-9 * weight * dt)
+    run.velocity[0, 2] = -1.0
+    run.run(0.02)
+    falling = run.run(0.02)
+    assert not run.solver._committed.force.any()
+    for before, after in itertools.pairwise(falling):
+        np.testing.assert_allclose(after.momentum - before.momentum, [0, 0, -weight * dt], atol=1e-9 * weight * dt)
+
+
+@pytest.mark.parametrize("near", ["none", "one end"])
+def test_a_switch_from_fem_on_a_table(near: str) -> None:
+    """FEM at rest; then all of it, or all but one end, is of coarse blocks: momentum by gravity and the table alone."""
+    scene = Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "rest",
+            "gravity": [0.0, 0.0, -G],
+            "step": 0.005,
+            "duration": 1.0,
+            "body": {
+                "shape": {"kind": "block", "size": [0.06, 0.04, 0.04]},
+                "cell": 0.02,
+                "material": {"young": 20e3, "poisson": 0.4, "density": 1000.0},
+            },
+            "tools": {"table": {"kind": "plane", "friction": 0.5}},
+            "regions": {
+                "default": "pbd",
+                "near": {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, 1]}]},
+            },
+            "models": {"pbd": {"coarse": {"beyond": 0.0}}, "fem": {"tolerance": 1e-8}},
+            "seam": {"tolerance": 1e-9, "exchanges": 12},
+        }
+    )
+    simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
+    for _ in range(60):
+        before = simulation.step()
+    weight, dt = simulation.body.total_mass * G, scene.step
+    assert -before.wrench[0, 2] == pytest.approx(weight, rel=0.02)
+    grid = simulation.body.cell_grid  # type: ignore[union-attr]
+    simulation.set_near(grid[:, 0] == 0 if near == "one end" else np.zeros(len(grid), dtype=bool))
+    assert simulation.regions.sides.models[FAR] == "pbd"
+    felt = []
+    for _ in range(20):
+        after = simulation.step()
+        push = -after.wrench[0, :3] - np.array([0.0, 0.0, weight])
+        np.testing.assert_allclose(after.momentum - before.momentum, dt * push, atol=1e-3 * weight * dt)
+        felt.append(-after.wrench[0, 2])
+        before = after
+    assert np.mean(felt) == pytest.approx(weight, rel=0.05)
+    simulation.close()
+
+
+def test_forces_move_tool_by_tool_with_their_sum_and_torque() -> None:
+    """Of random forces; where a node has no point the others take its share; where none has, the force is dropped."""
+    model = standing(ALL, wall={"kind": "plane", "point": [-0.02, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}).solver.model
+    rows = model.indptr, model.node, model.weight
+    given = np.random.default_rng(0).standard_normal((model.n_points, 2, 3))
+    rest = model.x_rest[model.node] * model.weight[:, None]
+    x = np.add.reduceat(rest, model.indptr[:-1], axis=0)
+
+    def sums(force: Floats) -> Floats:
+        return np.concatenate([force.sum(axis=0), np.cross(x[:, None], force).sum(axis=0)], axis=1)
+
+    force = given.copy()
+    hand_on(force, model.active, rows)
+    assert not force[~model.active].any()
+    np.testing.assert_allclose(sums(force), sums(given), atol=1e-13)
+    fewer = model.active.copy()
+    fewer[np.flatnonzero(fewer)[0]] = False
+    force = given.copy()
+    force[model.active] = 0.0
+    wanted = force.sum(axis=0)
+    hand_on(force, fewer, rows)
+    assert not force[~fewer].any()
+    np.testing.assert_allclose(force.sum(axis=0), wanted, atol=1e-13)
+    hand_on(force, np.zeros_like(fewer), rows)
+    assert not force.any()
+
+
+def test_a_point_with_forces_of_two_tools_shares_out_what_it_has() -> None:
+    """Pressed into a corner: an edge's force names the ground and holds the wall's; faces' middles bring their own."""
+    wall = {"kind": "plane", "point": [-0.02, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}
+    run = standing(ALL, wall=wall)
+    x = run.fields().point_x
+    below, beside = np.isclose(x[:, 2], 0.0), np.isclose(x[:, 0], -0.02)
+    force = 1e-3 * (below[:, None] * np.array([0.0, 0.0, 1.0]) + beside[:, None] * np.array([1.0, 0.0, 0.0]))
+    tool = np.where(below, 0, np.where(beside, 1, -1)).astype(np.int32)
+    body = run.body
+    run = standing(ALL, BodyState(body.x_rest.copy(), np.zeros_like(body.x_rest), force, tool), wall=wall)
+    run.solver._share_out(run.request())
+    shared = run.solver._committed.force.sum(axis=0)
+    np.testing.assert_allclose(shared, [[0.0, 0.0, 1e-3 * below.sum()], [1e-3 * beside.sum(), 0.0, 0.0]], atol=1e-15)
