@@ -77,3 +77,30 @@ def test_a_step_that_failed_half_way_leaves_what_was_committed() -> None:
     whole.save()
     assert loaded.frame().x.tobytes() == whole.frame().x.tobytes()
     np.testing.assert_array_equal(failed.step().momentum, whole.step().momentum)
+
+
+@pytest.mark.parametrize("act", [Simulation.save, Simulation.estimate])
+def test_a_step_that_fails_after_the_last_was_settled_leaves_what_was_committed(
+    act: Callable[[Simulation], object],
+) -> None:
+    """To take it back is another request than the one that settled the step before it, and is not taken for it."""
+    transport = Failing()
+    failed, whole = falling(transport), falling(EmbeddedTransport())
+    for simulation in (failed, whole):
+        act(simulation)
+    transport.kind, transport.reaches_far = Advance, True
+    with pytest.raises(ParticipantLost):
+        failed.step()
+    assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
+    assert failed.save() == whole.save()
+    np.testing.assert_array_equal(failed.step().momentum, whole.step().momentum)
+
+
+def test_a_frame_after_a_snapshot_that_failed_is_of_both_sides() -> None:
+    """The far side has answered the request before, which asked for no fields."""
+    transport = Failing()
+    failed, whole = falling(transport), falling(EmbeddedTransport())
+    transport.kind, transport.reaches_far = Commit, True
+    with pytest.raises(ParticipantLost):
+        failed.save()
+    assert failed.frame().x.tobytes() == whole.frame().x.tobytes()

@@ -340,7 +340,7 @@ class Regions:
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
         """Each side's fields, with its errors where asked for; of them only what its own model errs."""
         settled = self._settle_now(not indicators)
-        if settled:
+        if settled.keys() == self.sides.cells.keys():  # not where one had settled before, asked for no fields
             return settled
         requests = {name: Observe(self._clock.request(name), indicators, own) for name in self.sides.names}
         replies = self._exchange(requests)
@@ -351,19 +351,20 @@ class Regions:
         self._settle_now(False)
         if self._loop is not None:
             self._loop.forget_told()
-        replies = self._exchange({name: Snapshot(self._clock.request(name)) for name in self.sides.names})
+        replies = self._exchange({name: Snapshot(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names})
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
     def _settle_now(self, fields: bool) -> dict[str, Fields]:
         """Have the last step settled and committed, where that waits for the next; each side's fields if asked for.
 
-        And one that failed half way taken back.
+        And one that failed half way taken back, by another exchange of its tick than settled the step before it: what has
+        the header of a request that was answered is taken for that request.
         """
         if not (self._settle or self._under_way):
             return {}
         replies = self._exchange(
             {
-                name: Commit(self._clock.request(name, max(self._n_asked, 0)), self._settle.get(name, _FREE), fields)
+                name: Commit(self._clock.request(name, self._n_asked + 1), self._settle.get(name, _FREE), fields)
                 for name in self.sides.names
             }
         )
