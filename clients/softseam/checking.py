@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -25,6 +26,7 @@ _SWIFT = 4.0
 if TYPE_CHECKING:
     from softseam_services.body.body import Body
     from softseam_services.body.check import Part
+    from softseam_services.tools.tool_set import ToolSet
 
 
 def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
@@ -72,13 +74,15 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
+    doubts = [*body.warnings, *_stiff_for_pbd(scene, built)]
     if scene.models.pbd.coarse is not None:
         coarse = coarse_cells(built, scene.models.pbd.coarse, setup.tools)
         blocks = f"{int(coarse.sum())} of {body.n_cells} cells are one block where pbd has them, not eight"
         table.add_row("coarse", blocks)
+        doubts += _pokes_between(scene, built, coarse, setup.tools)
     table.add_row("steps", _steps(scene))
     console.print(table)
-    for warning in (*body.warnings, *_stiff_for_pbd(scene, built)):
+    for warning in doubts:
         console.print(Text(f"warning: {warning}", style="yellow"))
     console.print(Text("the scene can be simulated", style="green"))
 
@@ -104,6 +108,32 @@ def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
     return [
         f"waves in an inclusion are {fast.max():.0f} times as fast as around it: where PBD has it, a step takes about "
         "as many times more substeps; give it to fem by regions.near.boxes, or all cells by regions.default"
+    ]
+
+
+def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: ToolSet) -> list[str]:
+    """That cells of one block meet tools at their corners, where a tool is narrower than they are: it fits between.
+
+    A tool is as wide as the middle one of its three extents: a plate is not narrow. Planes are not, and tools beside
+    which cells are FEM's meet none of PBD's.
+    """
+    near = scene.regions.near
+    if not coarse.any() or "pbd" not in (scene.regions.default, near.model if near else scene.regions.default):
+        return []
+    corners = body.x_rest[body.cell_nodes[coarse]].reshape(-1, 3, 3, 3, 3)[:, ::2, ::2, ::2]
+    edge = max(float(np.linalg.norm(np.diff(corners, axis=axis), axis=-1).max()) for axis in (1, 2, 3))
+    kept_away = near is not None and near.model == "fem" and near.within is not None
+    narrow = []
+    for name, outline, followed in zip(tools.names, tools.outline, tools.near, strict=True):
+        width = float(np.sort(np.ptp(outline, axis=0))[1]) if len(outline) else math.inf
+        if width < edge * (1.0 - 1e-9) and not (followed and kept_away):
+            narrow.append(f"{name} ({1e3 * width:.3g} mm)")
+    if not narrow:
+        return []
+    return [
+        f"narrower than the coarse cells' edge of {1e3 * edge:.3g} mm: {', '.join(narrow)}. Coarse cells meet tools at "
+        "their corners alone, and do not feel one between them; give a larger models.pbd.coarse.beyond, or boxes away "
+        "from it"
     ]
 
 

@@ -12,9 +12,11 @@ from pbd_run import PbdRun, block_scene
 from softseam_protocol.messages import BodyState, Bundle
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Floats
+from softseam_services.body.region import shared_nodes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.sides import FAR
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.pbd.kernels.summary import BOUNDS
 from softseam_services.pbd.levels import hand_on
 
 G = 9.81
@@ -101,6 +103,32 @@ def test_a_switch_from_fem_on_a_table(near: str) -> None:
         before = after
     assert np.mean(felt) == pytest.approx(weight, rel=0.05)
     simulation.close()
+
+
+@pytest.mark.parametrize("method", ["xpbd", "leapfrog"])
+def test_bounds_are_of_nodes_where_they_are(method: str) -> None:
+    """Thrown by 2 cm a step: those that hang are not left where the step before had them."""
+    scene = block_scene((0.04, 0.02, 0.02), 0.02, step=0.01, pbd={"coarse": ALL["coarse"], "method": method})
+    run = PbdRun(scene, v=np.full((len(PbdRun(scene).body.x_rest), 3), 2.0))
+    for _ in range(2):
+        np.testing.assert_array_equal(run.step().bounds, [run.x.min(axis=0), run.x.max(axis=0)])
+
+
+def test_bounds_of_a_step_that_is_settled() -> None:
+    """The seam's middle is pushed inwards by 5 mm and more: so are the nodes that hang there."""
+    scene = block_scene((0.06, 0.04, 0.04), 0.02, step=0.01, pbd={"coarse": ALL["coarse"]})
+    whole = PbdRun(scene).body
+    near, far = (
+        np.flatnonzero(here).astype(np.int32) for here in (whole.cell_grid[:, 0] == 0, whole.cell_grid[:, 0] > 0)
+    )
+    run = PbdRun(scene, cells=far, seam=shared_nodes(whole, near, far))
+    run.solver.advance(run.request(compliance=True))
+    run.solver.settle(np.tile([0.3, 0.0, 0.0], (len(run.region.seam), 1)))
+    bounds = run.solver._result[BOUNDS : BOUNDS + 6].reshape(2, 3)
+    run.solver.commit()
+    x = run.solver.positions
+    assert x[run.region.seam, 0].min() > whole.x_rest[run.region.nodes, 0].min() + 5e-3
+    np.testing.assert_array_equal(bounds, [x.min(axis=0), x.max(axis=0)])
 
 
 def test_forces_move_tool_by_tool_with_their_sum_and_torque() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 from softseam_protocol.messages import Advanced, Bundle, Failure, Reply, Request
 from softseam_services.orchestrator.transport import ParticipantFailed
@@ -35,8 +35,11 @@ class EmbeddedTransport:
             if self._pool is None:
                 self._pool = ThreadPoolExecutor(1, thread_name_prefix="participant")
             other = self._pool.submit(self._server(names[1]).handle, requests[names[1]])
-            replies[names[0]] = self._server(names[0]).handle(requests[names[0]])
-            replies[names[1]] = other.result()
+            try:
+                replies[names[0]] = self._server(names[0]).handle(requests[names[0]])
+                replies[names[1]] = other.result()
+            finally:  # an interrupt leaves nobody at work: what follows would meet it
+                wait([other])
         else:
             for name in names:
                 replies[name] = self._server(name).handle(requests[name])

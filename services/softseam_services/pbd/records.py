@@ -116,6 +116,7 @@ class Leap(NamedTuple):
     """forces of the blocks (n + 8, 4) [N]"""
     figures: Floats
     """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
+    hanging: Hanging
 
 
 @by_reference
@@ -194,7 +195,8 @@ def new_scratch(model: PbdModel) -> Scratch:
 def leap_arrays(model: PbdModel, figures: Floats) -> Leap:
     """Scratch in which each node has a row of four."""
     n = model.n_nodes
-    leap = Leap(aligned(n + 8, 4), aligned(n + 8, 4), aligned(n, 4), aligned(n + 8, 4), figures)
+    rows = aligned(n + 8, 4), aligned(n + 8, 4), aligned(n, 4), aligned(n + 8, 4)
+    leap = Leap(*rows, figures, model.levels.hanging)
     leap.place[n:, :3] = model.blocks.padding_x
     leap.speed[:n, 3] = model.inverse_mass
     leap.push[model.inverse_mass > 0.0, :3] = model.body.gravity

@@ -296,7 +296,6 @@ class PbdSolver:
             *(self._work, self._blocks, self._leap, model.mass, model.x_rest, model.body.gravity),
             *(self._cell_distance, self._result, model.spec.damping.mass, dt, n_substeps),
         )
-        model.levels.follow(self._work.x, self._work.v)
 
     def _compliance(self, request: Advance) -> Floats:
         """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
@@ -341,7 +340,6 @@ class PbdSolver:
             *(self._ws, self._xw, self._blocks, self._nodes, self._figures, probe.ids, probe.beyond),
             *(self._ways, self.model.seam_force(force), np.empty(self._ways.shape[1:]), work.x, work.v, result),
         )
-        self.model.levels.follow(work.x, work.v)
         watch.settle(work.monitor, result)
 
     def commit(self) -> None:

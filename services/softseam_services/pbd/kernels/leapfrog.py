@@ -36,6 +36,7 @@ from .block import (
     store_stress,
 )
 from .crew import done, first_share, next_share, wait_for
+from .hanging import follow
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
 from .monitor import batch_residuals, residual
@@ -198,6 +199,7 @@ def advance_leapfrog(
     total, own = end_step(state, leap, h, half_drag)
     result[:] = 0.0
     result[APPARENT], result[HASTE] = total - apparent, own
+    follow(state.x, state.v, leap.hanging)
     summarise_motion(state.x, state.v, mass, x_rest, gravity, result)
     result[STRAIN], result[LEAST_J] = strain_energy(leap.figures)
     result[RESIDUAL], result[STRETCH] = residual(leap.figures)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from softseam_services.compiled_once import njit
 
+from .hanging import follow
 from .summary import STRAIN, summarise_motion
 from .sweep import batch_energies, strain_energy
 
@@ -42,6 +43,7 @@ def settle(ws, xw, blocks, nodes_of, figures, ids, beyond, ways, force, moved, x
         for c in range(3):
             x[beyond[place], c] += moved[0, last, c]
             v[beyond[place], c] += moved[1, last, c]
+    follow(x, v, nodes_of.hanging)
     xw[: len(x), :3] = x
     batch_energies(ws, xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law, 0, len(blocks.nodes), figures)
     summarise_motion(x, v, nodes_of.mass, nodes_of.x_rest, nodes_of.gravity, result)

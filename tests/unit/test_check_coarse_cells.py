@@ -1,0 +1,62 @@
+"""`softseam check` names tools that fit between the corners of coarse cells."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from softseam.checking import check_scene
+
+SCENE = """\
+softseam: 1
+name: narrow
+duration: 0.1
+body:
+  shape: {kind: block, size: [0.06, 0.06, 0.06]}
+  cell: 0.02
+  material: {kind: neo_hookean, young: 2.0e4, poisson: 0.45, density: 1000}
+tools:
+  ground: {kind: plane, friction: 0.5}
+  plate: {kind: box, size: [0.1, 0.1, 0.004], position: [0, 0, 0.08]}
+  ball: {kind: sphere, radius: 0.008, position: [0, 0, 0.08]}
+  wide: {kind: sphere, radius: 0.01, position: [0, 0, 0.09]}
+  rod: {kind: box, size: [0.1, 0.012, 0.012], position: [0, 0, 0.08]}
+motion:
+  - {tools: [ball], move: [0, 0, -0.001], speed: 0.02}
+models: {pbd: {coarse: {beyond: 0.001}}}
+regions: {default: pbd}
+"""
+BEYOND = "models: {pbd: {coarse: {beyond: 0.001}}}"
+FOLLOWS = "{default: pbd, near: {model: fem, within: 0.03}}"
+
+
+def said(folder: Path, text: str) -> str:
+    path = folder / "narrow.yaml"
+    path.write_text(text)
+    console = Console(record=True, width=400, file=io.StringIO())
+    check_scene(str(path), (), console)
+    return console.export_text()
+
+
+def test_tools_narrower_than_coarse_cells_are_named(tmp_path: Path) -> None:
+    told = said(tmp_path, SCENE)
+    assert "edge of 20 mm: ball (16 mm), rod (12 mm). " in told
+    assert "models.pbd.coarse.beyond" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (SCENE.replace(BEYOND, ""), ""),
+        (SCENE.replace("{default: pbd}", "{default: fem}"), ""),
+        (SCENE.replace("{default: pbd}", FOLLOWS), "rod (12 mm)"),
+    ],
+)
+def test_where_they_meet_no_coarse_cell_they_are_not(tmp_path: Path, text: str, names: str) -> None:
+    """Nothing is coarse; PBD has nothing; or cells that the ball comes near to are FEM's."""
+    told = said(tmp_path, text)
+    assert "ball" not in told
+    assert (names in told) and ("narrower" in told) == bool(names)

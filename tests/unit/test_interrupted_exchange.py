@@ -1,0 +1,60 @@
+"""An interrupt while two participants work at once, in one process."""
+
+from __future__ import annotations
+
+import signal
+import threading
+
+import pytest
+
+from softseam_protocol.messages import SCHEMA_VERSION, Commit, Header, Reply, Request
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.server import ParticipantServer
+
+LONG = 0.2
+"""[s] that the slow one works on after the interrupt"""
+
+
+class Slow(ParticipantServer):
+    """Says when it has begun and ended; where asked to, it interrupts the main thread, which waits for it by then."""
+
+    def __init__(self, interrupts: bool) -> None:
+        super().__init__()
+        self.began, self.ended, self._interrupts = threading.Event(), threading.Event(), interrupts
+
+    def handle(self, request: Request) -> Reply:
+        self.began.set()
+        work = threading.Event()
+        work.wait(LONG)
+        if self._interrupts:
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        work.wait(LONG)
+        self.ended.set()
+        return super().handle(request)
+
+
+class Quick(ParticipantServer):
+    """Waits until the other has begun; interrupted itself, or not."""
+
+    def __init__(self, other: Slow, interrupted: bool) -> None:
+        super().__init__()
+        self._other, self._interrupted = other, interrupted
+
+    def handle(self, request: Request) -> Reply:
+        assert self._other.began.wait(10.0)
+        if self._interrupted:
+            raise KeyboardInterrupt
+        return super().handle(request)
+
+
+@pytest.mark.parametrize("who", ["at work", "waiting"])
+def test_an_interrupt_leaves_nobody_at_work(who: str) -> None:
+    transport = EmbeddedTransport()
+    slow = Slow(interrupts=who == "waiting")
+    transport._servers = {"near": Quick(slow, interrupted=who == "at work"), "far": slow}
+    transport._seconds = {"near": 1.0, "far": 1.0}
+    requests = {name: Commit(Header(SCHEMA_VERSION, "test", name, 0, 0, 0, 0.0)) for name in ("near", "far")}
+    with pytest.raises(KeyboardInterrupt):
+        transport.exchange(requests)
+    assert slow.ended.is_set()
+    transport.close()
