@@ -23,6 +23,8 @@ from softseam_services.fem.kernels.contact import (
     lets_go,
 )
 from softseam_services.fem.model import FemModel, Tools, Work
+from softseam_services.tools.kernels import tool_gap
+from softseam_services.tools.tool_set import PLANE
 
 
 def _problem(
@@ -136,6 +138,22 @@ def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
                 np.testing.assert_allclose(row[5:8], stuck, rtol=1e-9)
             else:
                 np.testing.assert_allclose(np.linalg.norm(row[5:8]), 0.5 * row[1], rtol=1e-12)
+
+
+def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
+    """What is left of a normal force without its part along the normal is rounding, of either sign."""
+    model, _, work, tools, x, count = _problem(0.0)
+    turns = np.random.default_rng(0).standard_normal((40, 1, 4))
+    for turn in turns / np.linalg.norm(turns, axis=2, keepdims=True):
+        tilted = tools._replace(near=np.array([True]), orientation=turn, orientation_next=turn)
+        evaluate_contacts(x, model, tilted, count, work)
+        normal = np.array(tool_gap(PLANE, tools.shape[0], tools.position[0], turn[0], x[0])[1:])
+        work.multiplier[:count] = normal
+        work.start[:count, :] += 1e-4 * np.cross(normal, [0.6, 0.0, 0.8])
+        hold_what_stuck(count, work)
+        evaluate_contacts(x - 0.1 * normal, model, tilted, count, work)
+        assert (work.state[:count] == SLIP).all()
+        assert not lets_go(tilted, count, work)
 
 
 @pytest.mark.parametrize(

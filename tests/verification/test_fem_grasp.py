@@ -64,6 +64,18 @@ def test_plates_that_change_their_motion_do_not_shake_the_solver() -> None:
     assert stop[-1].n_contacts == 50
 
 
+def test_a_solution_that_loses_its_contacts_is_kept() -> None:
+    """Plates let go at once, and most points with them: the step's second exchange begins with what the first found."""
+    run = FemRun(tofu(step=0.02))
+    run.run(0.2, CLOSE)
+    away = {"left": (-0.2, 0.0, 0.0), "right": (0.2, 0.0, 0.0)}
+    first = run.solver.advance(run.request(away))
+    again = run.solver.advance(run.request(away, exchange=1))
+    assert first.n_contacts < 35 and first.iterations > 3
+    assert again.iterations <= 3
+    np.testing.assert_allclose(again.wrench, first.wrench, atol=1e-4)
+
+
 @pytest.mark.slow
 def test_a_slippery_grip_drops() -> None:
     run, _, _ = _squeezed(tofu(friction=0.02))

@@ -183,3 +183,18 @@ def test_a_bar_that_turns_into_a_face_in_one_step_does_not_pass_through() -> Non
     shape, position, orientation = run.tools.shape[0], run.position[0], run.orientation[0]
     deepest = min(tool_gap(BOX, shape, position, orientation, point)[0] for point in points)
     assert reply.status == "converged" and deepest > -2e-3
+
+
+@pytest.mark.parametrize(("way", "felt"), [((-8e-3, -8e-3), True), ((-2e-3, -8e-3), True), ((-8e-3, 0.0), False)])
+def test_a_pad_that_comes_in_from_beside_and_above_is_felt(way: tuple[float, float], felt: bool) -> None:
+    """Half a millimetre above and beside the top before the step, it ends deeper than a quarter of a cell's edge in it:
+    what it covers it did not cover when the step began. One that comes in level stays above."""
+    pad = {"kind": "box", "size": (0.04, 0.06, 0.02), "position": (0.0455, 0.0, 0.0605), "friction": 0.0}
+    run = FemRun(block(tools={"pad": pad, "ground": {"kind": "plane"}}, gravity=(0.0, 0.0, 0.0), step=0.02))
+    reply = run.step({"pad": (way[0] / 0.02, 0.0, way[1] / 0.02)})
+    assert (reply.wrench[0, 2] > 0.5) == felt
+    for _ in range(3):
+        run.step()
+    points = run.solver.fields(run.request().header).point_x
+    shape, position, orientation = run.tools.shape[0], run.position[0], run.orientation[0]
+    assert min(tool_gap(BOX, shape, position, orientation, point)[0] for point in points) > -2e-3

@@ -27,7 +27,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.compiled_once import njit
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, faced_side, side_gap
+from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, side_gap
 from softseam_services.fem.kernels.fronts import add_block
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 from softseam_services.tools.tool_set import BOX
@@ -95,6 +95,11 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                     x, model.face_nodes[face], xp, patches, model.point_patch[point], shape,
                     tools.position[tool], tools.orientation[tool],
                 )  # fmt: skip
+                if side < 0:
+                    share, whole, side = entered(
+                        x, model.face_nodes[face], xp, patches, model.point_patch[point], shape,
+                        tools.position[tool], tools.orientation[tool], position, turn, _BESIDE * model.face_edge[face],
+                    )  # fmt: skip
                 carry = whole**CARRY_POWER
                 if side >= 0:
                     gap = side_gap(side, shape, position, turn, xp)[0]
@@ -180,7 +185,7 @@ def evaluate_contacts(x, model, tools, count, work):
         held = was == TO_HOLD and not sticks and along > 0.0
         if held:
             least = _STUCK * tools.friction[tool] * along
-            held = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] - along * along < least * least
+            held = least > 0.0 and f[0] * f[0] + f[1] * f[1] + f[2] * f[2] - along * along < least * least
         scale = 1.0 if sticks or held else bound / size
         same_way = row[TRACTION] * tx + row[TRACTION + 1] * ty + row[TRACTION + 2] * tz > 0.0
         row[RELAXED] = 0.5 if (not sticks and was == SLIP and same_way) else 0.0
@@ -230,7 +235,7 @@ def lets_go(tools, count, work):
         if work.state[c] == SLIP:
             along = f[0] * row[NORMAL] + f[1] * row[NORMAL + 1] + f[2] * row[NORMAL + 2]
             least = _STUCK * tools.friction[tool] * along
-            lost += along > 0.0 and square - along * along < least * least
+            lost += least > 0.0 and square - along * along < least * least
         else:
             lost += work.state[c] == OPEN
     return 2 * lost > carried

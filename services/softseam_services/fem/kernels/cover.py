@@ -93,6 +93,28 @@ def side_gap(side, shape, position, orientation, point):
 
 
 @njit(cache=True, error_model="numpy")
+def entered(x, nodes, point, patches, patch, shape, position, orientation, position_next, orientation_next, deep):
+    """`covered` at the end of a step, of a box that covered nothing when it began and is in deeper than `deep` [m].
+
+    Covered it must be where its side is that deep, or it came in beside that side: share 0, side -1. So they are where
+    the step ends less deep, too: the next one begins with what is covered there.
+    """
+    share, whole, side = covered(x, nodes, point, patches, patch, shape, position_next, orientation_next)
+    if side < 0:
+        return 0.0, 0.0, -1
+    before = side_gap(side, shape, position, orientation, point)[0]
+    gap = side_gap(side, shape, position_next, orientation_next, point)[0]
+    if before < -deep or gap >= -deep:
+        return 0.0, 0.0, -1
+    there = np.empty(3)
+    for i in range(3):
+        there[i] = position[i] + (before + deep) / (before - gap) * (position_next[i] - position[i])
+    if covered(x, nodes, point, patches, patch, shape, there, orientation_next)[2] != side:
+        return 0.0, 0.0, -1
+    return share, whole, side
+
+
+@njit(cache=True, error_model="numpy")
 def faced_side(shape, position, orientation, point):
     """Side of a box, as of `covered`, that a point (3,) outside faces, of one inside the nearest; -1 past an edge."""
     p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])

@@ -262,12 +262,13 @@ def _too_slow(largest, first, tolerance, since):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, work, memo):
+def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, flies, work, memo):
     """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
 
     The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
-    tool stopped or turned. From x0, points that stuck are held once (`hold_what_stuck`). The factor at hand is tried
-    first, with Anderson acceleration; a new one is made where contacts are missing in it or convergence is slow.
+    tool stopped or turned. So is one that merely `flies` on where it loses its contacts (`lets_go`). From x0, points
+    that stuck are held once (`hold_what_stuck`). The factor at hand is tried first, with Anderson acceleration; a new
+    one is made where contacts are missing in it or convergence is slow.
     careful: a new, positive semi-definite matrix every time, short steps, and a line search along each.
     """
     known, since, first, largest, moved = -1, 0, 0.0, np.inf, np.inf
@@ -279,7 +280,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         hold_what_stuck(count, work)
     for iteration in range(1, most + 1):
         missing = residual(x, x0, model, tools, count, inertia, share, work, memo)
-        if guessed > _FAR * model.edge and not careful and lets_go(tools, count, work):
+        if flies and guessed > _FAR * model.edge and not careful and lets_go(tools, count, work):
             guessed = _back_to(x0, x, count, work)
             continue
         if careful and slope > 0.0:

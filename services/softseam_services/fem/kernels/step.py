@@ -33,6 +33,8 @@ N_OUT = 21
 _MOST_AUGMENTATIONS = 4
 # Points deeper than this after the iteration get their multipliers updated within the step [m].
 _DEEP = 20e-6
+# Positions that differ by less than this share of a cell edge differ by rounding.
+_SAME = 1e-9
 
 
 @njit(cache=True, error_model="numpy")
@@ -106,6 +108,16 @@ def _summarise(x0, x, v, seam_force, model, work, out):
             out[SEAM_WORK] += force * (x[model.seam[s], i] - x0[model.seam[s], i])
 
 
+@njit(cache=True, error_model="numpy")
+def _flies_on(x, x0, v0, dt, edge):
+    """Whether x (n, 3) is x0 + dt v0, and not what an exchange or an attempt before this one has found."""
+    for node in range(len(x0)):
+        for i in range(3):
+            if abs(x[node, i] - (x0[node, i] + dt * v0[node, i])) > _SAME * edge:
+                return False
+    return True
+
+
 @njit(cache=True, error_model="numpy", inline="always")
 def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, tools, tolerance, most, careful,
               work, memo, x, v, history_next):  # fmt: skip
@@ -121,14 +133,15 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
     )
     reach = 0.25 * model.edge + travel + 2.0 * dt * fastest
     total = augmentations = count = 0
-    search = True
+    search, flies = True, _flies_on(x, x0, v0, dt, model.edge)
     while True:
         if search:
             count = find_candidates(x0, model, tools, contact0, reach, inertia, pace, work)
             search = False
         status, iterations = newton(
-            x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, work, memo
+            x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, flies, work, memo
         )
+        flies = False  # from here on, x is a solution of something
         total += iterations
         if status != CONVERGED:
             return status, total, count
