@@ -351,14 +351,16 @@ class Regions:
         self._settle_now(False)
         if self._loop is not None:
             self._loop.forget_told()
-        replies = self._exchange({name: Snapshot(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names})
+        replies = self._exchange(
+            {name: Snapshot(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names}
+        )
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
     def _settle_now(self, fields: bool) -> dict[str, Fields]:
         """Have the last step settled and committed, where that waits for the next; each side's fields if asked for.
 
-        And one that failed half way taken back, by another exchange of its tick than settled the step before it: what has
-        the header of a request that was answered is taken for that request.
+        And one that failed half way taken back, by another exchange of its tick than settled the step before it: what
+        has the header of a request that was answered is taken for that request.
         """
         if not (self._settle or self._under_way):
             return {}
