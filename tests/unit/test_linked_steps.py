@@ -148,8 +148,8 @@ def test_a_wrong_answer_is_found_out_and_costs_exchanges_not_accuracy() -> None:
 
 
 def test_a_wrong_answer_of_the_far_side_is_learned() -> None:
-    """Its rounds teach its line: 40 % off costs one exchange more, once, where each step took 2 or 3 without."""
-    right, wrong = ({NEAR: Side(4e3), FAR: Side(2e3, off)} for off in (1.0, 1.4))
+    """Its rounds teach its line: 40 % off costs one exchange more, once. It touches: what it touches takes the rest."""
+    right, wrong = ({NEAR: Side(4e3), FAR: Side(2e3, off, touches=1)} for off in (1.0, 1.4))
     few, _, _ = _run(right, 60)
     more, gaps, _ = _run(wrong, 60)
     assert sum(more) <= sum(few) + 2
@@ -160,9 +160,32 @@ def test_a_wrong_answer_of_the_far_side_is_learned() -> None:
 def test_the_gap_of_the_states_closes_where_the_far_side_is_not_symmetric() -> None:
     """The near side is told a symmetric stiffness; what the far side has of the other kind is learned and settled."""
     skew = np.array([[1.0, 0.3, 0.0], [-0.3, 1.0, 0.1], [0.0, -0.1, 1.0]])
-    sides = {NEAR: Side(4e3), FAR: Side(2e3, skew=skew)}
+    sides = {NEAR: Side(4e3), FAR: Side(2e3, skew=skew, touches=1)}
     _, gaps, _ = _run(sides, 40)
     assert gaps[2:].max() < 1e-13
+
+
+def test_a_far_side_that_touches_nothing_is_settled_by_the_impulse_of_its_multiplier() -> None:
+    """However its line errs: where that leaves a gap beyond the tolerance there is another round instead."""
+    sides = {NEAR: Side(4e3), FAR: Side(2e3, 1.4)}
+    loop, told = _loop(), np.zeros((1, 3))
+
+    def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+        if FAR in wanted:
+            told[:] = wanted[FAR].force
+        return {name: sides[name].advance(side) for name, side in wanted.items()}
+
+    n_settled = 0
+    for step in range(60):
+        sides[FAR].load = np.array([np.sin(0.3 * step), 0.5 * np.cos(0.2 * step), 0.01 * step])
+        solution = loop.solve(ask, DT)
+        for name, side in sides.items():
+            side.commit(solution.settle.get(name))
+        if FAR in solution.settle:
+            n_settled += 1
+            np.testing.assert_allclose(solution.settle[FAR], -solution.lambda_ - told, atol=1e-12)
+        assert np.abs(sides[NEAR].x[0] - sides[FAR].x[0]).max() <= 1.001 * TOLERANCE
+    assert n_settled > 50
 
 
 def test_sides_that_cannot_be_settled_are_not() -> None:

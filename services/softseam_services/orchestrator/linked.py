@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from softseam_coupling.kernels.learned_line import multiply_rows
 from softseam_coupling.kernels.link import foretell, link_round, settled
 from softseam_coupling.kernels.quasi_newton import multiply
 from softseam_coupling.learned_line import LearnedLine
@@ -82,6 +83,7 @@ class Link:
         self._bends: list[NDArray[np.generic]] = []  # factor and pivots of the far side's compliance
         self._far, self._yield = np.zeros((n, n)), np.zeros((0, 0))
         self._x = np.zeros((2, 2, n_nodes, 3))  # seam nodes of near and far where the last step began and ended
+        self._n_left = 0  # of these two places, those that are known
         self._rooted = False  # whether the yield is known by its root
         self._kappa_near = self._kappa_far = 1.0
         self._rough = 0  # rounds in a row
@@ -197,7 +199,10 @@ class Link:
             kappa_far = self._kappa_far if steady else max(self._kappa_far, _CHANGED)
             doubts.append(kappa_far * move + self._kappa_near * miss)
             if max(doubts[-1], gap) <= tolerance:
-                break
+                bent, far_moved = self._bend(given, found - told_far, image, far.n_contacts == 0)
+                gap = largest(tie.gap(near.seam_x + moved, far.seam_x + far_moved))
+                if gap <= tolerance:
+                    break
             if exchanges > (MOST_ROUNDS if exchanges > 2 and doubts[-1] < 0.5 * doubts[-3] else ROUNDS):
                 self._put_off()
                 self._rough += 1
@@ -217,16 +222,27 @@ class Link:
         self._age += 1
         self._predictor.commit(self._line, line)
         forces = tie.far_force(found)
-        bent = lapack.dgetrs(*self._bends, _flat(given))[0] if self._bends else learned.s @ _flat(given)
-        settle = {NEAR: push, FAR: tie.far_force(bent.reshape(shape))}
-        far_moved = np.empty(shape)
-        multiply(self._far, _flat(settle[FAR]), _flat(far_moved))
+        settle = {NEAR: push, FAR: bent}
         replies = {
-            NEAR: _settled(near, self._x[0], moved, near.seam_force, found, dt),
-            FAR: _settled(far, self._x[1], far_moved, tie.far_force(told_far), forces, dt),
+            NEAR: _settled(near, self._way(near, 0), moved, near.seam_force, found, dt),
+            FAR: _settled(far, self._way(far, 1), far_moved, tie.far_force(told_far), forces, dt),
         }
         self._leave(replies)
         return Linked(True, replies, settle, found, gap, exchanges)
+
+    def _bend(self, given: Floats, change: Floats, image: Floats, free: bool) -> tuple[Floats, Floats]:
+        """Force on the far side's seam nodes that moves its image by -given (s, 3) [m], and their moves.
+
+        A far side that touches nothing, `free`, gets exactly the impulse of the multiplier's `change` (s, 3) [N]:
+        nothing is there to take a part of the force.
+        """
+        bent = lapack.dgetrs(*self._bends, _flat(given))[0] if self._bends else self._learned.s @ _flat(given)
+        bent = bent.reshape(self._shape)
+        if free:
+            _balance(bent, change, image, self._learned.s)
+        force, moved = self._tie.far_force(bent), np.empty(self._shape)
+        multiply(self._far, _flat(force), _flat(moved))
+        return force, moved
 
     def learn(self, change: Floats, moved: Floats) -> None:
         """In a step the far side was told a multiplier that is another by `change` (s, 3) [N], and moved so [m]."""
@@ -234,8 +250,19 @@ class Link:
             return
         self._learned.learn(change.reshape(-1), moved.reshape(-1))
 
+    def _way(self, reply: Advanced, side: int) -> Floats:
+        """Where a side's last step and this one began (2, s, 3) [m].
+
+        A cut's first step is told as from rest, the second as going on at its own pace: what came before is not known.
+        """
+        if not self._n_left:
+            return np.stack([reply.seam_x, reply.seam_x])
+        start = self._x[side, 1]
+        return self._x[side] if self._n_left > 1 else np.stack([2.0 * start - reply.seam_x, start])
+
     def _leave(self, replies: Mapping[str, Advanced]) -> None:
         """The step ended so."""
+        self._n_left = min(self._n_left + 1, 2)
         self._x[:, 0] = self._x[:, 1]
         self._x[0, 1], self._x[1, 1] = replies[NEAR].seam_x, replies[FAR].seam_x
 
@@ -254,7 +281,7 @@ class Link:
         arrays = {f"line_{name}": array for name, array in self._line.to_arrays().items()}
         flags = [self._kappa_near, self._kappa_far, self._rough, self._age, self._least_age, self._skip, self._patience]
         arrays["link_pairs"], arrays["link_x"] = self._learned.to_array(), self._x.copy()
-        return arrays | {"link_flags": np.array([*flags, self._can], dtype=np.float64)}
+        return arrays | {"link_flags": np.array([*flags, self._can, self._n_left], dtype=np.float64)}
 
     def take(self, arrays: Mapping[str, Floats], far_compliance: Floats, stiffness: Floats | None) -> None:
         """Continue from `to_arrays`, with the far side's compliance and its inverse as they were then."""
@@ -262,12 +289,32 @@ class Link:
             {name.removeprefix("line_"): array for name, array in arrays.items() if name.startswith("line_")}
         )
         self._x = np.array(arrays["link_x"])
-        near, far, rough, age, least_age, skip, patience, can = arrays["link_flags"].tolist()
+        near, far, rough, age, least_age, skip, patience, can, n_left = arrays["link_flags"].tolist()
         self._kappa_near, self._kappa_far, self._rough, self._age = near, far, int(rough), int(age)
         self._least_age, self._skip, self._patience, self._can = int(least_age), int(skip), int(patience), bool(can)
-        self._yield = np.zeros((0, 0))
+        self._n_left, self._yield = int(n_left), np.zeros((0, 0))
         if stiffness is not None:
             self._learned.take(self._know(far_compliance), stiffness, np.array(arrays["link_pairs"]))
+
+
+def _balance(force: Floats, wanted: Floats, x: Floats, stiffness: Floats) -> None:
+    """Give `force` (s, 3) [N], in place, the resultant and the moment of `wanted`, at least energy.
+
+    Rigid motions T of the seam at x (s, 3) [m] cost S T, with S = stiffness (3s, 3s) [N/m]:
+
+        force += S T (T^T S T)^-1 T^T (wanted - force)
+    """
+    arm = x - x.mean(axis=0)
+    rigid = np.zeros((6, *x.shape))
+    for c in range(3):
+        rigid[c, :, c] = 1.0
+        rigid[3 + c] = np.cross(np.eye(3)[c], arm)
+    rigid = rigid.reshape(6, -1)
+    costs = np.empty_like(rigid)
+    multiply_rows(stiffness, rigid, costs)
+    for _ in range(2):  # the second takes what the first rounds off
+        missing = rigid @ (wanted - force).reshape(-1)
+        force += (np.linalg.lstsq(rigid @ costs.T, missing, rcond=None)[0] @ costs).reshape(x.shape)
 
 
 def _settled(reply: Advanced, x: Floats, moved: Floats, force: Floats, final: Floats, dt: float) -> Advanced:

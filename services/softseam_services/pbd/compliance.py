@@ -18,7 +18,7 @@ from .kernels.probe import probe_seam
 from .model import KAPPA, PbdModel
 from .records import PointArrays, block_arrays, new_contacts, solve_arrays, tool_arrays
 
-Ways = NDArray[np.float32]
+Ways = NDArray[np.float64]
 
 REACH = 0.45
 """blocks further from the seam than this share of a P wave's way in a step are left out: measured, what they would
@@ -32,7 +32,7 @@ MOST_WAYS = 4_000_000
 
 def no_ways() -> Ways:
     """Of nothing."""
-    return np.zeros((0, 2, 0, 3), dtype=np.float32)
+    return np.zeros((0, 2, 0, 3))
 
 
 class SeamProbe:
@@ -139,7 +139,7 @@ class SeamProbe:
         result = np.zeros((3 * n_seam, 3 * n_seam))
         ways = no_ways()
         if self.keeps_ways:
-            ways = np.zeros((3 * n_seam, 2, len(self.ids) + 1, 3), dtype=np.float32)
+            ways = np.zeros((3 * n_seam, 2, len(self.ids) + 1, 3))
         free = seam_mass[seam_mass > 0.0]
         if n_seam == 0 or len(free) == 0:
             return result, ways
