@@ -84,6 +84,8 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     console.print(table)
     for warning in doubts:
         console.print(Text(f"warning: {warning}", style="yellow"))
+    for note in _hidden_viscosity(scene):
+        console.print(Text(f"note: {note}", style="dim"))
     console.print(Text("the scene can be simulated", style="green"))
 
 
@@ -134,6 +136,19 @@ def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: T
         f"narrower than the coarse cells' edge of {1e3 * edge:.3g} mm: {', '.join(narrow)}. Coarse cells meet tools at "
         "their corners alone, and do not feel one between them; give a larger models.pbd.coarse.beyond, or boxes away "
         "from it"
+    ]
+
+
+def _hidden_viscosity(scene: Scene) -> list[str]:
+    """That implicit Euler damps more than the material's viscosity, where fem has cells of it."""
+    near, default = scene.regions.near, scene.regions.default
+    if not isinstance(scene.body, BodySpec) or "fem" not in (default, near.model if near else default):
+        return []
+    time = scene.body.material.retardation_time
+    if time == 0.0 or scene.step < time or scene.models.fem.integrator != "implicit_euler":
+        return []
+    return [
+        f"in fem the step itself damps more than the material: take step < {1e3 * time:.3g} ms, its retardation_time"
     ]
 
 

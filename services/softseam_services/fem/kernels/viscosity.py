@@ -21,30 +21,40 @@ from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import viscous_share
 from softseam_services.fem.kernels import cells, points
 
+_FLAT = 1e-12  # of (tr B/3)^3, below which det B says that a cell is flat and L is not known: G = 1
+
 
 @njit(cache=True, error_model="numpy")
 def _even_motion(p, d, share, G):
     """G_t (3, 3) of eqs. (1) and (2) from p and d = dt v (27, 3) of a cell's nodes about their mean; in place."""
-    B, L = np.zeros((3, 3)), np.zeros((3, 3))
+    xx = yy = zz = xy = yz = zx = 0.0
     for a in range(27):
-        for i in range(3):
-            for j in range(3):
-                B[i, j] += p[a, i] * p[a, j]
-                L[i, j] += d[a, i] * p[a, j]
-    C = np.empty((3, 3))  # cofactors of B
+        x, y, z = p[a, 0], p[a, 1], p[a, 2]
+        xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
+        xy, yz, zx = xy + x * y, yz + y * z, zx + z * x
+    cxx, cyy, czz = yy * zz - yz * yz, zz * xx - zx * zx, xx * yy - xy * xy  # cofactors of B = sum p p^T
+    cxy, cyz, czx = yz * zx - xy * zz, zx * xy - yz * xx, xy * yz - zx * yy
+    det = xx * cxx + xy * cxy + zx * czx
+    G[:] = 0.0
+    G[0, 0] = G[1, 1] = G[2, 2] = 1.0
+    if not det > _FLAT * ((xx + yy + zz) / 3.0) ** 3:
+        return
+    for i in range(3):
+        u = v = w = 0.0
+        for a in range(27):
+            u, v, w = u + d[a, i] * p[a, 0], v + d[a, i] * p[a, 1], w + d[a, i] * p[a, 2]
+        G[i, 0] = (u * cxx + v * cxy + w * czx) / det
+        G[i, 1] = (u * cxy + v * cyy + w * cyz) / det
+        G[i, 2] = (u * czx + v * cyz + w * czz) / det
+    sx, sy, sz = 0.5 * (G[2, 1] - G[1, 2]), 0.5 * (G[0, 2] - G[2, 0]), 0.5 * (G[1, 0] - G[0, 1])
+    sine = np.sqrt(sx * sx + sy * sy + sz * sz)
+    if sine > 1.0:  # beyond 1 rad a step: a quarter turn
+        sx, sy, sz, sine = sx / sine, sy / sine, sz / sine, 1.0
+    cos = np.sqrt(1.0 - sine * sine)
+    spin = (sx, sy, sz)
     for i in range(3):
         for j in range(3):
-            k, m, n, o = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            C[i, j] = B[k, n] * B[m, o] - B[k, o] * B[m, n]
-    det = B[0, 0] * C[0, 0] + B[0, 1] * C[0, 1] + B[0, 2] * C[0, 2]
-    for i in range(3):
-        for j in range(3):
-            G[i, j] = (L[i, 0] * C[0, j] + L[i, 1] * C[1, j] + L[i, 2] * C[2, j]) / det
-    w = (0.5 * (G[2, 1] - G[1, 2]), 0.5 * (G[0, 2] - G[2, 0]), 0.5 * (G[1, 0] - G[0, 1]))
-    cos = np.sqrt(max(0.0, 1.0 - w[0] * w[0] - w[1] * w[1] - w[2] * w[2]))
-    for i in range(3):
-        for j in range(3):
-            inward = -w[i] * w[j] / (1.0 + cos)  # (1 - cos) n n^T, for sin^2 = (1 - cos) (1 + cos)
+            inward = -spin[i] * spin[j] / (1.0 + cos)  # (1 - cos) n n^T, for sin^2 = (1 - cos) (1 + cos)
             if i == j:
                 inward += 1.0 - cos
             G[i, j] = share * (G[i, j] - 2.0 * share * inward)
