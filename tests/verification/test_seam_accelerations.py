@@ -144,7 +144,7 @@ def test_a_real_beam_falls_alike_with_every_acceleration() -> None:
 
 
 def test_the_seam_does_no_work() -> None:
-    """The same fall, the gap closed to 3e-6 of a cell: the seam's work below 1e-6 of the energy (1.4e-7; 1.9e-6 at 3e-5)."""
+    """The same fall, gap closed to 3e-6 of a cell: seam work below 1e-6 of the energy (1.4e-7; 1.9e-6 at 3e-5)."""
     run = hybrid("seam.tolerance=3e-6")
     work = sum(report.energy["seam_work"] for report in run)
     largest = max(report.energy["kinetic"] + report.energy["strain"] for report in run)
