@@ -295,3 +295,41 @@ def test_a_loop_goes_on_from_its_arrays() -> None:
             counts.append(solution.exchanges)
         ends.append((counts, sides[NEAR].x.tobytes(), sides[FAR].v.tobytes()))
     assert ends[0] == ends[1]
+
+
+def test_a_step_that_failed_where_compliances_were_asked_for_begins_with_a_new_one() -> None:
+    """The far side answered at random, so that a direct step called for new compliances, and then it failed."""
+
+    class Unsteady(Side):
+        settles, shakes = True, False
+
+        def advance(self, side: SideRequest) -> Advanced:
+            reply = super().advance(side)
+            if self.shakes and side.compliance:
+                raise ArithmeticError
+            shaken = reply.seam_x + 1e3 * TOLERANCE * (rng.standard_normal((1, 3)) if self.shakes else 0.0)
+            return replace(reply, seam_x=shaken, settles=self.settles)
+
+    rng = np.random.default_rng(3)
+    far = Unsteady(2e3)
+    sides: dict[str, Side] = {NEAR: Side(4e3), FAR: far}
+    loop, asked = _loop(), []
+
+    def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+        asked.append(wanted)
+        return {name: sides[name].advance(side) for name, side in wanted.items()}
+
+    for settles in (True, False):  # the second step is not linked, and neither is the next one
+        far.settles = settles
+        solution = loop.solve(ask, DT)
+        for name, side in sides.items():
+            side.commit(solution.settle.get(name))
+    far.shakes = True
+    with pytest.raises(ArithmeticError):
+        loop.solve(ask, DT)
+    far.settles, far.shakes = True, False
+    asked.clear()
+    solution = loop.solve(ask, DT)
+    assert solution.settle, "it was linked"
+    assert asked[0].keys() == {FAR}
+    assert asked[0][FAR].compliance

@@ -141,7 +141,7 @@ class SeamLoop:
             self._dt = dt
         lambda_ = self._solver.predict(self.state)
         if self._condensable and self.pace.parts == 1 and self._link.due():
-            old = self._stiffness is None or self._stale or self._link.worn
+            old = self._fresh or self._stiffness is None or self._stale or self._link.worn
             if not old and self._touched == (self._n_contacts > 0):
                 return self._linked(ask, lambda_, may_cut)
             far = ask({FAR: SideRequest(self._tie.far_force(lambda_), True, fields=False)})[FAR]
