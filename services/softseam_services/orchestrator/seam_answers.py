@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advanced
 from softseam_protocol.quickly_made import quickly_made
 from softseam_services.orchestrator.pace import Pace
+from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
 
@@ -38,13 +39,14 @@ Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
 @quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamSolution:
-    """The step that both sides agreed on."""
+    """A step that both sides agreed on or, where not `agreed`, what rounds came to that others are to go on from."""
 
     replies: dict[str, Advanced]
+    """as if settled, where the step is to be"""
     lambda_: Floats
-    """force on the near side (s, 3) [N]"""
+    """force on the near side (s, 3) [N]; where they do not agree, the one that the far side was told"""
     gap: float
-    """[m]"""
+    """between the sides, settled where they are to be [m]"""
     exchanges: int
     note: str
     """'' or what fell short"""
@@ -52,6 +54,7 @@ class SeamSolution:
     """that the step was taken in"""
     settle: dict[str, Floats] = field(default_factory=dict)
     """forces on each side's seam nodes (s, 3) [N] that its state is to be settled by before it is committed"""
+    agreed: bool = True
 
 
 class SeamDiverged(RuntimeError):
@@ -82,6 +85,11 @@ class SeamScheme(Protocol):
 
     def take(self, arrays: dict[str, Floats]) -> None:
         """Continue from `to_arrays`."""
+
+
+def touches(replies: Mapping[str, Advanced]) -> bool:
+    """Whether either side of the seam touches a tool."""
+    return replies[NEAR].n_contacts + replies[FAR].n_contacts > 0
 
 
 def largest(vectors: Floats) -> float:

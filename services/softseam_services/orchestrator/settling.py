@@ -1,0 +1,145 @@
+"""How a linked step is settled: the force that moves the far side on, and what the sides would have replied."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from softseam_coupling.kernels.learned_line import multiply_rows
+from softseam_coupling.kernels.link import settled
+from softseam_coupling.kernels.quasi_newton import multiply
+from softseam_coupling.mortar import SeamTie
+from softseam_protocol.messages import Advanced
+from softseam_services.orchestrator.sides import FAR, NEAR
+
+Floats = NDArray[np.float64]
+
+
+class Settling:
+    """The far side's compliance, and where the seam's nodes were; both evolve. s nodes."""
+
+    def __init__(self, tie: SeamTie, n_nodes: int):
+        self._tie, self._shape = tie, (n_nodes, 3)
+        self._bends: list[NDArray[np.generic]] = []  # factor and pivots of the far side's compliance
+        self._stiffness = np.zeros((0, 0))
+        self._far = np.zeros((3 * n_nodes, 3 * n_nodes))
+        self._x = np.zeros((2, 2, n_nodes, 3))  # seam nodes of near and far where the last step began and ended
+        self._n_left = 0  # of these two places, those that are known
+
+    @property
+    def known(self) -> bool:
+        """Whether the far side has told its compliance."""
+        return bool(self._far.any())
+
+    def know(self, compliance: Floats, stiffness: Floats) -> Floats:
+        """Keep the far side's compliance and its inverse; its symmetric part as the near side sees it."""
+        h = self._tie.far_compliance(compliance)
+        self._far, self._stiffness = compliance, stiffness
+        *self._bends, singular = lapack.dgetrf(h)
+        self._bends = [] if singular else self._bends
+        return 0.5 * (h + h.T)
+
+    def bend(self, given: Floats, change: Floats, image: Floats, free: bool) -> tuple[Floats, Floats]:
+        """Force on the far side's seam nodes that moves its image by -given (s, 3) [m], and their moves.
+
+        A far side that touches nothing, `free`, gets exactly the impulse of the multiplier's `change` (s, 3) [N]:
+        nothing is there to take a part of the force.
+        """
+        flat = given.reshape(-1)
+        bent = lapack.dgetrs(*self._bends, flat)[0] if self._bends else self._stiffness @ flat
+        bent = bent.reshape(self._shape)
+        if free:
+            _balance(bent, change, image, self._stiffness)
+        force, moved = self._tie.far_force(bent), np.empty(self._shape)
+        multiply(self._far, np.ascontiguousarray(force).reshape(-1), moved.reshape(-1))
+        return force, moved
+
+    def replies(
+        self,
+        solved: Mapping[str, Advanced],
+        forces: Mapping[str, Floats],
+        moves: Mapping[str, Floats],
+        final: Mapping[str, Floats],
+        dt: float,
+    ) -> dict[str, Advanced]:
+        """The replies as they would be of the settled step, which ends here.
+
+        forces  on each side's seam nodes as the step was solved, and `final` as it is settled (s, 3) [N]
+        moves   by which its nodes are moved on (s, 3) [m]
+        """
+        replies = {
+            name: _settled(reply, self._way(reply, side), moves[name], forces[name], final[name], dt)
+            for side, (name, reply) in enumerate(solved.items())
+        }
+        self.leave(replies)
+        return replies
+
+    def _way(self, reply: Advanced, side: int) -> Floats:
+        """Where a side's last step and this one began (2, s, 3) [m].
+
+        A cut's first step is told as from rest, the second as going on at its own pace: what came before is not known.
+        """
+        if not self._n_left:
+            return np.stack([reply.seam_x, reply.seam_x])
+        start = self._x[side, 1]
+        return self._x[side] if self._n_left > 1 else np.stack([2.0 * start - reply.seam_x, start])
+
+    def leave(self, replies: Mapping[str, Advanced]) -> None:
+        """The step ended so."""
+        self._n_left = min(self._n_left + 1, 2)
+        self._x[:, 0] = self._x[:, 1]
+        self._x[0, 1], self._x[1, 1] = replies[NEAR].seam_x, replies[FAR].seam_x
+
+    def to_arrays(self) -> dict[str, Floats]:
+        """What evolves but the compliance."""
+        return {"link_x": self._x.copy(), "link_n_left": np.array([self._n_left], dtype=np.float64)}
+
+    def take(self, arrays: Mapping[str, Floats]) -> None:
+        """Continue from `to_arrays`."""
+        self._x, self._n_left = np.array(arrays["link_x"]), int(arrays["link_n_left"][0])
+
+
+def _balance(force: Floats, wanted: Floats, x: Floats, stiffness: Floats) -> None:
+    """Give `force` (s, 3) [N], in place, the resultant and the moment of `wanted`, at least energy.
+
+    Rigid motions T of the seam at x (s, 3) [m] cost S T, with S = stiffness (3s, 3s) [N/m]:
+
+        force += S T (T^T S T)^-1 T^T (wanted - force)
+    """
+    arm = x - x.mean(axis=0)
+    rigid = np.zeros((6, *x.shape))
+    for c in range(3):
+        rigid[c, :, c] = 1.0
+        rigid[3 + c] = np.cross(np.eye(3)[c], arm)
+    rigid = rigid.reshape(6, -1)
+    costs = np.empty_like(rigid)
+    multiply_rows(stiffness, rigid, costs)
+    for _ in range(2):  # the second takes what the first rounds off
+        missing = rigid @ (wanted - force).reshape(-1)
+        force += (np.linalg.lstsq(rigid @ costs.T, missing, rcond=None)[0] @ costs).reshape(x.shape)
+
+
+def _settled(reply: Advanced, x: Floats, moved: Floats, force: Floats, final: Floats, dt: float) -> Advanced:
+    """A reply as it would be of the settled step; contact figures stay those of the step as it was solved.
+
+    x       where the last step and this one began (2, s, 3) [m]
+    moved   how the seam's nodes are moved on (s, 3) [m]
+    force   on them as the step was solved, and `final` as it is settled (s, 3) [N]
+    """
+    seam_x, momentum, angular = reply.seam_x.copy(), reply.momentum.copy(), reply.angular_momentum.copy()
+    work, kinetic, strain = settled(seam_x, moved, x[0], x[1], force, final, dt, momentum, angular)
+    return replace(
+        reply,
+        seam_x=seam_x,
+        seam_force=final,
+        seam_work=work,
+        kinetic=reply.kinetic + kinetic,
+        strain=reply.strain + strain,
+        momentum=momentum,
+        angular_momentum=angular,
+        fields=None,
+    )
