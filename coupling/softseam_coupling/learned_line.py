@@ -69,11 +69,15 @@ class LearnedLine:
         self.defects[0] = -moved - self.along[0]
         self._scale(1)
 
+    def forget(self) -> None:
+        """What rounds taught."""
+        self._count = self._n_kept = self._n_answered = 0
+
     def _scale(self, newest: int) -> None:
         """The newest pairs are scaled and multiplied; a pair that costs no energy ends what is remembered."""
         energy = np.einsum("pi,pi->p", self.changes[:newest], self.along[:newest])
         if not (energy > 0.0).all():
-            self._count = self._n_kept = self._n_answered = 0
+            self.forget()
             return
         for array in (self.changes, self.defects, self.along):
             array[:newest] /= np.sqrt(energy)[:, None]

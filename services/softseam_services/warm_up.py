@@ -171,6 +171,7 @@ def warm_orchestrator() -> None:
 def _warm_link() -> None:
     """What two models of one kind have no use for: a linked step of the seam."""
     from softseam_coupling.kernels.link import foretell, link_round, settled
+    from softseam_coupling.kernels.push import push_far
     from softseam_coupling.kernels.quasi_newton import multiply
     from softseam_coupling.learned_line import LearnedLine
 
@@ -185,4 +186,5 @@ def _warm_link() -> None:
     pairs = (learned.kept, learned.changes, learned.defects, learned.along)
     products = (learned.pushes, learned.moves, learned.answers)
     link_round(one, one, one, True, *(flat,) * 7, *pairs, *products, *np.empty((5, 3)))
+    push_far(flat, True, flat, flat, one, one[:1, :1].copy(), one, flat, flat, *np.empty((2, 3)))
     settled(vectors.copy(), *(vectors,) * 5, 0.01, np.zeros(3), np.zeros(3))

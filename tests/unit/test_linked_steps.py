@@ -10,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam_coupling.kernels.link import link_round
-from softseam_coupling.mortar import identity_tie
+from softseam_coupling.mortar import identity_tie, stiffness_of
 from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header
-from softseam_services.orchestrator.seam_answers import SideRequest
+from softseam_services.orchestrator import far_stiffness
+from softseam_services.orchestrator.seam_answers import SeamDiverged, SideRequest
 from softseam_services.orchestrator.seam_loop import SeamLoop
 from softseam_services.orchestrator.sides import FAR, NEAR
 
@@ -186,6 +187,100 @@ def test_a_far_side_that_touches_nothing_is_settled_by_the_impulse_of_its_multip
             np.testing.assert_allclose(solution.settle[FAR], -solution.lambda_ - told, atol=1e-12)
         assert np.abs(sides[NEAR].x[0] - sides[FAR].x[0]).max() <= 1.001 * TOLERANCE
     assert n_settled > 50
+
+
+def _learned(loop: SeamLoop) -> Floats:
+    """Changes of the multiplier that the loop remembers, of length 1 (k, 3)."""
+    changes = loop.to_arrays()["link_pairs"][0]
+    return np.asarray(changes / np.linalg.norm(changes, axis=1, keepdims=True))
+
+
+def _jolted(loop: SeamLoop, sides: dict[str, Side], steps: range, dt: float = DT) -> None:
+    """Steps in which the far side is pulled about as no line foretells."""
+    for step in steps:
+        sides[FAR].load = np.array([(-1.0) ** step, np.sin(step), np.cos(1.7 * step)])
+        solution = loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()}, dt)
+        for name, side in sides.items():
+            side.commit(solution.settle.get(name))
+
+
+@pytest.mark.parametrize("status", ["converged", "it diverged"])
+def test_answers_of_a_step_that_failed_or_was_tried_again_teach_nothing(status: str) -> None:
+    """Every second answer of a step is such a one, and far off: what is remembered is what the side does."""
+
+    class Torn(Side):
+        odd: bool = False
+
+        def advance(self, side: SideRequest) -> Advanced:
+            reply, self.odd = super().advance(side), not self.odd
+            return replace(reply, status=status, settles=False, seam_x=reply.seam_x + 0.1) if self.odd else reply
+
+    sides = {NEAR: Side(4e3), FAR: Torn(2e3, 1.4, touches=1)}
+    loop = _loop()
+    for step in range(12):
+        sides[FAR].load = np.array([(-1.0) ** step, np.sin(step), np.cos(1.7 * step)])
+        loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()}, DT)
+        for side in sides.values():
+            side.commit(None)
+    changes, defects, along = loop.to_arrays()["link_pairs"]
+    np.testing.assert_allclose(defects + along, changes @ sides[FAR].inverse[:3, :3], rtol=1e-6)
+
+
+def test_what_is_not_finite_teaches_nothing_and_is_not_forgotten_for() -> None:
+    """The near side cannot be settled and, condensed, answers nothing finite; the far side answers as before to it."""
+
+    class Lost(Side):
+        def advance(self, side: SideRequest) -> Advanced:
+            reply = replace(super().advance(side), settles=not lost)
+            if not lost or self.asked - before == 1:
+                return reply
+            return replace(reply, seam_force=reply.seam_force * np.nan, seam_x=reply.seam_x * np.nan)
+
+    class Deaf(Side):
+        def advance(self, side: SideRequest) -> Advanced:
+            return super().advance(replace(side, force=np.nan_to_num(side.force)))
+
+    near = Lost(4e3)
+    sides: dict[str, Side] = {NEAR: near, FAR: Deaf(2e3, 1.4, touches=1)}
+    loop, lost, before = _loop(), False, 0
+    _jolted(loop, sides, range(6))
+    pairs, before, lost = _learned(loop), near.asked, True
+    with pytest.raises(SeamDiverged):
+        _jolted(loop, sides, range(6, 9))
+    assert len(pairs) > 0
+    np.testing.assert_array_equal(_learned(loop), pairs)
+
+
+def test_steps_of_another_length_forget_what_rounds_taught() -> None:
+    sides = {NEAR: Side(4e3), FAR: Side(2e3, 1.4, touches=1)}
+    loop = _loop()
+    _jolted(loop, sides, range(6))
+    before = _learned(loop)
+    _jolted(loop, sides, range(6, 7), 0.5 * DT)
+    assert len(before) > 0
+    assert all(np.abs(before @ change).max() < 1.0 - 1e-6 for change in _learned(loop))
+
+
+def test_a_compliance_is_inverted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the far side tells it but cannot be settled, a direct step goes on with it."""
+
+    class Rigid(Side):
+        n_told: int = 0
+
+        def advance(self, side: SideRequest) -> Advanced:
+            self.n_told += side.compliance
+            return replace(super().advance(side), settles=False)
+
+    inverted = []
+
+    def counted(h: Floats) -> Floats:
+        inverted.append(h)
+        return stiffness_of(h)
+
+    monkeypatch.setattr(far_stiffness, "stiffness_of", counted)
+    sides: dict[str, Side] = {NEAR: Side(4e3), FAR: Rigid(2e3)}
+    _run(sides, 40)
+    assert isinstance(sides[FAR], Rigid) and len(inverted) == sides[FAR].n_told > 0
 
 
 def test_sides_that_cannot_be_settled_are_not() -> None:

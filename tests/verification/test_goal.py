@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from softseam_protocol.messages import ErrorEstimate
+from softseam_protocol.messages import ErrorEstimate, Observe, Reply, Request
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene
 from softseam_services.body.body import Body
@@ -182,6 +183,26 @@ def test_cells_that_the_goal_asks_for_are_half_of_those_that_stress_does(monkeyp
     assert abs(force / truth - 1.0) < abs(other / truth - 1.0) < 0.05
     assert 0 < len(places) <= 16 < 30 <= len(others) and places.max() < 5
     assert why and all("by goal" in text for text in why)
+
+
+def test_a_step_is_observed_once_for_all_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One bounds the stress, the other what the goal is off by: both look at the same fields."""
+    observed = []
+    exchange = EmbeddedTransport.exchange
+
+    def counted(self: EmbeddedTransport, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        observed.extend(request for request in requests.values() if isinstance(request, Observe))
+        return exchange(self, requests)
+
+    monkeypatch.setattr(EmbeddedTransport, "exchange", counted)
+    of = Simulation(bundle_scene(pinched_twice({"error": 1e3, "stress": 1e9}, "grip_force")), EmbeddedTransport())
+    for _ in range(12):
+        observed.clear()
+        of.step()
+        asked = [(request.header.participant, request.header.step) for request in observed]
+        assert len(asked) == len(set(asked))
+    assert of.regions.near_arrays()["goal_look"][0] > 0.0
+    of.close()
 
 
 def test_a_run_with_a_goal_goes_on_from_a_snapshot_bit_for_bit() -> None:

@@ -58,7 +58,8 @@ class _Round:
     anchor: Floats
     stiffness: Floats
     found: Floats
-    image: Floats
+    far: Advanced
+    """its answer to what was found"""
 
 
 class CondensedRounds:
@@ -92,13 +93,13 @@ class CondensedRounds:
             if best is None:
                 turns.condensed_begun()
             found = near.seam_force
-            far = ask({FAR: SideRequest(tie.far_force(found))})[FAR]
+            told, far = far, ask({FAR: SideRequest(tie.far_force(found))})[FAR]
             exchanges += 2
             image = tie.image(far.seam_x)
-            self._link.learn(found - lambda_, image - anchor)
             gap = largest(near.seam_x - image)
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
+            self._link.learn(found - lambda_, told, far)
             if gap <= tolerance or (exchanges > strict and gap <= _SLACK * tolerance):
                 calm = best is None and largest(image - anchor) <= _CALM * tolerance
                 if calm:
@@ -106,7 +107,7 @@ class CondensedRounds:
                 turns.condensed_ended(calm)
                 return SeamSolution({NEAR: near, FAR: far}, found, gap, exchanges, "")
             if best is None or gap < best.gap:
-                best = _Round(gap, lambda_, anchor, stiffness.used, found, image)
+                best = _Round(gap, lambda_, anchor, stiffness.used, found, far)
             if exchanges + 4 > most:
                 if may_cut:
                     raise SeamUnsettled
@@ -115,7 +116,8 @@ class CondensedRounds:
             if gap > _WORSE * best.gap:
                 # a model that is too soft overshoots, one that is too stiff is only slow
                 stiffness.stiffen()
-                lambda_, anchor = best.found, best.image
+                lambda_, far = best.found, best.far
+                anchor = tie.image(far.seam_x)
             else:
                 if gap > _WORTH * float(np.abs(near.seam_x - anchor).max()):
                     stiffness.use_learned()

@@ -85,12 +85,12 @@ class DirectRounds:
         return SeamSolution(replies, lambda_, answer.gap, before + self._most, note)
 
     def _rebuild(self, state: SeamState, replies: dict[str, Advanced], lambda_: Floats) -> None:
-        near, far = replies[NEAR].compliance, replies[FAR].compliance
-        if far.size == 0:
-            far = self._stiffness.compliance
+        near, told = replies[NEAR].compliance, replies[FAR].compliance
+        known = self._stiffness.compliance
+        far = told if told.size else known
         if near.size == 0 or near.size != far.size or not np.isfinite(near + far).all():
             return  # a solve that failed has no compliance; ask again
         self._solver.reset(state, self._tie.compliance(near, far))
         self._turns.know_both()
-        if self._condensable:
+        if self._condensable and told is not known:
             self._stiffness.take(replies[FAR], lambda_)

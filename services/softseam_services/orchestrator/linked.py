@@ -8,12 +8,14 @@ line, x = c - H lambda: c, where its image would be without the seam's force, is
     far advances with lambda^, foretold               -> c, what was missed: m = c - c^                         (1)
     near moves on by dx = Y S m                       Y = L A^-1 L^T, its yield beside the other side
     lambda = lambda' + S (m - dx)                                                                               (2)
-    far moves on by -H (lambda - lambda^)                                                                       (3)
+    far moves on by -H' (lambda - lambda^)            pushed by H^-1 of that move (`settling`)                  (3)
 
-After (2) and (3) both sides feel the same force and x_near = c - H lambda: the gap is closed in the states themselves,
-so that no miss comes back (docs/decisions/0099). What is not exact is that a state so moved answers that force. By how
-much was measured when a step last took another round, as shares kappa of the moves (2) and (3); where these times the
-moves exceed the tolerance, both sides are asked again, each with what the other has answered.
+H' is H with what earlier rounds have taught (`learned_line`, decision 0124); they add to m, dx and lambda what H alone
+misses (`kernels.link`, eqs. (4) and (5)). After (2) and (3) both sides feel the same force, but for what the ground took
+of it in (3), and x_near = c - H' lambda: the gap is closed in the states themselves, so that no miss comes back (0099).
+What is not exact is that a state so moved answers that force. By how much was measured when a step last took another
+round, as shares kappa of the moves (2) and (3); where these times the moves exceed the tolerance, both sides are asked
+again, each with what the other has answered.
 """
 
 from __future__ import annotations
@@ -66,7 +68,7 @@ class Link:
         self._yield = np.zeros((0, 0))
         self._rooted = False  # whether the yield is known by its root
         self._kappa_near = self._kappa_far = 1.0
-        self._rough = 0  # rounds in a row
+        self._rough = 0  # steps since the last one that took few rounds, on which the sides did not agree
         self._age, self._least_age = 0, _LEAST_AGE
         self._skip = self._patience = 0  # steps to come that are not linked
         self._can = True  # as far as is known, both sides can be settled
@@ -172,8 +174,8 @@ class Link:
             kappa_far = self._kappa_far if steady else max(self._kappa_far, _CHANGED)
             doubts.append(kappa_far * move + self._kappa_near * miss)
             if max(doubts[-1], gap) <= tolerance:
-                bent, far_moved = self._settling.bend(given, found - told_far, image, far.n_contacts == 0)
-                gap = largest(tie.gap(near.seam_x + moved, far.seam_x + far_moved))
+                free = far.n_contacts == 0
+                bent, far_moved, gap = self._settling.bend(given, found - told_far, image, near.seam_x, moved, free)
                 if gap <= tolerance:
                     break
             if exchanges > (MOST_ROUNDS if exchanges > 2 and doubts[-1] < 0.5 * doubts[-3] else ROUNDS):
@@ -184,7 +186,7 @@ class Link:
             replies = ask({NEAR: coupled(found, anchor), FAR: SideRequest(tie.far_force(found), fields=False)})
             exchanges += 1
             self._measure(replies, near.seam_x + moved, miss, anchor, move)
-            self.learn(found - told_far, tie.image(replies[FAR].seam_x) - image)
+            self.learn(found - told_far, far, replies[FAR])
             told_far, yielded_near = found, np.empty(shape)
             multiply(learned.h, _flat(found), _flat(yielded_near))
             yielded = yielded_near
@@ -200,11 +202,20 @@ class Link:
         settle = {NEAR: push, FAR: bent}
         return SeamSolution(replies, found, gap, before + exchanges, "", settle=settle)
 
-    def learn(self, change: Floats, moved: Floats) -> None:
-        """In a step the far side was told a multiplier that is another by `change` (s, 3) [N], and moved so [m]."""
-        if largest(moved) <= _SEEN * self._tolerance:
+    def learn(self, change: Floats, before: Advanced, after: Advanced) -> None:
+        """In a step the far side was told a multiplier that is another by `change` (s, 3) [N], and answered so.
+
+        Only answers of the kind that the probe speaks of teach: not those of a step that failed or was tried again.
+        """
+        if not (before.settles and after.settles and before.status == after.status):
             return
-        self._learned.learn(change.reshape(-1), moved.reshape(-1))
+        moved = self._tie.image(after.seam_x) - self._tie.image(before.seam_x)
+        if largest(moved) > _SEEN * self._tolerance:
+            self._learned.learn(change.reshape(-1), moved.reshape(-1))
+
+    def forget(self) -> None:
+        """Steps are of another length: what rounds taught of the far side is of no use to them."""
+        self._learned.forget()
 
     def _measure(
         self, replies: Mapping[str, Advanced], x_near: Floats, miss: float, image: Floats, move: float

@@ -208,7 +208,7 @@ class Regions:
         looks, errors = self.near.looks_for
         turn = self._clock.step % LOOK_EVERY == 0
         seen = self.observe(errors) if looks and turn else None
-        reason = self.near.follow(self.sides, replies, seen, self._blame(replies, motion) if turn else None)
+        reason = self.near.follow(self.sides, replies, seen, self._blame(replies, motion, seen) if turn else None)
         if not reason:
             return None
         seam, states = self.seam_arrays(), self.snapshot()
@@ -226,13 +226,17 @@ class Regions:
         self._tell("refused", f"{cost} is too much for a switch; it is tried again in {RETRY} steps")
         return None
 
-    def _blame(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Floats | None:
-        """What the goal blames each cell for (C,); None where no rule asks."""
+    def _blame(
+        self, replies: Mapping[str, Advanced], motion: ToolMotion, seen: Mapping[str, Fields] | None
+    ) -> Floats | None:
+        """What the goal blames each cell for (C,); None where no rule asks. seen: fields of the step, where observed"""
         if self._watch is None or not self.near.looks_for_goal:
             return None
         strain = sum(reply.strain for reply in replies.values())
         poses = motion.position_next, motion.orientation_next
-        return self._watch.follow(self._clock.step, strain, lambda: self.goal_error(self.observe(), *poses, blame=True))
+        return self._watch.follow(
+            self._clock.step, strain, lambda: self.goal_error(seen or self.observe(), *poses, blame=True)
+        )
 
     def goal_error(
         self, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False

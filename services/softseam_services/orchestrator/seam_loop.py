@@ -102,6 +102,7 @@ class SeamLoop:
             self._turns.wait()
         else:
             self._turns.fresh = True
+        self._link.forget()
         self._dt = dt
 
     def _outdated(self) -> bool:

@@ -9,14 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from softseam_coupling.kernels.learned_line import multiply_rows
 from softseam_coupling.kernels.link import settled
-from softseam_coupling.kernels.quasi_newton import multiply
+from softseam_coupling.kernels.push import push_far
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
+
+_LEAST_RCOND = 1e-9
+"""reciprocal condition of a compliance that is not singular [1]"""
+_MORE = 1e-6
+"""of a singular one, by which it yields more everywhere [1]"""
 
 
 class Settling:
@@ -24,39 +28,51 @@ class Settling:
 
     def __init__(self, tie: SeamTie, n_nodes: int):
         self._tie, self._shape = tie, (n_nodes, 3)
-        self._bends: list[NDArray[np.generic]] = []  # factor and pivots of the far side's compliance
-        self._stiffness = np.zeros((0, 0))
-        self._far = np.zeros((3 * n_nodes, 3 * n_nodes))
+        self._p = np.zeros((0, 0)) if tie.p is None else tie.p
+        self._compliance = self._stiffness = self._singular = np.zeros((0, 0))
+        self._factor: tuple[Floats, NDArray[np.int32]]  # of the compliance that the image has
         self._x = np.zeros((2, 2, n_nodes, 3))  # seam nodes of near and far where the last step began and ended
         self._n_left = 0  # of these two places, those that are known
 
     @property
     def known(self) -> bool:
         """Whether the far side has told its compliance."""
-        return bool(self._far.any())
+        return self._compliance.size > 0
 
     def know(self, compliance: Floats, stiffness: Floats) -> Floats:
-        """Keep the far side's compliance and its inverse; its symmetric part as the near side sees it."""
+        """Keep the far side's compliance and its inverse; its symmetric part as the near side sees it.
+
+        Nodes that follow others (coarse cells, decision 0116) make it singular: it then yields a millionth more
+        everywhere, and what that is off by is asked for again.
+        """
         h = self._tie.far_compliance(compliance)
-        self._far, self._stiffness = compliance, stiffness
-        *self._bends, singular = lapack.dgetrf(h)
-        self._bends = [] if singular else self._bends
+        self._compliance, self._stiffness, self._singular = compliance, stiffness, np.zeros((0, 0))
+        norm = float(np.abs(h).sum(axis=0).max())
+        factor, pivots, _ = lapack.dgetrf(h)
+        if not lapack.dgecon(factor, norm)[0] > _LEAST_RCOND:
+            self._singular = h
+            factor, pivots, _ = lapack.dgetrf(h + _MORE * norm * np.eye(len(h)))
+        self._factor = factor, pivots
         return 0.5 * (h + h.T)
 
-    def bend(self, given: Floats, change: Floats, image: Floats, free: bool) -> tuple[Floats, Floats]:
-        """Force on the far side's seam nodes that moves its image by -given (s, 3) [m], and their moves.
+    def bend(
+        self, given: Floats, change: Floats, image: Floats, near_x: Floats, near_moved: Floats, free: bool
+    ) -> tuple[Floats, Floats, float]:
+        """Force on the far side's seam nodes that moves its image by -given (s, 3) [m], their moves, the gap left [m].
 
         A far side that touches nothing, `free`, gets exactly the impulse of the multiplier's `change` (s, 3) [N]:
         nothing is there to take a part of the force.
         """
         flat = given.reshape(-1)
-        bent = lapack.dgetrs(*self._bends, flat)[0] if self._bends else self._stiffness @ flat
-        bent = bent.reshape(self._shape)
-        if free:
-            _balance(bent, change, image, self._stiffness)
-        force, moved = self._tie.far_force(bent), np.empty(self._shape)
-        multiply(self._far, np.ascontiguousarray(force).reshape(-1), moved.reshape(-1))
-        return force, moved
+        bent = lapack.dgetrs(*self._factor, flat)[0]
+        if self._singular.size:
+            bent += lapack.dgetrs(*self._factor, flat - self._singular @ bent)[0]
+        force, moved = np.empty(self._shape), np.empty(self._shape)
+        gap = push_far(
+            *(bent, free, change.reshape(-1), image.reshape(-1), self._stiffness, self._p, self._compliance),
+            *(near_x.reshape(-1), near_moved.reshape(-1), force.reshape(-1), moved.reshape(-1)),
+        )
+        return force, moved, gap
 
     def replies(
         self,
@@ -101,26 +117,6 @@ class Settling:
     def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`."""
         self._x, self._n_left = np.array(arrays["link_x"]), int(arrays["link_n_left"][0])
-
-
-def _balance(force: Floats, wanted: Floats, x: Floats, stiffness: Floats) -> None:
-    """Give `force` (s, 3) [N], in place, the resultant and the moment of `wanted`, at least energy.
-
-    Rigid motions T of the seam at x (s, 3) [m] cost S T, with S = stiffness (3s, 3s) [N/m]:
-
-        force += S T (T^T S T)^-1 T^T (wanted - force)
-    """
-    arm = x - x.mean(axis=0)
-    rigid = np.zeros((6, *x.shape))
-    for c in range(3):
-        rigid[c, :, c] = 1.0
-        rigid[3 + c] = np.cross(np.eye(3)[c], arm)
-    rigid = rigid.reshape(6, -1)
-    costs = np.empty_like(rigid)
-    multiply_rows(stiffness, rigid, costs)
-    for _ in range(2):  # the second takes what the first rounds off
-        missing = rigid @ (wanted - force).reshape(-1)
-        force += (np.linalg.lstsq(rigid @ costs.T, missing, rcond=None)[0] @ costs).reshape(x.shape)
 
 
 def _settled(reply: Advanced, x: Floats, moved: Floats, force: Floats, final: Floats, dt: float) -> Advanced:
