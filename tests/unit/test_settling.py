@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 def _following(n_nodes: int) -> Floats:
     """Trilinear weights of nodes on a line that follow the two at its ends, for three axes (3 n, 6)."""
     share = np.linspace(0.0, 1.0, n_nodes)
-    return np.kron(np.stack([1.0 - share, share], axis=1), np.eye(3))
+    return np.asarray(np.kron(np.stack([1.0 - share, share], axis=1), np.eye(3)), dtype=np.float64)
 
 
 def _moment(force: Floats, x: Floats) -> Floats:

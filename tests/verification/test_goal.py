@@ -187,7 +187,7 @@ def test_cells_that_the_goal_asks_for_are_half_of_those_that_stress_does(monkeyp
 
 def test_a_step_is_observed_once_for_all_rules(monkeypatch: pytest.MonkeyPatch) -> None:
     """One bounds the stress, the other what the goal is off by: both look at the same fields."""
-    observed = []
+    observed: list[Observe] = []
     exchange = EmbeddedTransport.exchange
 
     def counted(self: EmbeddedTransport, requests: Mapping[str, Request]) -> dict[str, Reply]:
