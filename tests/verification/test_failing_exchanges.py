@@ -1,17 +1,21 @@
-"""What a step left to be settled is not lost where a participant is, for good, before it was told."""
+"""A step that fails leaves everything as it was: what was left to be settled, what its parts had moved, what grips."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from softseam.atlas.scenes import press
 from softseam.variants import with_model
-from softseam_protocol.messages import Advance, Commit, Reply, Request
+from softseam_protocol.messages import Advance, Advanced, Commit, Reply, Request
+from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.regions import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantLost
 
@@ -104,3 +108,91 @@ def test_a_frame_after_a_snapshot_that_failed_is_of_both_sides() -> None:
     with pytest.raises(ParticipantLost):
         failed.save()
     assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
+
+
+# ---- steps in parts
+
+
+class Breaking(EmbeddedTransport):
+    """The near side cannot take the n-th part from now on, counted from 0, or is lost with it; after that all is well.
+
+    `reached` is the tick of the last request.
+    """
+
+    part: int | None = None
+    lost: bool = False
+    reached: int = -1
+
+    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        replies = super().exchange(requests)
+        near = replies.get("near")
+        if not isinstance(near, Advanced):
+            return replies
+        if self.part is not None and near.header.step > self.reached:
+            self.part -= 1
+        self.reached = near.header.step
+        if self.part is None or self.part >= 0:
+            return replies
+        self.part = None
+        if self.lost:
+            raise ParticipantLost("near", "the cable was cut")
+        return replies | {"near": replace(near, status="inverted", kinetic=float("nan"))}
+
+    def wait_alive(self, participant: str, timeout: float) -> bool:
+        return False
+
+
+def squeezed(transport: EmbeddedTransport, n_steps: int) -> Simulation:
+    """A cube whose steps are all too long for its middle, which XPBD holds: they are taken in parts."""
+    scene = Scene.model_validate(press(1e5, 0.05, "hybrid"))
+    simulation = Simulation(bundle_scene(scene, {}), transport)
+    for _ in range(n_steps):
+        simulation.step()
+    return simulation
+
+
+@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize("part", [0, 1, 3])
+def test_a_step_that_fails_in_any_of_its_parts_leaves_what_was_committed(part: int, lost: bool) -> None:
+    """Body and seam, bit for bit, so that the step taken again is that of a run without the failure."""
+    transport = Breaking()
+    failed, whole = squeezed(transport, 2), squeezed(EmbeddedTransport(), 2)
+    transport.part, transport.lost = part, lost
+    with pytest.raises(ParticipantLost if lost else StepFailed):
+        failed.step()
+    assert failed.time == whole.time
+    assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
+    assert failed.save() == whole.save()
+    again, first = failed.step(), whole.step()
+    assert again.seam == first.seam
+    np.testing.assert_array_equal(again.momentum, first.momentum)
+
+
+def test_a_step_that_is_taken_again_at_once_begins_where_it_began() -> None:
+    """Nobody has looked in between; the first of all steps was tried whole, then in parts of which the third fails."""
+    transport = Breaking()
+    failed, whole = squeezed(transport, 0), squeezed(EmbeddedTransport(), 0)
+    transport.part = 2
+    with pytest.raises(StepFailed):
+        failed.step()
+    again, first = failed.step(), whole.step()
+    assert again.quantities["grip_force"] == pytest.approx(first.quantities["grip_force"], rel=1e-4)
+    assert again.energy["strain"] == pytest.approx(first.energy["strain"], rel=1e-4)
+
+
+def test_a_cut_by_hand_after_a_step_that_failed_begins_with_what_was_committed() -> None:
+    transport = Breaking()
+    failed, whole = squeezed(transport, 2), squeezed(EmbeddedTransport(), 2)
+    transport.part = 2
+    with pytest.raises(StepFailed):
+        failed.step()
+    for simulation in (failed, whole):
+        simulation.set_near(np.ones(simulation.body.n_cells, dtype=np.bool_))
+    assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
+
+
+def test_a_command_that_is_refused_grips_nothing() -> None:
+    simulation = squeezed(EmbeddedTransport(), 0)
+    with pytest.raises(ValueError, match="turns by"):
+        simulation.step({"left": [0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 1.0]})
+    assert not simulation.step({}).gripping.any()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -65,7 +65,18 @@ _KEPT = np.zeros((0, 0))
 
 
 class StepFailed(RuntimeError):
-    """A step could not be taken; the simulation stands at the last committed step and can be stepped again."""
+    """A step could not be taken, nor any part of it; the simulation stands at the last committed step and can be stepped
+    again. Only what the seam learned in trying may be kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """What a step began with."""
+
+    seam: dict[str, Floats]
+    """see `Regions.seam_arrays`"""
+    states: dict[str, bytes]
+    """see `Regions.snapshot`"""
 
 
 class Regions:
@@ -93,6 +104,7 @@ class Regions:
         self._n_asked = -1  # exchanges of the tick at hand
         self._under_way = False  # a step is, or was when it failed
         self._settle: dict[str, Floats] = {}  # forces that the last step is to be settled by, not sent yet
+        self._kept: _Kept | None = None  # while a step is taken in parts, and after it failed
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
         self._goal = self._watch = None
@@ -108,6 +120,7 @@ class Regions:
 
         fields  ask for the sides' fields in the exchange that is likely to be the last
         """
+        self._take_back()
         try:
             solution = (
                 self._advance(motion, self._clock.dt, fields) if self._loop is None else self._cut(motion, fields)
@@ -157,10 +170,15 @@ class Regions:
         return solution
 
     def _cut(self, motion: ToolMotion, fields: bool) -> SeamSolution:
-        """Take the step whole, or in parts where it will not settle; each part is committed by the next."""
+        """Take the step whole, or in parts where it will not settle.
+
+        Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
+        """
         assert self._loop is not None
         pace, step = self._loop.pace, CutStep(motion, self._clock.dt)
         before = pace.parts
+        if before > 1:
+            self._keep()
         pace.begin()
         while not step.done:
             parts = pace.parts
@@ -169,13 +187,36 @@ class Regions:
                 step.taken(parts, self._advance(part, dt, fields, may_cut))
             except SeamUnsettled:
                 pace.cut()
+                if self._kept is None:
+                    self._keep()
         pace.end()
+        self._kept = None
         solution = step.solution()
         if step.n_parts > 1 and (solution.note or pace.parts != before):
             taken = f"taken in {step.n_parts} parts, {solution.exchanges} exchanges, gap {1e6 * solution.gap:.3g} um"
             self._tell("seam", f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}")
             solution = replace(solution, note="")
         return solution
+
+    def _keep(self) -> None:
+        """Keep the state before a step, none of whose parts was committed."""
+        states = self.snapshot()
+        self._kept = _Kept({name: array.copy() for name, array in self.seam_arrays().items()}, states)
+
+    def _take_back(self) -> None:
+        """Where a step failed in one of its parts, go back to before it; and again where that fails."""
+        kept = self._kept
+        if kept is None:
+            return
+        self._kept = None
+        try:
+            loop = self._scheme(self.sides)
+            if loop is not None:
+                loop.take(kept.seam)
+            self.restore((self.sides, loop), kept.states)
+        except BaseException:
+            self._kept = kept
+            raise
 
     def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
         found = {}
@@ -195,6 +236,7 @@ class Regions:
 
     def start(self, state: BodyState) -> None:
         """Cut the body as the scene asks for at the start; its state then."""
+        self._kept = None
         self.near.reset()
         if self._watch is not None:
             self._watch.reset()
@@ -272,17 +314,21 @@ class Regions:
 
         state, cauchy (C, 8, 6)  as the body stands: of these the first multiplier is made
         """
+        sides = cut(self._body, self.near.mask, self.near.model, self._scene.regions.default)
+        return sides, self._scheme(sides, state, cauchy)
+
+    def _scheme(self, sides: Sides, state: BodyState | None = None, cauchy: Floats | None = None) -> SeamScheme | None:
+        """What ties these sides; None where they share no nodes."""
         scene, body = self._scene, self._body
-        sides = cut(body, self.near.mask, self.near.model, scene.regions.default)
         if not len(sides.seam):
-            return sides, None
+            return None
         assert isinstance(body, Body)  # others are not divided
         functions = model_functions(scene.models)
         tie = tie_sides(body, sides, self.near.neighbours, functions)
         first = None
         if state is not None and cauchy is not None:
             first = first_multiplier(body, sides, state, cauchy, tie, functions)
-        return sides, build_scheme(scene.seam, self._solver, body, sides, tie, first)
+        return build_scheme(scene.seam, self._solver, body, sides, tie, first)
 
     def _configure(self, sides: Sides, loop: SeamScheme | None, state: BodyState | None) -> Energies:
         """Build both sides in a new epoch; the energies that they begin with."""
@@ -366,6 +412,7 @@ class Regions:
         And one that failed half way taken back, by another exchange of its tick than settled the step before it: what
         has the header of a request that was answered is taken for that request.
         """
+        self._take_back()
         if not (self._settle or self._under_way):
             return {}
         replies = self._exchange(
@@ -391,6 +438,7 @@ class Regions:
 
     def restore(self, tied: tuple[Sides, SeamScheme | None], states: Mapping[str, bytes]) -> None:
         """Continue with what `tied` made and from `snapshot`."""
+        self._kept = None
         self._configure(*tied, None)
         restores: dict[str, Request] = {
             name: Restore(self._clock.request(name), states[name]) for name in self.sides.names

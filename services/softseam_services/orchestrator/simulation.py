@@ -153,12 +153,13 @@ class Simulation:
         if velocities is None:
             command, progress = self._program.step(self._progress, self._position, self._orientation)
             self._drives.apply(command, self._progress, self._orientation)
-            self._gripping = self._program.gripping(self._progress, self._gripping)
+            gripping = self._program.gripping(self._progress, self._gripping)
         else:
-            command, progress = self._commanded(velocities), self._progress
+            command, gripping = self._commanded(velocities)
+            progress = self._progress
         motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
-        if any(self._gripping.tolist()):
-            motion = replace(motion, gripping=self._gripping.copy())
+        if any(gripping.tolist()):
+            motion = replace(motion, gripping=gripping.copy())
         self._accounts.begin(began)
         too_far = beyond_middle(self.tools, motion)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
@@ -166,7 +167,7 @@ class Simulation:
         replies = solution.replies
         first, *others = (reply.wrench for reply in replies.values())
         wrench = sum(others, first)
-        self._position, self._orientation = motion.position_next, motion.orientation_next
+        self._position, self._orientation, self._gripping = motion.position_next, motion.orientation_next, gripping
         self._clock.step += 1
         grip_force = self._quantities.grip_force(wrench, self._orientation)
         if velocities is None:
@@ -306,7 +307,8 @@ class Simulation:
 
     # ---- parts of a step
 
-    def _commanded(self, velocities: Mapping[str, Sequence[float]]) -> Floats:
+    def _commanded(self, velocities: Mapping[str, Sequence[float]]) -> tuple[Floats, NDArray[np.int8]]:
+        """What tools do (t, 6) [m/s, rad/s], and 1 for those that hold particles (t,)."""
         command = np.zeros((len(self.tools.names), 6))
         gripping = self._gripping.copy()
         for name, velocity in velocities.items():
@@ -322,8 +324,7 @@ class Simulation:
             command[tool, : len(value[:6])] = value[:6]
             if len(value) == 7:
                 gripping[tool] = value[6] != 0.0
-        self._gripping = gripping
-        return command
+        return command, gripping
 
     def _follow_lift(self, command: Floats, height: float) -> None:
         """The lift is measured from where the body was before a tool first rises; height of this step [m]."""
