@@ -36,15 +36,22 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     if scene is not loaded:
         bundle = bundle_scene(scene, bundle.files)
     try:
+        from softseam_services.body.body import Body
         from softseam_services.body.check import check_body
         from softseam_services.body.particles import ParticleBody
+        from softseam_services.orchestrator.goal import Goal
+        from softseam_services.orchestrator.probes import Probes
         from softseam_services.pbd.levels import coarse_cells
         from softseam_services.server import build_setup
     except ImportError as error:
         raise missing_extra(error, "checking a mesh") from error
     with translated():
         setup = build_setup(bundle)
-    built = setup.body
+        built = setup.body
+        if isinstance(built, Body):
+            Probes(built, scene.probes)
+            if scene.regions.goal is not None:
+                Goal(scene, built, setup.tools)
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_row("scene", f"{scene.name}  (hash {scene_hash(bundle)[:12]})")

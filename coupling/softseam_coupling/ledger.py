@@ -118,7 +118,7 @@ class EnergyLedger:
     def switched(self, state: LedgerState, energies: Energies) -> float:
         """Book a region switch after which the body has these energies; returns the change [J]."""
         change = energies.total - state.last.total
-        state.last = energies
+        state.last, state.estimated = energies, False
         state.pending += change
         return change
 

@@ -16,7 +16,10 @@ _turn_into = object.__dict__["__class__"].__set__
 
 
 def quickly_made(declared: type[_T]) -> type[_T]:
-    """Decorates a frozen dataclass without bases and without `__post_init__`; nothing else changes."""
+    """Decorates a frozen dataclass without bases and without `__post_init__`; nothing else changes.
+
+    Subclasses are made as others are, one field after the other.
+    """
     kept = []
     for each in fields(declared):  # type: ignore[arg-type]  # any dataclass
         default: dict[str, Any] = {"default": each.default, "default_factory": each.default_factory}
@@ -24,9 +27,13 @@ def quickly_made(declared: type[_T]) -> type[_T]:
         kept.append((each.name, each.type, field(**given)))
     twin = make_dataclass(declared.__name__, kept, slots="__slots__" in vars(declared), eq=False, repr=False)
     fill = twin.__init__  # type: ignore[misc]  # of this very class
+    slowly = declared.__init__
 
-    @wraps(declared.__init__)
+    @wraps(slowly)
     def made(self: Any, *values: Any, **named: Any) -> None:
+        if type(self) is not declared:
+            slowly(self, *values, **named)
+            return
         _turn_into(self, twin)
         fill(self, *values, **named)
         self.__class__ = declared

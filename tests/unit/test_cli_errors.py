@@ -37,6 +37,11 @@ BAD_SCENES = {
         GOOD + "  ball: {kind: sphere, radius: 0.005, position: [0, 0, 0.018]}\n",
         ["ball"],
     ),
+    "goal of too many cells": (
+        GOOD.replace("cell: 0.01", "cell: 0.0015") + "probes: {inside: [0, 0, 0.01]}\nregions: {goal: inside}\n",
+        ["regions.goal", "unknowns", "body.cell"],
+    ),
+    "probe outside": (GOOD + "probes: {above: [0, 0, 0.03]}\n", ["probes.above", "0.03"]),
 }
 
 BAD_CALLS = {

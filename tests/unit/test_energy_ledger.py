@@ -55,6 +55,14 @@ def test_what_an_estimate_was_off_by_comes_back_in_the_next_step_and_in_no_later
     assert ledger.step(restored, Energies(1.002, 0.0, 0.0), 0.0, 0.0, 0.0).alarms == (Alarm.CREATED,)
 
 
+def test_after_a_switch_no_energy_is_an_estimate() -> None:
+    ledger = EnergyLedger()
+    state = ledger.open(Energies(1.0, 0.0, 0.0))
+    ledger.step(state, Energies(1.0, 0.0, 0.0), 0.0, 0.0, 0.0, settled=True)
+    ledger.switched(state, Energies(1.0, 0.0, 0.0))
+    assert ledger.step(state, Energies(1.002, 0.0, 0.0), 0.0, 0.0, 0.0).alarms == (Alarm.CREATED,)
+
+
 def test_state_survives_a_checkpoint() -> None:
     ledger = EnergyLedger()
     state = ledger.open(Energies(1.0, 2.0, 3.0))

@@ -68,3 +68,26 @@ def test_messages_of_every_step_are_made_quickly() -> None:
     for name in ("Header", "ToolMotion", "Advance", "Advanced", "RegionReport", "SeamReport", "StepReport", "Fields"):
         assert getattr(messages, name).__init__.__code__.co_name == "made"
     assert np.shape(messages.Commit(header).seam_settle) == (0, 3)
+
+
+def test_a_subclass_is_made_as_it_is_declared() -> None:
+    class Named(Quick):
+        """Adds nothing."""
+
+    @dataclass(frozen=True)
+    class Longer(Quick):
+        length: float = 0.5
+
+    @dataclass(frozen=True, slots=True)
+    class Slotted(Quick):
+        length: float = 0.5
+
+    for cls in (Named, Longer, Slotted):
+        one = cls("a", size=2.0)
+        assert type(one) is cls
+        assert (one.name, one.many, one.size) == ("a", [], 2.0)
+        assert replace(one, name="b").name == "b"
+        assert pickle.loads(pickle.dumps(Quick("a"))) == Quick("a")
+        with pytest.raises(FrozenInstanceError):
+            one.name = "b"  # type: ignore[misc]
+    assert Longer("a", length=3.0).length == Slotted("a", length=3.0).length == 3.0

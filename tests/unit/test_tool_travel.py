@@ -50,6 +50,33 @@ def test_half_a_thickness_counts_along_each_edge(way: list[float], far: list[str
     assert beyond_middle(tools, motion) == far
 
 
+def _turning(speed: float, turned: str) -> list[str]:
+    """Tools that are told of where one of a blade, a rod, a cube and a ball turns about y by this in a step [rad]."""
+    tools = {
+        "ball": {"kind": "sphere", "radius": 0.005, "position": [0, 0.1, 0.05]},
+        "blade": {"kind": "box", "size": [0.01, 0.02, 0.06], "position": [0.1, 0, 0.1]},
+        "cube": {"kind": "box", "size": [0.01, 0.01, 0.01], "position": [0.2, 0, 0.1]},
+        "rod": {"kind": "capsule", "radius": 0.005, "length": 0.06, "position": [0.3, 0, 0.1]},
+    }
+    built = Scene.model_validate(scene(0.1).model_dump() | {"tools": tools, "motion": [{"hold": 0.1}]})
+    set_ = build_tools(built, build_body(built, {}), {})
+    command = np.zeros((4, 6))
+    command[set_.names.index(turned), 4] = speed / built.step
+    return beyond_middle(set_, tool_motion(set_, set_.position, set_.orientation, command, built.step))
+
+
+@pytest.mark.parametrize(("turned", "least"), [("blade", np.arctan(1 / 6)), ("rod", np.arcsin(1 / 12) * 2)])
+def test_what_turns_counts_by_its_ends(turned: str, least: float) -> None:
+    """A blade's face is at its end where the middle was once it has turned by its thickness over its length."""
+    assert _turning(0.99 * least, turned) == []
+    assert _turning(-1.01 * least, turned) == [turned]
+
+
+@pytest.mark.parametrize("turned", ["cube", "ball"])
+def test_what_is_as_thick_as_it_is_long_may_turn(turned: str) -> None:
+    assert _turning(0.45, turned) == []
+
+
 def test_a_plate_that_jumps_is_an_event_told_once() -> None:
     for speed, n_told in ((0.1, 0), (0.6, 1)):
         events: list[Event] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -18,6 +19,8 @@ from softseam_services.orchestrator import goal as goals
 from softseam_services.orchestrator import regions
 from softseam_services.orchestrator.adjoint import Adjoint
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
+from softseam_services.orchestrator.goal_watch import EVERY, GoalWatch
 from softseam_services.orchestrator.sides import merged_state
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.server import build_setup
@@ -227,6 +230,34 @@ def test_a_body_too_large_for_an_adjoint_is_refused(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(goals, "MOST_FACTORED", 300)
     with pytest.raises(MeshError, match=r"regions.goal: 375 unknowns, more than the 300 .* leave regions.goal out"):
         Simulation(bundle_scene(Scene.model_validate(squeezed("pbd"))), EmbeddedTransport())
+
+
+def test_a_look_without_an_adjoint_leaves_the_blame_and_is_not_repeated_at_once() -> None:
+    """A node is nowhere, as in a step that FEM cannot take: the stiffness has no factor."""
+    simulation = Simulation(bundle_scene(Scene.model_validate(squeezed("pbd", cells=1))), EmbeddedTransport())
+    while not simulation.done:
+        simulation.step()
+    setup, sides, fields = build_setup(simulation._bundle), simulation.regions.sides, simulation.regions.observe()
+    assert isinstance(setup.body, Body) and simulation.report is not None
+    goal, watch = goals.Goal(setup.scene, setup.body, setup.tools), GoalWatch(setup.body)
+    poses = simulation.report.tool_position, simulation.report.tool_orientation
+    broken, looks = False, 0
+
+    def look() -> GoalError | None:
+        nonlocal looks
+        looks += 1
+        seen = {name: replace(side, x=np.where(broken, np.nan, side.x)) for name, side in fields.items()}
+        return goal.look(sides, seen, *poses, blame=True)
+
+    cells = watch.follow(0, 1.0, look)
+    assert (cells > 0.0).all()
+    broken = True
+    with pytest.raises(NoAdjoint):
+        look()
+    for step in range(EVERY, EVERY + 30, 10):
+        np.testing.assert_array_equal(watch.follow(step, 1.0, look), cells)
+    assert looks == 3
+    simulation.close()
 
 
 def test_a_goal_that_is_nothing_is_not_known() -> None:

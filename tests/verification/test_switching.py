@@ -158,6 +158,20 @@ def test_the_ledger_books_what_a_switch_does_to_the_strain_energy() -> None:
     simulation.close()
 
 
+def test_a_switch_before_the_first_step_tells_how_much_it_changed() -> None:
+    """Cells of one block have their mass at their corners, so that a cube of them spins with a tenth more energy."""
+    coarse = {"pbd": {"coarse": {"boxes": [{"min": [-1, -1, -1], "max": [1, 1, 1]}]}}}
+    scene = Scene.model_validate(spinning_cube().model_dump() | {"models": coarse})
+    simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
+    everywhere, nowhere = np.ones(simulation.body.n_cells, bool), np.zeros(simulation.body.n_cells, bool)
+    changes = [simulation.set_near(near) for near in (nowhere, everywhere, nowhere, everywhere)]
+    kinetic = simulation.step().energy["kinetic"]
+    assert 0.05 * kinetic < abs(changes[1]) < 0.15 * kinetic
+    np.testing.assert_allclose(changes[2:], [-changes[1], changes[1]], atol=1e-12 * kinetic)
+    assert 0.2 < changes[0] / changes[2] < 0.5, "a third of the cube was FEM's"
+    simulation.close()
+
+
 def vibrating_beam() -> Scene:
     """A beam of 4 cells, clamped at one end and struck: half a second of vibration, ten periods."""
     return Scene.model_validate(

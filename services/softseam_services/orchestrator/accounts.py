@@ -37,6 +37,8 @@ class Accounts:
         self.raised: tuple[Alarm, ...] = ()
         """alarms that the last step was the first of the run to raise"""
         self._told: set[Alarm] = set()
+        self.begun = Energies(0.0, 0.0, 0.0)
+        """with which the body begins, before the first step"""
         self.begin(perf_counter())
 
     def begin(self, now: float) -> None:
@@ -156,7 +158,8 @@ class Accounts:
         """Regions switched after the last step, and the models that hold the body now have these energies; by how much
         the kinetic one changed [J]."""
         if self.ledger is None:
-            return 0.0
+            change, self.begun = energies.kinetic - self.begun.kinetic, energies
+            return change
         change = energies.kinetic - self.ledger.last.kinetic
         self._book.switched(self.ledger, energies)
         return change

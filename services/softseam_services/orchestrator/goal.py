@@ -39,7 +39,7 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.mesh_error import MeshError as MeshIndicator
 from softseam_services.fem.model import MOST_FACTORED
 from softseam_services.orchestrator.adjoint import Adjoint
-from softseam_services.orchestrator.goal_error import GoalError
+from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.grip import grips_by_phase
 from softseam_services.orchestrator.probes import place_of
 from softseam_services.orchestrator.sides import Sides, merged_state
@@ -82,7 +82,10 @@ class Goal:
     def look(
         self, sides: Sides, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False
     ) -> GoalError | None:
-        """The errors between tools at (t, 3) [m], (t, 4); blame: with eq. (3). None where J is nothing yet."""
+        """The errors between tools at (t, 3) [m], (t, 4); blame: with eq. (3). None where J is nothing yet.
+
+        Raises NoAdjoint.
+        """
         body = self._body
         if self._adjoint is None:
             self._adjoint = Adjoint(self._scene, body, self._tools)
@@ -101,15 +104,17 @@ class Goal:
             touching = state.contact_tool >= 0
             value = -float((pushed[state.contact_tool[touching]] * state.contact_force[touching]).sum())
         least = _SEEN * body.material.mu * (1.0 if self._octant is not None else body.resolution**2)
-        if not value > least or not adjoint.factor(state, position, orientation):
+        if not value > least:
             return None
+        if not adjoint.factor(state, position, orientation):
+            raise NoAdjoint
         forces = adjoint.forces().copy()
         g = adjoint.push(pushed) if self._octant is None else self._stressed(state.x, cauchy[self._octant])
         z = adjoint.solve(g)
         x, turned = np.ascontiguousarray(state.x), self._turned(state.x)
         span = float(np.ptp(z[body.cell_nodes], axis=1).max()) / body.resolution
         if not (span > 0.0 and np.isfinite(span)):
-            return None
+            raise NoAdjoint
         scale = _STRAIN / span
         y = turned + scale * z
         fine = [cells for name, cells in sides.cells.items() if sides.models[name] == "fem"]

@@ -8,6 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+class NoAdjoint(ArithmeticError):
+    """There is a goal, but the body's stiffness as it stands has no factor that would tell what a force does to it."""
+
+
 @dataclass(frozen=True, slots=True)
 class GoalError:
     """The errors of a goal J [N] or [Pa], each by how much J ought to be larger, in its unit."""

@@ -2,7 +2,8 @@
 
 A look costs two to four steps (docs/decisions/0122), so it is due when the body has four times the strain energy that
 it had at the last one, and every hundred steps; in between, the last look counts. Where there is no goal yet, because
-nothing is gripped or strained, it is asked for every few steps, which costs next to nothing.
+nothing is gripped or strained, it is asked for every few steps, which costs next to nothing. Where there is one but no
+adjoint, the look has cost what it costs: the one before it counts until the next is due.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body
-from softseam_services.orchestrator.goal_error import GoalError
+from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.trust import model_shares
 
 Floats = NDArray[np.float64]
@@ -42,7 +43,11 @@ class GoalWatch:
         step, strain  the last step's number, and the body's strain energy after it [J]
         """
         if strain > _MORE * self._strain or step >= self._step + EVERY:
-            found = look()
+            try:
+                found = look()
+            except NoAdjoint:
+                self._step, self._strain = step, strain
+                return self._cells
             self._step, self._strain = (step, strain) if found is not None else (-EVERY, 0.0)
             self._cells = np.zeros(len(self._share)) if found is None else self._share * found.cells
         return self._cells

@@ -37,7 +37,7 @@ from softseam_services.orchestrator.accounts import SWITCH_LIMIT, Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.goal import Goal
-from softseam_services.orchestrator.goal_error import GoalError
+from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.goal_watch import GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
@@ -65,8 +65,8 @@ _KEPT = np.zeros((0, 0))
 
 
 class StepFailed(RuntimeError):
-    """A step could not be taken, nor any part of it; the simulation stands at the last committed step and can be stepped
-    again. Only what the seam learned in trying may be kept."""
+    """A step could not be taken, nor is any part of it; the simulation stands at the last committed step and can be
+    stepped again. Only what the seam learned in trying may be kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,13 +234,13 @@ class Regions:
 
     # ---- cuts
 
-    def start(self, state: BodyState) -> None:
-        """Cut the body as the scene asks for at the start; its state then."""
+    def start(self, state: BodyState) -> Energies:
+        """Cut the body as the scene asks for at the start, its state then; the energies that it begins with."""
         self._kept = None
         self.near.reset()
         if self._watch is not None:
             self._watch.reset()
-        self._configure(*self._tied(), state)
+        return self._configure(*self._tied(), state)
 
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow the scene's rule after a step; the energies after a switch, None where none was made.
@@ -276,16 +276,21 @@ class Regions:
             return None
         strain = sum(reply.strain for reply in replies.values())
         poses = motion.position_next, motion.orientation_next
+        goal = self._goal
+        assert goal is not None
         return self._watch.follow(
-            self._clock.step, strain, lambda: self.goal_error(seen or self.observe(), *poses, blame=True)
+            self._clock.step, strain, lambda: goal.look(self.sides, seen or self.observe(), *poses, blame=True)
         )
 
-    def goal_error(
-        self, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False
-    ) -> GoalError | None:
+    def goal_error(self, fields: Mapping[str, Fields], position: Floats, orientation: Floats) -> GoalError | None:
         """What the scene's goal is off by, of these fields, between tools at (t, 3), (t, 4); None where it has none, or
-        it is nothing yet. blame: cell by cell too"""
-        return None if self._goal is None else self._goal.look(self.sides, fields, position, orientation, blame)
+        nothing can be said of it."""
+        if self._goal is None:
+            return None
+        try:
+            return self._goal.look(self.sides, fields, position, orientation)
+        except NoAdjoint:
+            return None
 
     def near_arrays(self) -> dict[str, NDArray[np.generic]]:
         """What of the cells evolves, for a snapshot."""

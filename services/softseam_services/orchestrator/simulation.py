@@ -127,7 +127,7 @@ class Simulation:
         self._trust.reset()
         self.events.clear()
         self._accounts.reset()
-        self._regions.start(resting_state(self.body))
+        self._accounts.begun = self._regions.start(resting_state(self.body))
 
     def _forget(self) -> None:
         """The last step is another's."""

@@ -147,7 +147,7 @@ class Trust:
         if goal is None:
             return said
         if value == 0.0:
-            return replace(said, goal=goal, text=f"{said.text}; {goal}: not known, there was none yet")
+            return replace(said, goal=goal, text=f"{said.text}; {goal}: not known, none yet or no adjoint of it")
         ought = f"{_percent(abs(error))} {'more' if error > 0.0 else 'less'}"
         whose = "" if goal == "grip_force" else ".von_mises by fem on these cells"
         return replace(said, goal=goal, goal_error=error, text=f"{said.text}; {goal}{whose}: some {ought}")
