@@ -7,6 +7,7 @@ tensors: `Array("f8", None, 3)` is a float64 array of shape (n, 3) for any n.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated
@@ -152,12 +153,14 @@ class Configured:
     n_cells: Count
     substeps: Count
     """substeps a step that the participant takes (1 for FEM)"""
-    strain: float = 0.0
-    """strain energy of the state it begins with [J]"""
-    kinetic: float = 0.0
+    strain: float = math.nan
+    """strain energy of the state it begins with [J]; NaN, as for the next two: not told, by an older participant"""
+    kinetic: float = math.nan
     """kinetic energy of that state, with the masses of the model that has it now [J]"""
-    gravity: float = 0.0
+    gravity: float = math.nan
     """its energy in gravity, likewise [J]"""
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
 
 
 @quickly_made
@@ -302,6 +305,8 @@ class Commit:
 class Committed:
     header: Header
     fields: Fields | None = None
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,6 +346,8 @@ class Fields:
     not asked for, or the cells are none that PBD can compute"""
     mesh_error: Scalars = field(default_factory=_NO_SCALARS)
     """FEM: energy by which each cell is off because it is no smaller (n_cells,) [J]; empty: not asked for, or of PBD"""
+    seconds: float = 0.0
+    """wall time spent on an `Observe` [s], 0 within another reply; diagnostics only"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,6 +361,8 @@ class Snapshot:
 class SnapshotTaken:
     header: Header
     state: bytes
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -365,6 +374,8 @@ class Restore:
 @dataclass(frozen=True, slots=True)
 class Restored:
     header: Header
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -390,7 +401,9 @@ class Failure:
 
 
 Request = Configure | Advance | Commit | Observe | Snapshot | Restore | Release
-Reply = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored | Released | Failure
+Worked = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored
+"""replies that tell how long the participant worked for them"""
+Reply = Worked | Released | Failure
 
 
 # ---- orchestrator to clients and recorders ---------------------------------------------------------------

@@ -86,7 +86,12 @@ class SeamSpec(Spec):
         default=3e-4,
         description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]",
     )
-    exchanges: int = Field(default=16, ge=1, description="most exchanges a step")
+    exchanges: int = Field(
+        default=16,
+        ge=1,
+        description="most exchanges a step, or a part of one, not counting those in which both sides are tried at once "
+        "with what the other is expected to answer: twelve of these at most come before",
+    )
     acceleration: SeamAcceleration = Field(
         default="exact",
         description="how the multiplier is corrected: by both sides' exact compliance, or without one, as for "

@@ -99,7 +99,7 @@ def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tu
     from softseam_services.pbd.particles.solver import ParticleSolver
 
     solver = ParticleSolver(setup.scene, body, setup.tools, request.state)
-    return solver, Configured(request.header, body.n_nodes, 0, solver.substeps, solver.strain)
+    return solver, Configured(request.header, body.n_nodes, 0, solver.substeps, solver.strain, *solver.moving)
 
 
 @dataclass
@@ -163,7 +163,10 @@ class ParticipantServer:
         kept = seat.replies.get(type(request))
         if kept is not None and kept[0].header == request.header:
             return kept[1]
+        began = perf_counter()
         reply = self._answer(seat, request)
+        if isinstance(reply, Committed | Fields | SnapshotTaken | Restored):
+            reply = replace(reply, seconds=perf_counter() - began)
         if not isinstance(reply, Failure | Fields):
             seat.replies[type(request)] = (request, reply)
         return reply
@@ -176,12 +179,14 @@ class ParticipantServer:
         return seat
 
     def _configure(self, key: tuple[str, str], request: Configure) -> Reply:
+        began = perf_counter()
         digest = _digest(request.bundle)
         setup = self._setups.pop(digest, None) or build_setup(request.bundle)
         while len(self._setups) >= _BODIES_KEPT:
             self._setups.pop(next(iter(self._setups)))
         self._setups[digest] = setup
         solver, reply = build_solver(setup, request)
+        reply = replace(reply, seconds=perf_counter() - began)
         self._seats.pop(key, None)
         while len(self._seats) >= _SEATS_KEPT:
             self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again

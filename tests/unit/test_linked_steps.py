@@ -13,6 +13,7 @@ from softseam_coupling.kernels.link import link_round
 from softseam_coupling.mortar import identity_tie, stiffness_of
 from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header
+from softseam_protocol.scene_regions import SeamSpec
 from softseam_services.orchestrator import far_stiffness
 from softseam_services.orchestrator.seam_answers import SeamDiverged, SideRequest
 from softseam_services.orchestrator.seam_loop import SeamLoop
@@ -390,6 +391,33 @@ def test_a_loop_goes_on_from_its_arrays() -> None:
             counts.append(solution.exchanges)
         ends.append((counts, sides[NEAR].x.tobytes(), sides[FAR].v.tobytes()))
     assert ends[0] == ends[1]
+
+
+def _exchanges_at_random(seed: int, most: int) -> list[int]:
+    """Of some steps beside a far side that answers at random, though it says that it can be settled."""
+    rng = np.random.default_rng(seed)
+
+    class Random(Side):
+        def advance(self, side: SideRequest) -> Advanced:
+            reply = super().advance(side)
+            return replace(reply, seam_x=reply.seam_x + 1e3 * TOLERANCE * rng.standard_normal((1, 3)))
+
+    sides: dict[str, Side] = {NEAR: Side(4e3), FAR: Random(2e3, touches=seed % 2)}
+    loop, counts = SeamLoop(SeamSolver(tolerance=TOLERANCE), identity_tie(1), np.ones(3), None, True, most), []
+    for _ in range(4):
+        solution = loop.solve(lambda wanted: {name: sides[name].advance(side) for name, side in wanted.items()}, DT)
+        counts.append(solution.exchanges)
+        for name, side in sides.items():
+            side.commit(solution.settle.get(name))
+    return counts
+
+
+def test_exchanges_are_as_many_as_the_key_says_after_those_of_both_sides_at_once() -> None:
+    most = 4
+    counts = [count for seed in range(10) for count in _exchanges_at_random(seed, most)]
+    assert 6 + most <= max(counts) <= 12 + most
+    told = SeamSpec.model_fields["exchanges"].description
+    assert told is not None and "twelve of these at most come before" in told
 
 
 def test_a_step_that_failed_where_compliances_were_asked_for_begins_with_a_new_one() -> None:

@@ -15,7 +15,7 @@ from softseam.pictures import draw_pictures
 from softseam.recording import Recording
 from softseam.replay.verify import verify
 from softseam.view.surface import DisplaySurface
-from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Configure, Failure, Header
+from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Configure, Configured, Failure, Header
 from softseam_protocol.particle_bodies import SheetBody
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import SceneError, parse_scene
@@ -102,6 +102,16 @@ def test_a_participant_of_fem_refuses_a_sheet() -> None:
     reply = ParticipantServer().handle(Configure(header, Bundle(scene.model_dump_json(), {}), "fem", none, none))
     assert isinstance(reply, Failure)
     assert "only pbd can" in reply.message
+
+
+def test_a_participant_tells_the_energies_that_a_sheet_begins_with() -> None:
+    scene = parse_scene(SHEET + "  velocity: [0, 0, 0.3]\n")
+    header = Header(SCHEMA_VERSION, "s", "far", 0, 0, 0, 0.0)
+    none = np.zeros(0, dtype=np.int32)
+    reply = ParticipantServer().handle(Configure(header, Bundle(scene.model_dump_json(), {}), "pbd", none, none))
+    assert isinstance(reply, Configured)
+    assert reply.kinetic == pytest.approx(0.5 * 0.2 * 0.2 * 0.1 * 0.3**2)
+    assert reply.strain == pytest.approx(0.0, abs=1e-15) and reply.gravity == pytest.approx(0.0, abs=1e-15)
 
 
 def test_tools_must_start_clear_of_particles() -> None:

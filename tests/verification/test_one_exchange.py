@@ -5,13 +5,24 @@ Asked for at a gap of 1 % of a cell: 1.3 exchanges a step at most (docs/decision
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from softseam.variants import with_model, with_settings
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages import (
+    Advanced,
+    Committed,
+    Configured,
+    Fields,
+    Released,
+    Reply,
+    Request,
+    SnapshotTaken,
+    StepReport,
+)
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
@@ -52,6 +63,35 @@ def test_one_exchange_in_most_steps(name: str, most_loose: float, most_tight: fl
             assert abs(ends[0] - ends[1]) <= 2e-3 * ends[1]
     losses = [sum(report.energy["dissipation"] for report in reports) for reports in (loose, tight)]
     assert abs(losses[0] - losses[1]) < 0.1 * losses[1]
+
+
+def test_all_that_participants_do_counts_as_theirs() -> None:
+    """Steps with a frame are settled by a request of their own, those with indicators looked at by another."""
+
+    class Adding(EmbeddedTransport):
+        def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+            replies = super().exchange(requests)
+            for name, reply in replies.items():
+                seconds = getattr(reply, "seconds", 0.0)
+                assert seconds > 0.0 or isinstance(reply, Released)
+                worked[name] = worked.get(name, 0.0) + seconds
+                kinds.add(type(reply))
+            return replies
+
+    worked: dict[str, float] = {}
+    kinds: set[type] = set()
+    loaded = load_scene(SCENES / "cantilever.yaml")
+    scene = with_model(loaded.scene, "hybrid")
+    simulation = Simulation(bundle_scene(scene, loaded.bundle.files), Adding())
+    for step in range(12):
+        worked.clear()
+        seconds = simulation.step(fields=step % 2 == 0).seconds
+        assert seconds["fem"] == pytest.approx(worked["near"])
+        assert seconds["pbd"] == pytest.approx(worked["far"])
+    simulation.estimate()
+    simulation.save()
+    assert kinds == {Configured, Advanced, Committed, Fields, SnapshotTaken}
+    simulation.close()
 
 
 def test_looking_changes_nothing() -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages import Bundle, Configured, Reply, Request
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.orchestrator.transport import ParticipantFailed
 
 
 def spinning_cube() -> Scene:
@@ -170,6 +173,21 @@ def test_a_switch_before_the_first_step_tells_how_much_it_changed() -> None:
     np.testing.assert_allclose(changes[2:], [-changes[1], changes[1]], atol=1e-12 * kinetic)
     assert 0.2 < changes[0] / changes[2] < 0.5, "a third of the cube was FEM's"
     simulation.close()
+
+
+def test_an_older_participant_that_tells_no_energies_is_refused() -> None:
+    """Its silence would be taken for a body at rest at the first switch."""
+
+    class Older(EmbeddedTransport):
+        def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+            replies = super().exchange(requests)
+            for name, reply in replies.items():
+                if isinstance(reply, Configured):
+                    replies[name] = Configured(reply.header, reply.n_nodes, reply.n_cells, reply.substeps, reply.strain)
+            return replies
+
+    with pytest.raises(ParticipantFailed, match="same version of softseam on both sides"):
+        Simulation(Bundle(spinning_cube().model_dump_json(), {}), Older())
 
 
 def vibrating_beam() -> Scene:

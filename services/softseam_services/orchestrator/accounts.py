@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
-from softseam_protocol.messages import Advanced, ErrorEstimate, Header, RegionReport, Reply, SeamReport, StepReport
+from softseam_protocol.messages import Advanced, ErrorEstimate, Header, RegionReport, SeamReport, StepReport
 from softseam_services.orchestrator.seam_answers import SeamSolution, largest
 from softseam_services.orchestrator.sides import Sides
 
@@ -50,9 +50,8 @@ class Accounts:
         """A participant worked this long on an exchange."""
         self._seconds[model] += seconds
 
-    def exchanged(self, wall: float, replies: Mapping[str, Reply]) -> None:
-        """An exchange took this long altogether; what exceeds the slowest participant's work is the bus's."""
-        work = [reply.seconds for reply in replies.values() if isinstance(reply, Advanced)]
+    def exchanged(self, wall: float, work: Collection[float]) -> None:
+        """An exchange took this long altogether; what exceeds the slowest participant's work is the bus's [s]."""
         self._seconds["bus"] += max(0.0, wall - max(work, default=0.0))
 
     def report(

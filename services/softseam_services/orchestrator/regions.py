@@ -20,6 +20,7 @@ from softseam_protocol.messages import (
     Committed,
     Configure,
     Configured,
+    Failure,
     Fields,
     Frame,
     Observe,
@@ -30,6 +31,7 @@ from softseam_protocol.messages import (
     Snapshot,
     SnapshotTaken,
     ToolMotion,
+    Worked,
 )
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import model_functions
@@ -52,7 +54,7 @@ from softseam_services.orchestrator.seam_answers import (
 from softseam_services.orchestrator.seam_schemes import build_scheme, build_seam_solver
 from softseam_services.orchestrator.sides import NEAR, Sides, cut, merged_state, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
-from softseam_services.orchestrator.transport import Transport
+from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 from softseam_services.orchestrator.undivided import Undivided
 from softseam_services.server import Setup
 
@@ -62,6 +64,11 @@ _FREE = np.zeros((0, 3))
 """no forces, no anchor, and no force at the start of a step"""
 _KEPT = np.zeros((0, 0))
 """stands for the stiffness that the near side has"""
+
+
+_OLDER = Failure(
+    "schema", "it does not tell the energies that it begins with: install the same version of softseam on both sides"
+)
 
 
 class StepFailed(RuntimeError):
@@ -229,7 +236,6 @@ class Regions:
                     raise StepFailed(text)
                 self._tell("solver", text)
             found[name] = reply
-            self._accounts.spent(model, reply.seconds)
         return found
 
     # ---- cuts
@@ -355,11 +361,14 @@ class Regions:
                 for name in sides.names
             }
         )
-        begun = [reply for reply in replies.values() if isinstance(reply, Configured)]
+        begun = {name: reply for name, reply in replies.items() if isinstance(reply, Configured)}
+        for name, reply in begun.items():
+            if math.isnan(reply.kinetic + reply.strain + reply.gravity):
+                raise ParticipantFailed(name, _OLDER)
         return Energies(
-            sum(reply.kinetic for reply in begun),
-            sum(reply.strain for reply in begun),
-            sum(reply.gravity for reply in begun),
+            sum(reply.kinetic for reply in begun.values()),
+            sum(reply.strain for reply in begun.values()),
+            sum(reply.gravity for reply in begun.values()),
         )
 
     def close(self) -> None:
@@ -453,5 +462,9 @@ class Regions:
     def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         began = perf_counter()
         replies = self._transport.exchange(requests)
-        self._accounts.exchanged(perf_counter() - began, replies)
+        wall = perf_counter() - began
+        work = {name: reply.seconds for name, reply in replies.items() if isinstance(reply, Worked)}
+        self._accounts.exchanged(wall, work.values())
+        for name, seconds in work.items():
+            self._accounts.spent(self.sides.models[name], seconds)
         return replies

@@ -146,6 +146,13 @@ class ParticleSolver:
         """Strain energy of the last committed step [J]."""
         return float(self._committed.strain[0])
 
+    @property
+    def moving(self) -> tuple[float, float]:
+        """Kinetic energy, and that in gravity, of the last committed step [J]."""
+        body, state = self.model.body, self._committed
+        sunk = (state.x - body.x_rest) @ body.gravity
+        return 0.5 * float(body.mass @ (state.v * state.v).sum(axis=1)), -float(body.mass @ sunk)
+
     def advance(self, request: Advance) -> Advanced:
         began = time.perf_counter()
         model, work = self.model, self._work
