@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam.chart.errors import Error, Truth, errors, is_nothing, not_counted, rms, scale_of, worst
+from softseam.chart.errors import Error, Truth, errors, is_nothing, not_counted, rms, scale_of, sure, worst
 from softseam.chart.pareto import pareto_front
 from softseam.chart.reference import fine
 from softseam.chart.richardson import FASTEST, SLOWEST, Limit, limit, observed_order
@@ -103,6 +103,27 @@ def test_other_steps_are_compared_on_common_times() -> None:
     gaps[-1] = line[-1]
     gaps[0] = line[0]
     assert errors(series(TIME, force=gaps), TIME, {"force": truth(line)})["force"].value < 1e-12
+
+
+def test_a_wave_that_is_looked_at_every_fifth_step_is_compared_where_it_was() -> None:
+    """A line between the looks would be 40 % off a wave that the run has exactly."""
+    looks = np.where(np.arange(len(TIME)) % 50 == 0, np.cos(21.0 * TIME), np.nan)
+    found = errors(series(TIME, top=looks), TIME, {"top": truth(np.cos(21.0 * TIME))})["top"]
+    assert found.value < 1e-12
+    off = errors(series(TIME, top=looks + 0.1), TIME, {"top": truth(np.cos(21.0 * TIME))})["top"]
+    assert off.value == pytest.approx(0.1 / rms(np.cos(21.0 * TIME), TIME))
+
+
+def test_what_is_vaguely_known_is_off_by_what_it_is_not_known_by_at_least() -> None:
+    """70 % off a truth known to 30 % is 40 % off at least; 20 % off may be right; without a limit nothing is off."""
+    true = {
+        "force": truth(TRUE),
+        "sag": truth(TRUE, 0.3, "known to 30 % only"),
+        "slip": truth(TRUE, 0.3, "known to 30 % only"),
+        "stress": replace(truth(TRUE, 0.3, "no limit"), has_limit=False),
+    }
+    found = errors(series(TIME, force=TRUE, sag=1.7 * TRUE, slip=1.2 * TRUE, stress=3.0 * TRUE), TIME, true)
+    assert sure(found, true) == pytest.approx({"sag": 0.4, "slip": 0.0})
 
 
 def test_below_the_reference_s_uncertainty_an_error_is_a_bound() -> None:

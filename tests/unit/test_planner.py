@@ -25,7 +25,7 @@ FLAT = np.ones(5)
 
 def reference(uncertainty: float = 0.001, left_out: str = "") -> Reference:
     part = Part(0.0, 0.0, 1.0, 1.0, 0.0)
-    truth = {"grip_force": Truth(FLAT, 1.0, uncertainty), "sag": Truth(FLAT, 1.0, uncertainty, left_out)}
+    truth = {"grip_force": Truth(FLAT, 1.0, uncertainty), "sag": Truth(FLAT, 1.0, uncertainty, left_out, not left_out)}
     return Reference(TIME, truth, {"grip_force": part, "sag": part}, (), "implicit_euler", True)
 
 
@@ -181,6 +181,16 @@ def test_the_reference_is_refined_for_a_quantity_that_nearly_counts() -> None:
     assert choose(Goal(0.05), first(0.12), WANTED, Bench(runs), lambda: next(better, None)).choice.label == "middle"
     plan = choose(Goal(0.05), first(0.5), WANTED, Bench(runs), iter([]).__next__)
     assert plan.choice.label == "cheap", "what is out of reach is not waited for"
+
+
+def test_what_is_surely_wrong_in_a_quantity_that_is_vaguely_known_is_no_plan() -> None:
+    """Sag is known to 16 % only and does not count; the cheap run is 61 % off in it, so 45 % at least."""
+    vague = reference()
+    vague = replace(vague, truth=dict(vague.truth) | {"sag": Truth(FLAT, 1.0, 0.16, "known to 16 % only")})
+    runs = {"cheap": outcome(0.1, 0.0, sag=0.61), "middle": outcome(1.0, 0.0, sag=0.2), "dear": outcome(10.0, 0.0)}
+    plan = choose(Goal(0.05), vague, WANTED, Bench(runs))
+    assert plan.choice.label == "middle" and plan.tried[0].error == pytest.approx(0.45)
+    assert plan.tried[0].decided_by == "sag"
 
 
 def test_a_level_of_the_reference_is_a_run_like_others() -> None:

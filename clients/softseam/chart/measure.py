@@ -143,6 +143,7 @@ def measure(
     limit: float = 600.0,
     length: float | None = None,
     told: Told | None = None,
+    look: int = 0,
 ) -> Outcome:
     """Run a scene with these settings once for its series, then `runs` times for its speed; never raises for a run.
 
@@ -150,13 +151,14 @@ def measure(
 
     limit   longest own time of a run, without compiling: what other work takes is not counted [s]
     length  expected length of the motion [s]
+    look    fields, too, are looked at whenever this many steps were taken, 0 for when the scene does
     """
     began = perf_counter()
     try:
         with compile_clock() as clock, open_as_given(scene, settings=settings) as session:
             start = session.reset()
             setup = perf_counter() - began - clock()[0]
-            return _timed(session, start, names, setup, clock, runs=runs, limit=limit, length=length, told=told)
+            return _timed(session, start, names, setup, clock, runs=runs, limit=limit, length=length, told=told, look=look)
     except SceneRefused as error:
         return Outcome("refused", str(error))
     except SimulationFailed as error:
@@ -174,6 +176,7 @@ def _timed(
     limit: float,
     length: float | None,
     told: Told | None,
+    look: int,
 ) -> Outcome:
     """The series of a session that was just reset, and the times of the runs after this one."""
     builder = SeriesBuilder(names, session.scene.step)
@@ -188,7 +191,7 @@ def _timed(
             told(min(1.0, observation.time / length) / (1 + runs))
 
     try:
-        last = session.run(collect)
+        last = _looking(session, look, collect) if look else session.run(collect)
     except (_Stopped, SimulationFailed) as error:
         status: Status = "stopped" if isinstance(error, _Stopped) else "failed"
         series, taken = builder.build(), watch.read()
@@ -213,6 +216,16 @@ def _timed(
     walls = tuple(one.wall for one in timed)
     spent = sum(one.own for one in timed) + (first.own if timed[0] is not first else 0.0)
     return replace(outcome, walls=walls, cpu=min(one.cpu for one in timed), spent=spent, compiled=clock()[0])
+
+
+def _looking(session: Session, every: int, collect: Callable[[Observation], None]) -> Observation:
+    """Follow an open session's motion to its end, and look at its fields whenever `every` steps were taken."""
+    taken, last = 0, None
+    while last is None or not last.done:
+        taken += 1
+        last = session.step(fields=taken % every == 0)
+        collect(last)
+    return last
 
 
 def _repeat(session: Session, runs: int, spent: float, clock: Clock, told: Told | None) -> list[Taken]:

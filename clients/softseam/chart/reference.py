@@ -1,6 +1,7 @@
 """A scene's reference: FEM alone on ever finer cells and steps, and how far its limit is known.
 
-Cells are refined at the scene's step, steps at moderate cells; the two errors add up,
+Cells are refined at the scene's step, steps at the scene's own cells, which are moderate and suit its parts and probes:
+where cells are cut by what they are made of, their steps would tell of another body. The two errors add up,
 
     J_ref = lim_h J(h, dt) + [lim_dt J(h', dt') - J(h', dt)],
 
@@ -35,12 +36,18 @@ Floats = NDArray[np.float64]
 
 ACROSS = (2, 3, 4, 6, 8, 12, 16)
 """cells along the body's shortest edge, level by level"""
+BETWEEN = {6: 5, 8: 7, 12: 10, 16: 14}
+"""level that is taken in place of one that would not end within the budget: the last one, then"""
 STEPS_AT = 3
-"""cells along the shortest edge at which the step is refined"""
+"""cells along the shortest edge at which the step is refined, where the scene leaves its cells to the solver"""
+FINEST_STEPS_AT = 4
+"""and the most of them: steps are halved up to `HALVINGS` times, which is for moderate cells"""
 HALVINGS = 7
 """most halvings of the step"""
 CLEAR = 4
 """levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
+SCATTER = 0.2
+"""levels that differ by less than this share of what a quantity has to be known to are near enough, fall or not [1]"""
 TARGET = 0.005
 """refined until the cells and the step each leave less than this uncertain: together less than 1 % [1]"""
 GROWTH = (1.2, 2.4)
@@ -150,6 +157,8 @@ class Ladder:
                 limit=limit_s,
                 length=self._frame.length,
                 told=told,
+                # at the common times, all: what is looked at every few steps would differ by where that falls
+                look=max(1, round(self._frame.scene.step / step)),
             )
             self.spent += found.spent
             if found.status in ("refused", "failed"):
@@ -188,7 +197,7 @@ class Ladder:
         return fem_settings(self._frame, self._frame.across(across), step, integrator=self.integrator)
 
     def _file(self, across: int, step: float) -> str:
-        return f"level-{across}-{1e3 * step:.6g}ms"
+        return f"level-{across}-{1e3 * step:.6g}ms-looked"
 
     def level(self, across: int, step: float) -> Level:
         """Facts of a level that is done."""
@@ -228,13 +237,15 @@ def climb(
         # what the steps will need is kept back
         if not take(across, step, 0.85):
             enough = False
+            if cells and across in BETWEEN and take(BETWEEN[across], step, 0.85):
+                cells.append(BETWEEN[across])
             break
         cells.append(across)
         if len(cells) > 2 and fine(_limits(ladder, frame, [(a, step) for a in cells]), target, len(cells)):
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
-    at = min(STEPS_AT, cells[-1])
+    at = min(steps_at(frame), cells[-1])
     steps = [step]
     for halving in range(1, HALVINGS + 1):
         if not take(at, step / 2**halving, 1.0):
@@ -244,6 +255,14 @@ def climb(
         if len(steps) > 2 and fine(_limits(ladder, frame, [(at, s) for s in steps]), target, len(steps)):
             break
     return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough, target, known)
+
+
+def steps_at(frame: Frame) -> int:
+    """Cells along the shortest edge at which the step is refined: about the scene's own."""
+    if frame.own is None:
+        return STEPS_AT
+    finest = float((frame.extent / np.array(frame.own)).min())
+    return int(np.clip(round(float(frame.extent.min()) / finest), ACROSS[0], FINEST_STEPS_AT))
 
 
 def assemble(
@@ -278,11 +297,12 @@ def assemble(
         )
         uncertainty = part.uncertainty_cells + part.uncertainty_steps
         why = ""
-        if not by_cell.converges and part.uncertainty_cells > target:
+        has_limit = by_cell.converges or part.uncertainty_cells <= SCATTER * known
+        if not has_limit:
             why = "no limit: finer cells change it by as much as coarser ones did"
         elif uncertainty > known:
             why = f"known to {in_words(uncertainty)} only" if uncertainty < 1.0 else "not known: its levels disagree"
-        truth[name], parts[name] = Truth(values, scale, uncertainty, why), part
+        truth[name], parts[name] = Truth(values, scale, uncertainty, why, has_limit), part
     if not truth:
         raise SoftseamError("every quantity of the scene is zero: there is nothing to compare")
     if all(true.left_out for true in truth.values()):

@@ -39,6 +39,10 @@ class Series:
             return np.full(len(time), np.nan)
         return np.asarray(np.interp(time, self.time[known], values[known]))
 
+    def looked(self, name: str) -> Floats:
+        """Times (k,) at which a quantity was looked at: stress and probes are, every few steps [s]."""
+        return self.time[np.isfinite(self.values[name])]
+
     def as_json(self) -> dict[str, Any]:
         """Plain data with nine digits of every number."""
         return {

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from softseam.chart.configurations import Configuration
-from softseam.chart.errors import KNOWN, Error, errors
+from softseam.chart.errors import KNOWN, Error, errors, sure
 from softseam.chart.measure import Outcome
 from softseam.chart.reference import Reference, in_words
 from softseam.chart.sweep import learn
@@ -220,16 +220,21 @@ def _undecided(outcome: Outcome, reference: Reference, goal: Goal) -> bool:
     vague = {name: reference.truth[name].uncertainty for name in reference.counted}
     may_be = all(found[name].bound or found[name].value - vague[name] <= tolerance for name in vague)
     is_so = all(_with(found[name], vague[name]) <= tolerance for name in vague)
-    return may_be and not is_so
+    known = all(least <= tolerance for least in sure(found, reference.truth).values())
+    return may_be and known and not is_so
 
 
 def judged(configuration: Configuration, outcome: Outcome, reference: Reference, harder: float = 1.0) -> Tried:
-    """A run's worst error: what it differs from the reference by, what that may be off by, and a harder motion adds."""
+    """A run's worst error: what it differs from the reference by, what that may be off by, and a harder motion adds.
+
+    A quantity that is not known well enough to count does so with what it is off by at least.
+    """
     label, settings = configuration.label, configuration.settings
     if outcome.status != "done" or outcome.series is None:
         return Tried(label, settings, 0.0, float("inf"), f"{outcome.status}: {outcome.reason}")
     found = errors(outcome.series, reference.time, reference.truth)
     bounds = {name: _with(found[name], reference.truth[name].uncertainty) for name in reference.counted}
+    bounds |= sure(found, reference.truth)
     decisive = max(bounds, key=lambda name: bounds[name])
     error = bounds[decisive] + _grown(outcome, harder)
     return Tried(label, settings, outcome.rtf, error, decisive, outcome.estimate)

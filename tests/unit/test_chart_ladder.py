@@ -1,0 +1,75 @@
+"""The ladder of a reference: which levels it takes, and what it leaves out, on a body of known error C h + D dt."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from softseam.chart.configurations import Frame
+from softseam.chart.measure import Outcome, Told
+from softseam.chart.reference import SCATTER, Ladder, climb, steps_at
+from softseam.chart.series import Series
+from softseam.scenes import load_scene
+from softseam_protocol.scene import Scene
+
+TIME = np.arange(0.0, 1.0, 0.01)
+
+
+class Known(Ladder):
+    """Levels of J = 1 + h/10 + dt, and of one that goes to and fro, that take (h dt)^-1 times `cost`."""
+
+    def __init__(self, frame: Frame, cost: float, scatter: float = 0.0) -> None:
+        super().__init__("tofu_grasp", (), frame, ("grip_force",))
+        self.cost, self.scatter, self.asked = cost, scatter, list[tuple[int, float]]()
+
+    def cached(self, across: int, step: float) -> Outcome | None:
+        return self.done.get((across, step))
+
+    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+        if (across, step) not in self.done:
+            self.asked.append((across, step))
+            force = np.full(len(TIME), 1.0 + 0.1 / across + step)
+            sag = np.full(len(TIME), 1.0 + self.scatter * (-1) ** len(self.asked))
+            spent = self.cost * across**3 * 0.01 / step
+            self.spent += spent
+            series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": sag})
+            self.done[across, step] = Outcome("done", series=series, walls=(spent,), spent=spent)
+        return self.done[across, step]
+
+
+def told(text: str, seconds: float) -> Told:
+    return lambda done: None
+
+
+def frame(name: str = "tofu_grasp", extent: tuple[float, ...] = (0.05, 0.05, 0.05)) -> Frame:
+    scene = load_scene(name)
+    assert isinstance(scene, Scene)
+    return Frame(scene, np.array(extent))
+
+
+def test_a_level_that_is_too_dear_gives_way_to_one_in_between() -> None:
+    """Six cells across would take 22 s of 30, with 26 s for the cells and 10 spent: five take 12.5, and fit."""
+    ladder = Known(frame(), 0.1)
+    found = climb(ladder, frame(), 30.0, told, target=1e-6)
+    across = [level.across for level in found.levels if level.step == 0.01]
+    assert across == [2, 3, 4, 5] and not found.complete
+    assert found.truth["grip_force"].values == pytest.approx(np.ones(len(TIME)), abs=1e-9)
+
+
+def test_steps_are_refined_on_the_scene_s_own_cells() -> None:
+    """On those that fit the scene's parts; a scene of many cells has its step refined on moderate ones."""
+    assert steps_at(frame()) == 3
+    assert steps_at(frame("heavy_on_soft", (0.06, 0.04, 0.04))) == 4, "its layers end between cells of a fourth"
+    assert steps_at(frame("tofu_slab", (0.24, 0.16, 0.06))) == 2
+    ladder = Known(frame("tofu_slab", (0.24, 0.16, 0.06)), 0.01)
+    climb(ladder, frame("tofu_slab", (0.24, 0.16, 0.06)), 30.0, told, target=1e-6)
+    assert {across for across, step in ladder.asked if step < 0.01} == {2}
+
+
+@pytest.mark.parametrize(("scatter", "counts"), [(0.8, True), (1.2, False)])
+@pytest.mark.parametrize("target", [1e-3, 0.05])
+def test_levels_that_scatter_within_what_has_to_be_known_are_known(scatter: float, counts: bool, target: float) -> None:
+    """Whatever target the levels were taken for: plans of one tolerance are made and judged alike."""
+    ladder = Known(frame(), 1e-4, 0.5 * scatter * SCATTER * 0.05)
+    sag = climb(ladder, frame(), 30.0, told, target=target).truth["sag"]
+    assert sag.has_limit is counts and (not sag.left_out) is counts
