@@ -181,7 +181,7 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
 
 
 def _surely(row: Row, reference: Reference) -> Row:
-    """The row, its worst error that of a quantity that is known too little to count where it is off by more at least."""
+    """The row, judged also by what is known too little to count: by what that is off by at least."""
     least = sure(row.errors, reference.truth)
     name = max(least, key=lambda name: least[name], default=None)
     if name is None or row.error is None or least[name] <= row.error.value:

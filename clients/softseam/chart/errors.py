@@ -73,8 +73,8 @@ def errors(series: Series, time: Floats, truth: Mapping[str, Truth]) -> dict[str
     """Error of every quantity of a run against its reference on common times (n,) [s].
 
     A run that ended earlier is compared for as long as it lasted. A quantity that the run lacks is infinitely wrong.
-    One that is looked at every few steps is compared where it was: between, a line through a wave would be wrong that the
-    run is not.
+    One that is looked at every few steps is compared where it was: a line through a wave would be wrong between, where
+    the run is not.
     """
     found = {}
     for name, true in truth.items():

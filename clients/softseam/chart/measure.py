@@ -158,7 +158,9 @@ def measure(
         with compile_clock() as clock, open_as_given(scene, settings=settings) as session:
             start = session.reset()
             setup = perf_counter() - began - clock()[0]
-            return _timed(session, start, names, setup, clock, runs=runs, limit=limit, length=length, told=told, look=look)
+            return _timed(
+                session, start, names, setup, clock, runs=runs, limit=limit, length=length, told=told, look=look
+            )
     except SceneRefused as error:
         return Outcome("refused", str(error))
     except SimulationFailed as error:
