@@ -87,6 +87,10 @@ class Link:
             self._least_age *= 2
         self._kappa_far, self._rough, self._age = 1.0, 0, 0
 
+    def begin(self, x: Floats, way: Floats) -> None:
+        """The cut begins with the seam's nodes at x, moving by `way` in a step (s, 3) [m]."""
+        self._settling.begin(x, way)
+
     def due(self) -> bool:
         """Whether the next step is to be linked."""
         if not self._can:

@@ -246,7 +246,7 @@ class Regions:
         self.near.reset()
         if self._watch is not None:
             self._watch.reset()
-        return self._configure(*self._tied(), state)
+        return self._configure(*self._tied(state), state)
 
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow the scene's rule after a step; the energies after a switch, None where none was made.
@@ -323,7 +323,7 @@ class Regions:
     def _tied(self, state: BodyState | None = None, cauchy: Floats | None = None) -> tuple[Sides, SeamScheme | None]:
         """The sides of the present near cells, and what ties them where they share nodes.
 
-        state, cauchy (C, 8, 6)  as the body stands: of these the first multiplier is made
+        state, cauchy (C, 8, 6)  as the body stands: of both the first multiplier is made
         """
         sides = cut(self._body, self.near.mask, self.near.model, self._scene.regions.default)
         return sides, self._scheme(sides, state, cauchy)
@@ -339,7 +339,8 @@ class Regions:
         first = None
         if state is not None and cauchy is not None:
             first = first_multiplier(body, sides, state, cauchy, tie, functions)
-        return build_scheme(scene.seam, self._solver, body, sides, tie, first)
+        begun = None if state is None else (state.x[sides.seam], self._clock.dt * state.v[sides.seam])
+        return build_scheme(scene.seam, self._solver, body, sides, tie, first, begun)
 
     def _configure(self, sides: Sides, loop: SeamScheme | None, state: BodyState | None) -> Energies:
         """Build both sides in a new epoch; the energies that they begin with."""

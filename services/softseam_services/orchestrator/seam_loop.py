@@ -55,6 +55,10 @@ class SeamLoop:
         self.pace = Pace()
         """how finely the steps are cut"""
 
+    def begin(self, x: Floats, way: Floats) -> None:
+        """The cut begins with the seam's nodes at x, moving by `way` in a step (s, 3) [m]."""
+        self._link.begin(x, way)
+
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
         return self.state.multiplier

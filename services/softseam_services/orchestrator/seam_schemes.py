@@ -38,15 +38,28 @@ def build_seam_solver(acceleration: SeamAcceleration, tolerance: float) -> SeamS
 
 
 def build_scheme(
-    seam: SeamSpec, solver: SeamSolver, body: Body, sides: Sides, tie: SeamTie, first: Floats | None
+    seam: SeamSpec,
+    solver: SeamSolver,
+    body: Body,
+    sides: Sides,
+    tie: SeamTie,
+    first: Floats | None,
+    begun: tuple[Floats, Floats] | None,
 ) -> SeamScheme:
-    """For one epoch. first: multiplier that belongs to the sides' state (s, 3) [N], zero if absent."""
+    """For one epoch.
+
+    first  multiplier that belongs to the sides' state (s, 3) [N], zero if absent
+    begun  of that state, where the seam's nodes are, and by how much they move in a step (s, 3) [m]
+    """
     if seam.scheme == "staggered":
         return StaggeredSeam(solver, tie, first, seam.exchanges)
     free = _mobility(body, sides, tie)
     if seam.scheme == "ph":
         return RampedSeam(solver, tie, free, first, seam.exchanges)
-    return SeamLoop(solver, tie, free, first, sides.models[NEAR] == "fem", seam.exchanges)
+    loop = SeamLoop(solver, tie, free, first, sides.models[NEAR] == "fem", seam.exchanges)
+    if begun is not None:
+        loop.begin(*begun)
+    return loop
 
 
 def _mobility(body: Body, sides: Sides, tie: SeamTie) -> Floats:

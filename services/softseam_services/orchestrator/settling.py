@@ -97,12 +97,16 @@ class Settling:
     def _way(self, reply: Advanced, side: int) -> Floats:
         """Where a side's last step and this one began (2, s, 3) [m].
 
-        A cut's first step is told as from rest, the second as going on at its own pace: what came before is not known.
+        Where a cut's state was not told, its first step is taken as from rest, the second as going on at its own pace.
         """
         if not self._n_left:
             return np.stack([reply.seam_x, reply.seam_x])
         start = self._x[side, 1]
         return self._x[side] if self._n_left > 1 else np.stack([2.0 * start - reply.seam_x, start])
+
+    def begin(self, x: Floats, way: Floats) -> None:
+        """The cut begins with the seam's nodes at x, moving by `way` in a step (s, 3) [m]."""
+        self._x[:, 0], self._x[:, 1], self._n_left = x - way, x, 2
 
     def leave(self, replies: Mapping[str, Advanced]) -> None:
         """The step ended so."""
