@@ -88,6 +88,8 @@ def test_groups_hold_each_pair_once_and_share_no_node(embedded: bool) -> None:
         np.ones(p),
         force,
         force,
+        np.full((p, t), -1, dtype=np.int32),
+        np.zeros((p, t)),
         0.002,
         1e-6,
         model.n_nodes,

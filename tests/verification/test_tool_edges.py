@@ -12,8 +12,8 @@ from softseam_protocol.messages import BodyState, Header
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
 from softseam_services.fem.face_points import PATCHES, face_points
-from softseam_services.fem.kernels.cover import covered, overlap, side_gap
-from softseam_services.tools.kernels import tool_gap
+from softseam_services.fem.kernels.cover import covered
+from softseam_services.tools.kernels import overlap, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX
 
 # A bonded pad of 3 x 3 cm on both ends of a cube of 5 cm, E = 20 kPa, nu = 0.45, neo-Hookean: force [N] at nominal

@@ -14,33 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, hex27, rest_points
+from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, hex27
 from softseam_services.body.kernels.shape_functions import fill_weights
+from softseam_services.body.outer_faces import FACE_NODES, outer_faces
 from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.region import node_of_point
-from softseam_services.tools.kernels import rotate_back
-from softseam_services.tools.tool_set import BOX, ToolSet
+from softseam_services.tools.edged import edged_tools
+from softseam_services.tools.tool_set import ToolSet
 
 PATCHES = 4
 """along each edge of a face"""
 SOFT = 8.0
 """contact penalty at these points, E A/h with h the spacing of nodes; see the decision note"""
-MARGIN = 0.02
-"""cell edges by which a tool's face has to stand out beyond the body if no edge of it is to touch"""
-
-
-def _face_nodes() -> Ints:
-    """`FacePoints.face_nodes` of each face 2 axis + (0 or 1) in a cell (6, 9)."""
-    stride, found = np.array([1, 3, 9]), []
-    for axis, side in product(range(3), (-1, 1)):
-        u, v = stride[(axis + 1) % 3], side * stride[(axis + 2) % 3]
-        found.append(13 + side * stride[axis] + np.array([0, -u, u, -v, v, -u - v, v - u, u - v, u + v]))
-    return np.array(found, dtype=np.int32)
 
 
 def _middles() -> tuple[Floats, Floats, Floats]:
     """Places of the patches of each face in the cell (6, 16, 3), derivatives of the cell's functions along u and v
-    there (6, 16, 27, 2), and the places along u and v as of `_face_nodes` (6, 16, 2)."""
+    there (6, 16, 27, 2), and the places along u and v as of `FACE_NODES` (6, 16, 2)."""
     at = (2.0 * np.arange(PATCHES) + 1.0) / PATCHES - 1.0
     along = np.stack([np.repeat(at, PATCHES), np.tile(at, PATCHES)], axis=1)
     place, slope = np.empty((6, PATCHES**2, 3)), np.empty((6, PATCHES**2, 27, 2))
@@ -56,7 +46,6 @@ def _middles() -> tuple[Floats, Floats, Floats]:
     return place, slope, np.stack([np.stack([along[:, 0], side * along[:, 1]], axis=1) for side in sides])
 
 
-_NODES = _face_nodes()
 _MIDDLES, _SLOPES, _PATCHES = _middles()
 
 
@@ -81,8 +70,7 @@ class FacePoints:
     edge: Floats
     """of the face's cell, see `cell_edges` (f,) [m]"""
     face_nodes: Ints
-    """local ids of the middle, of the middles of the sides at -u, +u, -v, +v, u x v being outward, and of the corners
-    -u-v, -u+v, +u-v, +u+v; on boxes the middle stands for corners (f, 9)"""
+    """local ids, as `FACE_NODES`; on boxes the middle stands for corners (f, 9)"""
     indptr: Ints
     node: Ints
     weight: Floats
@@ -98,11 +86,11 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
     edged = np.zeros(n_tools, dtype=np.bool_)
     own = node_of_point(body)[region.points]
     owns = len(region.seam) == 0 or bool(np.isin(own, region.nodes[region.seam]).any())
-    if tools is not None and owns and _is_covered_by_faces(body):
-        edged[:] = [_has_edge(tools, tool, body) for tool in range(n_tools)]
+    if tools is not None and owns:
+        edged = edged_tools(tools, body)
     outer = outer_faces(body, region) if edged.any() else np.zeros((0, 2), dtype=np.int32)
     carrier, side = outer.T
-    nodes = region.cell_nodes[carrier[:, None], _NODES[side]]
+    nodes = region.cell_nodes[carrier[:, None], FACE_NODES[side]]
     area = _areas(body, region, outer)
     patch = _PATCHES[side].reshape(-1, 2)
     if body.boxes:
@@ -129,13 +117,6 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
     )
 
 
-def outer_faces(body: Body, region: Region) -> Ints:
-    """Local cell, and number 2 axis + (0 or 1) in it, of the region's faces on the body's surface (f, 2), by number."""
-    count = np.bincount(body.cell_nodes[:, _NODES[:, 0]].ravel(), minlength=body.n_nodes)
-    number, cell = np.nonzero(count[body.cell_nodes[region.cells][:, _NODES[:, 0]]].T == 1)
-    return np.stack([cell, number], axis=1).astype(np.int32)
-
-
 def _areas(body: Body, region: Region, outer: Ints) -> Floats:
     """Of the patches of faces (f, 2) at rest (f, 16) [m^2]:  |x_u x x_v| du dv."""
     x = body.x_rest[body.cell_nodes[region.cells[outer[:, 0]]]]  # (f, 27, 3)
@@ -158,25 +139,3 @@ def point_edges(body: Body, region: Region) -> Floats:
     count, total = np.bincount(held), np.bincount(held, np.repeat(edge, 27))
     at = node_of_point(body)[region.points]
     return np.asarray(total[at] / count[at])
-
-
-def _is_covered_by_faces(body: Body) -> bool:
-    """Whether the surface points are the lattice nodes of cells that are filled."""
-    local = body.surface.local
-    return bool(np.abs(local - np.rint(local)).max(initial=0.0) < 1e-9 and (body.fill == 1.0).all())
-
-
-def _has_edge(tools: ToolSet, tool: int, body: Body) -> bool:
-    """Whether a box's face that looks at the body at time 0 does not cover it."""
-    if tools.kind[tool] != BOX:
-        return False
-    turn, half = tools.orientation[tool], tools.shape[tool, :3]
-    points = rest_points(body) - tools.position[tool]
-    own = np.array([rotate_back(turn, *p) for p in (points.min(axis=0), points.max(axis=0))])
-    if not np.array_equal(turn, [1.0, 0.0, 0.0, 0.0]):
-        own = np.array([rotate_back(turn, *p) for p in points])
-    low, high = own.min(axis=0), own.max(axis=0)
-    facing = int(np.argmax(np.abs(0.5 * (low + high)) / half))
-    margin = MARGIN * float(body.edges.min())
-    beside = [axis for axis in range(3) if axis != facing]
-    return any(low[axis] - margin < -half[axis] or high[axis] + margin > half[axis] for axis in beside)

@@ -96,6 +96,8 @@ class SeamProbe:
             softness=model.point_softness[self._used],
             active=np.ones(len(self._used), dtype=np.bool_),
             inverse_mass=model.inverse_mass[ids],
+            side=np.full((len(self._used), model.n_tools), -1, dtype=np.int32),
+            soft=np.zeros((len(self._used), model.n_tools)),
         )
         self._tools = tool_arrays(model.tools)
         self._contacts = new_contacts(len(ids), blocks.n_batches, len(self._used), model.n_tools)
@@ -134,6 +136,9 @@ class SeamProbe:
         on the nodes m that the seam follows, which are the seam's own where none of them hangs.
         """
         blocks, dt = self._blocks, self._dt
+        self._model.find_shares(x, position, orientation)
+        np.take(self._model.edges.side, self._used, axis=0, out=self._points.side)
+        np.take(self._model.edges.give, self._used, axis=0, out=self._points.soft)
         seam_mass = self._xw[self._seam, 3]
         n_seam = len(self._seam)
         result = np.zeros((3 * n_seam, 3 * n_seam))

@@ -14,9 +14,11 @@ from softseam_services.body.interpolate import point_weights
 from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks, build_blocks
+from .edges import Edges, build_edges
 from .kernels.block import new_workspace
 from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
 from .kernels.frequency import highest_frequency
+from .kernels.share import find_shares
 from .levels import Levels, build_levels, coarse_cells
 
 KAPPA = 0.5
@@ -66,6 +68,7 @@ class PbdModel:
     """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     active: NDArray[np.bool_]
     """points that can touch (p,)"""
+    edges: Edges
     frequency: float
     """highest angular frequency of the region at rest [rad/s]"""
 
@@ -98,6 +101,11 @@ class PbdModel:
         # Sweeps on damped blocks see sqrt(b h) in place of h, see `kernels.damping`.
         rate = self.frequency / limit
         return max(1, int(np.ceil(dt * rate * max(1.0, rate * self.spec.damping.stiffness) - 1e-9)))
+
+    def find_shares(self, x: Floats, position: Floats, orientation: Floats) -> None:
+        """What tools with edges cover of points, where the nodes are at x (n, 3): `edges` updated in place."""
+        if len(self.edges.faces):
+            find_shares(x, self.tools.shape, position, orientation, self.edges)
 
     def seam_force(self, force: Floats) -> Floats:
         """Forces (s, 3) [N] on the region's seam as forces on the nodes that it follows (m, 3); (0, 3) stays."""
@@ -158,6 +166,7 @@ def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> Pbd
         weight=weight,
         point_softness=np.add.reduceat(weight**2 * inverse_mass[node], indptr[:-1]) if len(node) else np.zeros(0),
         active=levels.touching(body.surface.area[region.points] > 0.0, rows, region.seam),
+        edges=build_edges(body, region, tools, levels),
         frequency=highest_frequency(
             new_workspace(),
             x_rest,

@@ -45,6 +45,9 @@ class PointArrays(NamedTuple):
     active: NDArray[np.bool_]
     inverse_mass: Floats
     """of nodes (n,) [1/kg]"""
+    side: Ints
+    """as of `Edges`, and so is `soft`, its `give`: updated in place (p, t)"""
+    soft: Floats
 
 
 @by_reference
@@ -152,7 +155,9 @@ def node_arrays(model: PbdModel) -> NodeArrays:
 
 def point_arrays(model: PbdModel) -> PointArrays:
     """A region's points."""
-    return PointArrays(model.indptr, model.node, model.weight, model.point_softness, model.active, model.inverse_mass)
+    edges = model.edges
+    rows = model.indptr, model.node, model.weight, model.point_softness
+    return PointArrays(*rows, model.active, model.inverse_mass, edges.side, edges.give)
 
 
 def tool_arrays(tools: ToolSet) -> ToolArrays:

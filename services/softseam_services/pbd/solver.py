@@ -264,6 +264,7 @@ class PbdSolver:
         if watch.needs_two_sweeps(work.monitor):
             n_sweeps = max(n_sweeps, 2)
         self._solve.used[:] = 0
+        self.model.find_shares(work.x, motion.position, motion.orientation)
         force, growth = self.model.seam_force(request.seam_force), _NO_FORCES
         if len(request.seam_force_start):
             start = self.model.seam_force(request.seam_force_start)

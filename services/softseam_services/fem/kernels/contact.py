@@ -27,9 +27,9 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.compiled_once import njit
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, side_gap
+from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side
 from softseam_services.fem.kernels.fronts import add_block
-from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
+from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX
 
 OPEN, STICK, SLIP = 0, 1, 2

@@ -11,17 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.compiled_once import njit
-from softseam_services.tools.kernels import rotate, rotate_back
+from softseam_services.tools.kernels import overlap, rotate_back, side_gap
 
 CARRY_POWER = 8
 """of a face's covered fraction: the part of a normal force that the next step begins with"""
-
-
-@njit(cache=True, error_model="numpy")
-def overlap(middle, reach, half):
-    """Share of the interval middle -+ reach that lies within -+ half."""
-    length = min(middle + reach, half) - max(middle - reach, -half)
-    return min(max(length, 0.0) / (2.0 * reach), 1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -81,15 +74,6 @@ def covered(x, nodes, point, patches, patch, shape, position, orientation):
             whole *= overlap(0.5 * (low + high), 0.5 * (high - low), shape[beside])
     side = axis if normal > 0.0 else axis + 3
     return share, whole, side if share > 0.0 else -1
-
-
-@njit(cache=True, error_model="numpy")
-def side_gap(side, shape, position, orientation, point):
-    """Gap to the plane of a box's side, as of `covered`, and its outward normal: gap, nx, ny, nz."""
-    axis, sign = side % 3, (1.0 if side >= 3 else -1.0)
-    nx, ny, nz = rotate(orientation, sign if axis == 0 else 0.0, sign if axis == 1 else 0.0, sign if axis == 2 else 0.0)
-    away = nx * (point[0] - position[0]) + ny * (point[1] - position[1]) + nz * (point[2] - position[2])
-    return away - shape[axis], nx, ny, nz
 
 
 @njit(cache=True, error_model="numpy")

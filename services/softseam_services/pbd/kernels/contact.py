@@ -5,9 +5,12 @@ With the gap g, the slip s of this substep relative to the tool, and the complia
 p = max(0, p_old - (g - g_0)/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                 (1)
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
-g_0 = old gap/(1 + h/tau), because all at once would kick it. The forces stay in the nodes' accelerations from one
-substep to the next, so at rest they are exact, the gap closes to zero and a sticking point does not creep. On a block
-every point is one node and (1) is the exact local solution.
+g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool covers a part of what a point stands for,
+contact has a compliance alpha (`share`), and
+p = max(0, p_old - (g + alpha p_old)/(c + alpha)),  t as in (1) with c + alpha for c                             (3)
+so that p = -g/alpha at rest. The forces stay in the nodes' accelerations from one substep to the next, so at rest they
+are exact, the gap closes to zero and a sticking point does not creep. On a block every point is one node and (1) is the
+exact local solution.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.compiled_once import njit
-from softseam_services.tools.kernels import box_gap, rotate, rotate_back, tool_gap
+from softseam_services.tools.kernels import box_gap, rotate, rotate_back, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX, PLANE
 
 from .lanes import batch_kernel, four, lane_kernel, three
@@ -25,6 +28,7 @@ from .pairs import (
     CHANGE,
     DEEP,
     DEPTH,
+    EDGED,
     EIGHT,
     FORCE,
     GAP,
@@ -32,8 +36,10 @@ from .pairs import (
     HOLD,
     MEAN,
     MOMENT,
+    SIDE,
     SLIP_SINCE,
     SLIPPED,
+    SOFT,
     WORK,
     W,
     X,
@@ -134,6 +140,34 @@ def solve_at_gaps(row, mu, motion, hh):
 
 
 @njit(cache=True, error_model="numpy")
+def find_side_gaps(row, rows, group, kind, shape, place, turn):
+    """GAP of eight points, to the side of the box whose edge is near, or to the box."""
+    for lane in range(EIGHT):
+        side, x = rows[group, SIDE + lane], (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT])
+        if side >= 0:
+            gap, nx, ny, nz = side_gap(side, shape, place, turn, x)
+        else:
+            gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
+        row[lane + EIGHT * GAP] = gap
+        row[lane + EIGHT * (GAP + 1)] = nx
+        row[lane + EIGHT * (GAP + 2)] = ny
+        row[lane + EIGHT * (GAP + 3)] = nz
+
+
+@batch_kernel
+def solve_softly(row, mu, motion, hh):
+    """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
+    for lane in range(EIGHT):
+        nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
+        soft = row[lane + EIGHT * SOFT]
+        old_n = row[lane + EIGHT * FORCE] * nx + row[lane + EIGHT * (FORCE + 1)] * ny
+        old_n = max(0.0, old_n + row[lane + EIGHT * (FORCE + 2)] * nz)
+        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, motion, hh)
+        hold = row[lane + EIGHT * HOLD]
+        row[lane + EIGHT * HOLD] = hold if soft <= row[lane + EIGHT * GIVE] else 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def project_contacts(
     xw, indptr, node, weight, kind, shape, friction, position, orientation, motion, hh, start, rows, pairs
 ):
@@ -153,7 +187,10 @@ def project_contacts(
         for group in range(start[tool], start[tool + 1]):
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
-            if tool_kind == PLANE:
+            if rows[group, EDGED]:
+                find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn)
+                solve_softly(row, mu, forth, hh)
+            elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, mu, forth, hh)
             elif tool_kind == BOX:
                 solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh)

@@ -18,14 +18,16 @@ DEPTH       1  how deep the point was inside the tool at the start of the step [
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]
 HOLD        1  directions in which the tool holds the point: 0, 1 where it slides, 3 where it sticks
+SOFT        1  compliance of contact where the tool's edge covers a part of what the point stands for, else 0 [m/N]
 `rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
-node, as on a block), DEEP 1 (some point was inside the tool). Groups start[t] .. start[t + 1] belong to tool t.
+node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (the tool's edge covers some points in part) and
+then SIDE 8 (side of the tool, -1 where contact is exact). Groups start[t] .. start[t + 1] belong to tool t.
 """
 
 from __future__ import annotations
 
 from softseam_services.compiled_once import njit
-from softseam_services.tools.kernels import tool_gap, tool_reach
+from softseam_services.tools.kernels import side_gap, tool_gap, tool_reach
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -33,11 +35,11 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 17, 20, 23
-WORK, DEPTH, GAP, CHANGE, HOLD = 26, 27, 28, 32, 35
-N_COLUMNS = 36
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT = 26, 27, 28, 32, 35, 36
+N_COLUMNS = 37
 WIDTH = N_COLUMNS * EIGHT
-POINT, NODE, DIRECT, DEEP = 0, 8, 16, 17
-N_ROWS = 18
+POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
+N_ROWS = 27
 DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
 
@@ -67,8 +69,8 @@ def place_points(xw, indptr, node, weight, point_x):
 def _open(group, n_nodes, rows, pairs):
     """An empty group: its lanes follow the padding's nodes, which nothing moves."""
     for lane in range(EIGHT):
-        rows[group, POINT + lane], rows[group, NODE + lane] = -1, n_nodes + lane
-    rows[group, DIRECT], rows[group, DEEP] = 1, 0
+        rows[group, POINT + lane], rows[group, NODE + lane], rows[group, SIDE + lane] = -1, n_nodes + lane, -1
+    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
     for entry in range(WIDTH):
         pairs[group, entry] = 0.0
 
@@ -87,6 +89,8 @@ def find_pairs(
     softness,
     force,
     slip,
+    side,
+    soft,
     margin,
     hh,
     n_nodes,
@@ -99,6 +103,7 @@ def find_pairs(
 
     softness     (p,)       sum w_i N_i^2 of each point [1/kg]; hh is the substep squared
     force, slip  (p, t, 3)  carried contact forces [N] and slips [m]; a pair that carries a force always counts
+    side, soft   (p, t)     `Edges.side` and `give`
     newest       (n,)       scratch: the last group that holds a node
     start (t + 1,), rows (p t, N_ROWS) and pairs (p t, WIDTH) are updated in place
     """
@@ -117,9 +122,13 @@ def find_pairs(
             x = three(point_x, point)
             square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
             carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
-            if square > reach and not carried:
+            edge = side[point, tool]
+            if square > reach and not carried and edge < 0:
                 continue
-            gap = tool_gap(tool_kind, tool_shape, place, turn, x)[0]
+            if edge >= 0:
+                gap = side_gap(edge, tool_shape, place, turn, x)[0]
+            else:
+                gap = tool_gap(tool_kind, tool_shape, place, turn, x)[0]
             if gap >= margin and not carried:
                 continue
             # The first group with room that comes after all groups with a node of this point.
@@ -144,7 +153,11 @@ def find_pairs(
             give = hh * softness[point]
             pairs[group, EIGHT * GIVE + lane] = give
             pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / give if give > 0.0 else 0.0
-            if gap < -DEEPEST_ROUNDOFF:
+            if edge >= 0:
+                rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
+                pairs[group, EIGHT * SOFT + lane] = soft[point, tool]
+                pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / (give + soft[point, tool]) if give > 0.0 else 0.0
+            elif gap < -DEEPEST_ROUNDOFF:
                 pairs[group, EIGHT * DEPTH + lane] = -gap
                 rows[group, DEEP] = 1
             for c in range(3):

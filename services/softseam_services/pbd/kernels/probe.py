@@ -66,9 +66,10 @@ def probe_seam(
     point_x = np.zeros((len(force_start), 3))
     place_points(xw, indptr, node, weight, point_x)
     copy_rows(blocks.softness, blocks.softness_free)
+    newest = np.empty(n, dtype=np.int32)
     find_pairs(
         *(kind, shape, position, orientation, point_x, points.active, indptr, node, weight, points.softness),
-        *(force_start, np.zeros_like(force_start), 0.0, h * h, n, np.empty(n, dtype=np.int32)),
+        *(force_start, np.zeros_like(force_start), points.side, points.soft, 0.0, h * h, n, newest),
         *(contacts.start, contacts.rows, contacts.pairs),
     )
     find_held_blocks(

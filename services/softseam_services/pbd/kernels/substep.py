@@ -165,6 +165,8 @@ def advance_step(
             points.softness,
             force,
             slip,
+            points.side,
+            points.soft,
             reach + 2.0 * travel,
             h * h,
             n,

@@ -10,6 +10,7 @@ from softseam_services.tools.kernels.gap import (
     tool_reach,
     tool_travel,
 )
+from softseam_services.tools.kernels.sides import overlap, side_gap
 from softseam_services.tools.kernels.solids import box_gap
 
 __all__ = [
@@ -17,8 +18,10 @@ __all__ = [
     "box_gap",
     "cell_distances",
     "least_gaps",
+    "overlap",
     "rotate",
     "rotate_back",
+    "side_gap",
     "tool_gap",
     "tool_reach",
     "tool_travel",

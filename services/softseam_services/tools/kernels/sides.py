@@ -1,0 +1,23 @@
+"""Sides of a box: gaps to their planes, and how much of an interval they cover. A side is axis, or axis + 3 for the
+one whose outward normal is along +axis."""
+
+from __future__ import annotations
+
+from softseam_services.compiled_once import njit
+from softseam_services.tools.kernels.gap import rotate
+
+
+@njit(cache=True, error_model="numpy")
+def overlap(middle, reach, half):
+    """Share of the interval middle -+ reach that lies within -+ half."""
+    length = min(middle + reach, half) - max(middle - reach, -half)
+    return min(max(length, 0.0) / (2.0 * reach), 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def side_gap(side, shape, position, orientation, point):
+    """Gap to the plane of a box's side and its outward normal: gap, nx, ny, nz."""
+    axis, sign = side % 3, (1.0 if side >= 3 else -1.0)
+    nx, ny, nz = rotate(orientation, sign if axis == 0 else 0.0, sign if axis == 1 else 0.0, sign if axis == 2 else 0.0)
+    away = nx * (point[0] - position[0]) + ny * (point[1] - position[1]) + nz * (point[2] - position[2])
+    return away - shape[axis], nx, ny, nz
