@@ -11,7 +11,16 @@ MaterialKind = Literal[
     "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
 ]
 ElementKind = Literal[
-    "hex27", "hex27_full", "hex8", "hex8_bbar", "hex8_full", "hex8_reduced", "tet4", "tet4_fbar", "tet10"
+    "hex27",
+    "hex27_full",
+    "hex27_reduced",
+    "hex8",
+    "hex8_bbar",
+    "hex8_full",
+    "hex8_reduced",
+    "tet4",
+    "tet4_fbar",
+    "tet10",
 ]
 IntegratorKind = Literal[
     "implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler", "static"

@@ -62,6 +62,8 @@ def squeezed_and_let_go(model: str = "fem", friction: float = 0.5) -> dict[str, 
     [
         ("hex27", 0.45, True, True),
         ("hex27", 0.49, False, True),
+        ("hex27_reduced", 0.3, True, True),
+        ("hex27_reduced", 0.49, True, True),
         ("hex8_reduced", 0.49, True, False),
         ("hex8_reduced", 0.49, False, False),
         ("tet4_fbar", 0.45, True, False),

@@ -39,6 +39,7 @@ Functions = Literal["hex27", "hex8", "tet4", "tet10"]
 FUNCTIONS: dict[ElementKind, Functions] = {
     "hex27": "hex27",
     "hex27_full": "hex27",
+    "hex27_reduced": "hex27",
     "hex8": "hex8",
     "hex8_bbar": "hex8",
     "hex8_full": "hex8",

@@ -17,7 +17,8 @@ from softseam_services.fem.coarse import Grid, build_grid, no_grid
 from softseam_services.fem.dissection import Factoring, Tree, dissect, scratch
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.cut import with_cut_cells
-from softseam_services.fem.elements.hex27_box import cell_tables, patterns
+from softseam_services.fem.elements.hex27 import SHARES
+from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, patterns
 from softseam_services.fem.face_points import SOFT, face_points, point_edges
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE, N_COLUMNS
@@ -59,7 +60,7 @@ class FemModel(NamedTuple):
     order: Ints
     """elimination place of each node, -1 for clamped nodes (n,)"""
     general: bool
-    """`rule` holds; else cells are full boxes with hex27 and a material that splits, and the tables below hold"""
+    """`rule` holds; else cells have hex27, or its kin, and a material that splits, and the tables below hold"""
     rule: Rule
     crushable: bool
     """cells may pass to the element of `full`, see kernels/crushed.py"""
@@ -77,7 +78,7 @@ class FemModel(NamedTuple):
     edge: float
     """least edge of a cell [m]"""
     weight: Floats
-    """f_q V/8, fill raised to FILL_FLOOR (c, 8) [m^3]"""
+    """f_q V/8, fill raised to FILL_FLOOR; of the octants' own volumes in cells of any shape (c, 8) [m^3]"""
     filled: NDArray[np.bool_]
     """(c, 8)"""
     mean_mu: Floats
@@ -93,11 +94,11 @@ class FemModel(NamedTuple):
     stabilisation: Floats
     """mu S (27, 27) [N/m]"""
     laplacian: Floats
-    """L of each pattern of mu in octants, and of each cell that is cut (k, 27, 27) [N/m]"""
+    """L of each pattern of mu in octants, and of each cell with tables of its own (k, 27, 27) [N/m]"""
     pattern: Ints
     """pattern of each cell (c,)"""
     cut: Ints
-    """number of each cell among those that the body fills in part, -1 for full ones (c,)"""
+    """number of each cell among those that the body fills in part, or that are no boxes; -1 for full boxes (c,)"""
     cut_gradient: Floats
     """of these, as `gradient` (u, 27, 24) [1/m]"""
     cut_force: Floats
@@ -226,10 +227,10 @@ def build_model(
         tree = dissect(region.cell_nodes, cell_grid, n_nodes, region.fixed, region.seam)
     else:
         tree = sparse_tree(solution, region.cell_nodes, region.fixed)
-    tables = cell_tables(body.edges)
+    share = SHARES.get(element, 1.0)
+    tables = cell_tables(body.edges, share)
     mu = body.material.mu
     fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
-    weight = fill * (tables.volume / 8.0)
     materials, number = body.materials, body.octant_material[region.cells]
     relative = np.array([material.mu / mu for material in materials])[number]
     moments = filled_moments(body, region.cells, fill)
@@ -250,11 +251,16 @@ def build_model(
     factor = np.repeat([PENALTY, SOFT], [len(region.points), len(inner.cell)])
     stiffness = factor * (young / spacing) * np.concatenate([body.surface.area[region.points], inner.area])
     x, shape = cell_shapes(body, region)
-    general = element != "hex27" or len(x) > 1 or body.material.kind not in _SPLITS
+    general = element not in SHARES or body.material.kind not in _SPLITS
     poisson = body.material.elastic.poisson
-    crushable = element == "hex27" and body.material.kind != "linear"
-    boxes = slice(0 if general else None)  # cells of the fast path
-    special = patterns(tables, body.edges, mu * relative[boxes], moments[boxes])
+    crushable = element in SHARES and body.material.kind != "linear"
+    if len(x) > 1 and not general:
+        own = ELEMENTS[element](x, poisson)
+        weight, special = own.weight[:, 0] * fill, own_patterns(own, mu * relative, fill)
+    else:
+        boxes = slice(0 if general else None)  # cells of the fast path
+        weight = fill * (tables.volume / 8.0)
+        special = patterns(tables, body.edges, mu * relative[boxes], moments[boxes], share)
     # the fast path needs no table of points but that of crushed cells
     kind: ElementKind = "hex27_full" if crushable else element
     table, of_cell = with_cut_cells(kind, ELEMENTS[kind](x, poisson), shape, body.edges, moments, relative)

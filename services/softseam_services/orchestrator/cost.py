@@ -36,6 +36,7 @@ FACTORS, ASSEMBLY = 0.45, 9.4
 DEARER: dict[ElementKind, tuple[float, float]] = {
     "hex27": (0.0, 0.0),
     "hex27_full": (5.0, 102.0),
+    "hex27_reduced": (0.0, 0.0),
     "hex8": (2.5, 2.0),
     "hex8_bbar": (11.3, 80.0),
     "hex8_full": (7.5, 43.0),

@@ -36,6 +36,7 @@ from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.errors import MeshError
 from softseam_services.body.region import build_region
+from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.mesh_error import MeshError as MeshIndicator
 from softseam_services.fem.model import MOST_FACTORED
 from softseam_services.orchestrator.adjoint import Adjoint
@@ -136,7 +137,7 @@ class Goal:
         value, pressure = float(von_mises(cauchy)), cauchy[:3].mean()
         xx, yy, zz, yz, xz, xy = cauchy
         s = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - pressure * np.eye(3)
-        at_point = self._scene.models.fem.element == "hex27"  # which takes an octant's stress at its Gauss point
+        at_point = self._scene.models.fem.element in SHARES  # which take an octant's stress at its Gauss point
         slope = _slopes(octant, at_point) * (2.0 / body.edges)  # by places at rest
         nodes = body.cell_nodes[cell]
         deformation = x[nodes].T @ slope

@@ -36,6 +36,7 @@ BOUND = 0.05
 MESH: dict[ElementKind, float] = {
     "hex27": 0.6,
     "hex27_full": 1.4,
+    "hex27_reduced": 0.35,
     "hex8": 0.65,
     "hex8_bbar": 0.8,
     "hex8_full": 1.5,

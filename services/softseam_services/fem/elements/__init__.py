@@ -13,6 +13,7 @@ from softseam_services.fem.elements import (
     hex8_reduced,
     hex27,
     hex27_full,
+    hex27_reduced,
     tet4,
     tet4_fbar,
     tet10,
@@ -24,6 +25,7 @@ __all__ = ["ELEMENTS", "Table"]
 ELEMENTS: dict[ElementKind, Callable[[Floats, float], Table]] = {
     "hex27": hex27.build,
     "hex27_full": hex27_full.build,
+    "hex27_reduced": hex27_reduced.build,
     "hex8": hex8.build,
     "hex8_bbar": hex8_bbar.build,
     "hex8_full": hex8_full.build,

@@ -24,6 +24,7 @@ from softseam_protocol.kinds import ElementKind
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.filled import FULL_MOMENTS, mean_gradients, mean_trilinear_gradients
 from softseam_services.body.interpolate import FUNCTIONS, hex27
+from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hexahedra import SIGNS
 from softseam_services.fem.elements.table import Table, gauss
 
@@ -65,9 +66,10 @@ def with_cut_cells(
 def _cut(element: ElementKind, table: Table, edges: Floats, moments: Floats, mu: Floats) -> Table:
     """An element's table on a box, (1, ...), as it is in k cells with these moments (k, 8, 27), (k, ...)."""
     fill = moments[:, :, 0]
-    if element == "hex27":
+    if element in SHARES:
         stiff = fill * mu
         mean = np.tensordot(stiff / stiff.sum(axis=1, keepdims=True), 8.0 * octant_stabilisation(edges), axes=1)
+        mean *= SHARES[element]
         return table._replace(gradient=mean_gradients(moments, edges)[:, None], stabilisation=mean[:, None])
     weight = table.weight * np.einsum("bqo,co->cbq", table.share, fill)
     if FUNCTIONS[element] == "hex27":

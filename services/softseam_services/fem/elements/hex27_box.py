@@ -1,11 +1,12 @@
-"""Tables of the quadratic hexahedron with split quadrature on box cells of equal edges.
+"""Tables of the quadratic hexahedra with split quadrature: on box cells of equal edges, and on cells of any shape.
 
 The constant part mu/2 I1 is integrated with 3^3 Gauss points, everything else with 2^3, one point an octant, each with
 its octant's mu. The difference of the two rules is positive semi-definite and vanishes on linear fields; it has their
 mean:
-  L_ab = sum_q V/8 mu_q grad N_a . grad N_b + mean(mu) S_ab,  S = int_{3^3} - int_{2^3} grad N_a . grad N_b        (1)
-so a full cell of one material has exactly the 3^3 rule. Cells that the body fills in part have gradients and S of their
-own, and the weights f_q V/8: see `cut`.
+  L_ab = sum_q w_q mu_q grad N_a . grad N_b + mean(mu) S_ab,  S = int_{3^3} - int_{2^3} grad N_a . grad N_b        (1)
+with w_q = V/8 on a box, so a full cell of one material has exactly the 3^3 rule; hex27_reduced has a part of S. Cells
+that the body fills in part have gradients and S of their own, and the weights f_q V/8: see `cut`. So have cells that
+are no boxes, as of `table.split`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.body.filled import mean_gradients
 from softseam_services.body.interpolate import hex27
 from softseam_services.fem.elements.cut import octant_stabilisation
+from softseam_services.fem.elements.table import Table
 
 _TWO = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 _THREE = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
@@ -29,13 +31,13 @@ class CellTables(NamedTuple):
     gradient_t: Floats
     """its transpose (24, 27)"""
     stabilisation: Floats
-    """S of eq. (1) (27, 27) [m]"""
+    """the element's part of S of eq. (1) (27, 27) [m]"""
     volume: float
     """of a cell [m^3]"""
 
 
-def cell_tables(edges: Floats) -> CellTables:
-    """Tables for cells with these edges (3,) [m]."""
+def cell_tables(edges: Floats, share: float = 1.0) -> CellTables:
+    """Tables for cells with these edges (3,) [m] of an element that has this share of S."""
     volume = float(edges.prod())
     value, slope = np.empty(27), np.empty((27, 3))
     gradient = np.empty((27, 8, 3))
@@ -53,7 +55,7 @@ def cell_tables(edges: Floats) -> CellTables:
                 g = slope * (2.0 / edges)
                 three += volume / 8.0 * weights[i] * weights[j] * weights[k] * (g @ g.T)
     flat = gradient.reshape(27, 24)
-    return CellTables(flat.copy(), flat.T.copy(), three - two, volume)
+    return CellTables(flat.copy(), flat.T.copy(), share * (three - two), volume)
 
 
 class Patterns(NamedTuple):
@@ -64,15 +66,15 @@ class Patterns(NamedTuple):
     pattern: Ints
     """of each cell (c,)"""
     cut: Ints
-    """place of each cell in the tables below, -1 for full cells (c,)"""
+    """place of each cell in the tables below, -1 for full boxes (c,)"""
     gradient_t: Floats
     """row 3 q + axis (u, 24, 27) [1/m]"""
     stabilisation: Floats
     """with the octants' fill and mu (u, 27, 27) [N/m]"""
 
 
-def patterns(tables: CellTables, edges: Floats, mu: Floats, moments: Floats) -> Patterns:
-    """Tables of cells with shear moduli mu (c, 8) [Pa] of octants and moments (c, 8, 27) of their filled parts."""
+def patterns(tables: CellTables, edges: Floats, mu: Floats, moments: Floats, share: float = 1.0) -> Patterns:
+    """Tables of boxes with shear moduli mu (c, 8) [Pa] of octants and moments (c, 8, 27) of their filled parts."""
     fill = moments[:, :, 0]
     cut = np.full(len(mu), -1, dtype=np.int32)
     part = np.flatnonzero((fill < 1.0).any(axis=1))
@@ -86,7 +88,17 @@ def patterns(tables: CellTables, edges: Floats, mu: Floats, moments: Floats) -> 
     laplacian += kinds.mean(axis=1)[:, None, None] * tables.stabilisation
     gradient = mean_gradients(moments[part], edges).reshape(-1, 24, 27)
     stiff = (fill * mu)[part]
-    stabilisation = np.tensordot(stiff, octant_stabilisation(edges), axes=1)
+    stabilisation = share * np.tensordot(stiff, octant_stabilisation(edges), axes=1)
     weighted = np.repeat(stiff * (tables.volume / 8.0), 3, axis=1)[:, :, None] * gradient
     own = np.swapaxes(gradient, 1, 2) @ weighted + stabilisation
     return Patterns(np.concatenate([laplacian, own]), number, cut, gradient, stabilisation)
+
+
+def own_patterns(table: Table, mu: Floats, fill: Floats) -> Patterns:
+    """The same of cells (c,) of any shape, each with a table of its own; mu (c, 8) [Pa], fill (c, 8) of octants."""
+    n_cells = len(mu)
+    gradient = table.gradient[:, 0].reshape(n_cells, 24, 27)
+    stabilisation = (fill * mu).mean(axis=1)[:, None, None] * table.stabilisation[:, 0]
+    weighted = np.repeat(table.weight[:, 0] * fill * mu, 3, axis=1)[:, :, None] * gradient
+    number = np.arange(n_cells, dtype=np.int32)
+    return Patterns(np.swapaxes(gradient, 1, 2) @ weighted + stabilisation, number, number, gradient, stabilisation)
