@@ -16,7 +16,9 @@ from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
+from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
 from softseam_services.fem.kernels.elements import add_cell_tangents, strain_energy, subtract_forces
+from softseam_services.fem.kernels.viscosity import add_viscous_tangents, resist, subtract_viscous
 from softseam_services.fem.model import build_model, build_work
 
 Floats = NDArray[np.float64]
@@ -78,6 +80,27 @@ class Statics:
         """K(x) with 3 node + axis as rows and columns."""
         self.work.values[:] = 0.0
         add_cell_tangents(x, self.model, self.tree, self.work, definite)
+        return self._matrix()
+
+    def start(self, x0: Floats, dt: float) -> float:
+        """A step of implicit Euler begins at x0: returns what viscosity multiplies forces with."""
+        resist(Scheme(IMPLICIT_EULER, np.ones(1), 0, self.body.material.retardation_time), dt, 1.0, x0, self.model,
+               self.work)  # fmt: skip
+        return float(self.work.viscous[0])
+
+    def viscous_forces(self, x0: Floats, x: Floats) -> Floats:
+        """Of viscosity at x, in the step that `start` began at x0 (n, 3)."""
+        r = np.zeros_like(self.work.r)
+        subtract_viscous(x, x0, self.model, self.work, r)
+        return -r.reshape(-1, 3)[self.model.order]
+
+    def viscous_stiffness(self, x0: Floats, x: Floats, definite: bool = False) -> csc_array:
+        """Their derivative by x."""
+        self.work.values[:] = 0.0
+        add_viscous_tangents(x, x0, self.model, self.tree, self.work, definite)
+        return self._matrix()
+
+    def _matrix(self) -> csc_array:
         values = self.work.values[self._place]
         kept = values != 0.0
         lower = coo_array((values[kept], (self._row[kept], self._column[kept])), shape=(len(self._dof),) * 2).tocsc()

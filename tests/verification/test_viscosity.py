@@ -22,7 +22,6 @@ from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.build import build_body
 from softseam_services.calibration.measure import Bench, oscillation
 from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.kernels.viscosity import _even_motion
 
 Floats = NDArray[np.float64]
 CLAMPED = [{"min": (-1.0, -1.0, -1e-6), "max": (1.0, 1.0, 1e-6)}]
@@ -266,14 +265,3 @@ def test_charts_and_plans_leave_out_what_refuses_it() -> None:
         frame = Frame(clamped(time), np.full(3, 0.05))
         assert Ladder("free", (), frame, ()).integrator == least
         assert any("bdf2" in one.key for one in configurations(frame)) == (time == 0.0)
-
-
-def test_a_flat_cell_turns_nothing_and_a_swift_one_turns_a_quarter() -> None:
-    """G = 1 where the nodes' spread has no volume; beyond 1 rad a step the spin counts as a quarter turn."""
-    p = np.stack(np.meshgrid(*3 * [np.array([-1.0, 0.0, 1.0])], indexing="ij"), axis=-1).reshape(27, 3)
-    G = np.full((3, 3), np.nan)
-    _even_motion(p * (1.0, 1.0, 0.0), np.ones((27, 3)), 1.0, G)
-    np.testing.assert_array_equal(G, np.eye(3))
-    d = np.cross(np.array([0.0, 0.0, 3.0]), p)
-    _even_motion(p, d, 0.5, G)
-    np.testing.assert_allclose(G, [[0.5, -1.5, 0.0], [1.5, 0.5, 0.0], [0.0, 0.0, 1.0]], atol=1e-12)

@@ -65,6 +65,10 @@ class FemModel(NamedTuple):
     crushable: bool
     """cells may pass to the element of `full`, see kernels/crushed.py"""
     full: Rule
+    resists: bool
+    """the material is viscous, see kernels/viscosity.py"""
+    viscous: Rule
+    """the element as its viscosity sees it; `rule` where there is none"""
     mean_gradient: Floats
     """over a cell, of each of its shapes in `full` (t, m, 3) [1/m]"""
     kind: int
@@ -195,6 +199,12 @@ class Work(NamedTuple):
     force: Floats
     viscous: Floats
     """c of kernels/viscosity.py (1,)"""
+    resistance: Floats
+    """its T of each element (c, b, m, m) [N/m]"""
+    origin: Floats
+    """of each of its points F^-T at the start of the step (c, b q, 3, 3)"""
+    volume: Floats
+    """and det F there (c, b q)"""
     node_gap: Floats
     seam_block: Floats
     seam_coupled: Ints
@@ -272,11 +282,17 @@ def build_model(
     if general and crushable:
         table, of_cell = with_cut_cells(element, ELEMENTS[element](x, poisson), shape, body.edges, moments, relative)
         rule = build_rule(table, fill, of_cell, body, region.cells)
+    viscous, resists = rule, body.material.retardation_time > 0.0
+    if resists and not general:
+        table, of_cell = with_cut_cells(element, ELEMENTS[element](x, poisson), shape, body.edges, moments, relative)
+        viscous = build_rule(table, fill, of_cell, body, region.cells)
     model = FemModel(
         general=general,
         rule=rule,
         crushable=crushable,
         full=full,
+        resists=resists,
+        viscous=viscous,
         mean_gradient=mean_gradient,
         kind=body.material.number,
         x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
@@ -326,6 +342,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
     n_cells, n_nodes = model.cell_nodes.shape[0], len(model.mass)
     n_free = int(np.count_nonzero(tree.position >= 0))
     n_pairs = int(np.count_nonzero(model.point_stiffness)) * n_tools
+    n_viscous = n_cells if model.resists else 0
+    n_elements, n_points, _, n_places = model.viscous.gradient.shape[1:]
     return Work(
         part=np.ones(n_cells),
         full=np.zeros(n_cells),
@@ -360,6 +378,9 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         inside=np.zeros((n_nodes, 3)),
         force=np.zeros((n_nodes, 3)),
         viscous=np.zeros(1),
+        resistance=np.zeros((n_viscous, n_elements, n_places, n_places)),
+        origin=np.zeros((n_viscous, n_elements * n_points, 3, 3)),
+        volume=np.zeros((n_viscous, n_elements * n_points)),
         node_gap=np.zeros(n_nodes),
         seam_block=np.empty((2, 9 * len(model.seam) ** 2)),
         seam_coupled=np.zeros(1, dtype=np.int32),

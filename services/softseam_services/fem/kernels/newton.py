@@ -1,10 +1,10 @@
 """One implicit step: Newton's method with a factor that is kept as long as it serves.
 
 With the integrator's share_M = `inertia` [1/s^2] and x_hat (`integrators.scheme`) the step's end x makes the residual
-vanish, where x_t = x0 + share (x - x0), and c is not 0 in a viscous material alone (kernels/viscosity.py):
-  r(x) = f_ext - (1 + c) f(x_t) + f_contact(x) - inertia M (x - x_hat)                                          (1)
-The matrix inertia M + share (1 + c) K has columns whose sum is inertia M alone on a free body, so a full Newton step,
-with an old factor or a new one, leaves the sum of r zero: momentum is exact to rounding however early it ends.
+vanish, where x_t = x0 + share (x - x0), and f is that of a viscous material, too (kernels/viscosity.py):
+  r(x) = f_ext - f(x_t) + f_contact(x) - inertia M (x - x_hat)                                                  (1)
+The matrix inertia M + share K has columns whose sum is inertia M alone on a free body, so a full Newton step, with an
+old factor or a new one, leaves the sum of r zero: momentum is exact to rounding however early it ends.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.compiled_once import njit
-from softseam_services.fem.integrators.scheme import begin, viscous_share
+from softseam_services.fem.integrators.scheme import begin
 from softseam_services.fem.kernels.contact import (
     RELAXED,
     add_contact_forces,
@@ -30,6 +30,7 @@ from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.fem.kernels.multigrid import NONE, conjugate_gradients, prepare
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import dot
+from softseam_services.fem.kernels.viscosity import add_viscous_tangents, resist, subtract_viscous
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
@@ -94,14 +95,10 @@ def residual(x, x0, model, tools, count, inertia, share, work, memo):
         for s in range(len(model.seam)):
             for i in range(3):
                 r[3 * model.order[model.seam[s]] + i] += work.seam_actual[s, i]
-    stiffer = 1.0 + work.viscous[0]
-    if stiffer != 1.0:
-        for i in range(len(r)):
-            r[i] /= stiffer
-    memo[LEAST_J], memo[WORST_CELL] = subtract_forces(_inside(x, x0, share, work), model, work, r)
-    if stiffer != 1.0:
-        for i in range(len(r)):
-            r[i] *= stiffer
+    inside = _inside(x, x0, share, work)
+    memo[LEAST_J], memo[WORST_CELL] = subtract_forces(inside, model, work, r)
+    if work.viscous[0] > 0.0:
+        subtract_viscous(inside, x0, model, work, r)
     missing = evaluate_contacts(x, model, tools, count, work)
     add_contact_forces(model, count, work, r)
     return missing
@@ -109,21 +106,23 @@ def residual(x, x0, model, tools, count, inertia, share, work, memo):
 
 @njit(cache=True, error_model="numpy")
 def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work, memo):
-    """Assemble and factor inertia M + share (1 + c) K at x; residual(x) came before. Returns True where that succeeded.
+    """Assemble and factor inertia M + share K at x; residual(x) came before. Returns True where that succeeded.
 
     Points closer to a tool than `ahead` [m] count as touching. Where the matrix is indefinite, or `safe` is set, cells
     use their positive semi-definite tangents.
     """
     memo[FACTORED] = 0.0
-    scale = share * (1.0 + work.viscous[0])
+    inside = _inside(x, x0, share, work)
     for attempt in range(1 if safe else 0, 2):
         for i in range(len(work.values)):
             work.values[i] = 0.0
-        add_diagonal(tree, work.values, model.mass, inertia / scale)
-        add_cell_tangents(_inside(x, x0, share, work), model, tree, work, attempt == 1)
-        if scale != 1.0:
+        add_diagonal(tree, work.values, model.mass, inertia / share)
+        add_cell_tangents(inside, model, tree, work, attempt == 1)
+        if work.viscous[0] > 0.0:
+            add_viscous_tangents(inside, x0, model, tree, work, attempt == 1)
+        if share != 1.0:
             for i in range(len(work.values)):
-                work.values[i] *= scale
+                work.values[i] *= share
         add_contact_tangents(model, tools, tree, count, ahead, work)
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
@@ -347,7 +346,7 @@ def seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree,
     inverse (3s, 3s) [m/N] updated in place; returns whether the matrix could be factored.
     """
     inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
-    work.viscous[0] = viscous_share(scheme, dt, share)
+    resist(scheme, dt, share, x0, model, work)
     count = find_candidates(x0, model, tools, contact0, model.edge, inertia, 1.0, work)
     residual(x, x0, model, tools, count, inertia, share, work, memo)
     for c in range(count):

@@ -34,7 +34,7 @@ def _add_point(A, G, w, K):
 
 
 @njit(cache=True, error_model="numpy")
-def _scatter(K, nodes, tree, cell, values):
+def scatter(K, nodes, tree, cell, values):
     """Add K (n, 9, n), b >= a, to the panels of the cell's nodes, in place."""
     n_nodes, n_free = len(nodes), tree.cell_free[cell]
     rank, column, height = tree.cell_rank[cell], tree.cell_column[cell], tree.cell_height[cell]
@@ -61,7 +61,7 @@ def _scatter(K, nodes, tree, cell, values):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_coupling(v, g, s, K):
+def add_coupling(v, g, s, K):
     """Eq. (2): K[a, 3 i + k, b] <- for b >= a; v, g (n, 3), K (n, 9, n) overwritten."""
     n_nodes = len(v)
     for a in range(n_nodes):
@@ -134,10 +134,10 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                         tangent(model.kind, parameters[at], F[at], A, definite)
                     _add_point(A, G, w, K)
                     at += 1
-                _scatter(K, nodes, tree, cell, work.values)
+                scatter(K, nodes, tree, cell, work.values)
             if averaged:
                 shared = rule.group_nodes[group]
                 for a in range(n_shared):
                     vg[a], gg[a] = v[shared[a]], g[shared[a]]
-                _add_coupling(vg, gg, s, Kg)
-                _scatter(Kg, shared, tree, cell, work.values)
+                add_coupling(vg, gg, s, Kg)
+                scatter(Kg, shared, tree, cell, work.values)

@@ -1,104 +1,319 @@
-"""Viscosity of Kelvin and Voigt: what stress over its own rate adds to a step, from forces of cells alone.
+"""Viscosity of Kelvin and Voigt: forces of the body as if it had been at rest where the step begins.
 
-A second Piola-Kirchhoff stress S + tau dS/dt has the forces f + tau F (dS/dt) grad N. Where a cell turns and stretches
-by G over the step, those of S at its start are G f(x0) at its end: moments balance, and turning costs nothing. So
-  f(x_t) + c (f(x_t) - G_t f(x0)),  G_t = 1 + share (G - 1),  c = tau'/(share dt)                                (1)
-at x_t = x0 + share (x1 - x0) of the integrators, where tau' = tau - (2 share - 1) dt is what is left to add to what
-they lose themselves: oscillations of omega show zeta = tau omega/2, up to a step of tau. G is foreseen, from the
-velocity at the start (p: node positions about their mean):
-  L = (sum dt v p^T) (sum p p^T)^-1,  sin n = axial vector of L,  G = 1 + L - 2 share (1 - cos) (1 - n n^T)       (2)
-with the centripetal acceleration last: of a body that spins steadily under stress G is its turn, and nothing is damped.
-G f(x0) is known when the step begins, so Newton's method solves for (1 + c) f(x_t), whose tangent is (1 + c) K.
+With F_r = F_t F_0^-1 what a point has deformed by since the start of the step, at x_t = x0 + share (x1 - x0) of the
+integrators, the step's viscous potential is the neo-Hookean energy of that alone, of the material's mu and lambda:
+  V = c sum w (mu/2 |F_r|^2 - mu ln J_r + lambda/2 ln^2 J_r),  c = tau'/(share dt)                              (1)
+where tau' = tau - (2 share - 1) dt is what is left to add to what they lose themselves: oscillations of omega show
+zeta = tau omega/2, up to a step of tau. To first order in the step the Kirchhoff stress is Newton's,
+  J sigma = tau' (2 mu D + lambda tr(D) I),  D the rate of deformation,                                         (2)
+whatever the body's law and stress, and tau' K v in small strain. V is least, and 0, where F_r is a turn: a rigid motion
+costs nothing, no stress of the body is carried from one step to the next, and every step loses.
 
-Of a body without large turns this is damping in proportion to stiffness, Rayleigh's. The `linear` law has G = 1.
+Its first term, 1/2 sum_ab T_ab x_a . x_b, is quadratic, with T = c sum w mu F_0^-T grad N_a . F_0^-T grad N_b. The
+stabilisation S of an element has what is not even in the motion since: with g the mean gradients, u_a = F_g^-1 x0_a,
+F_g = sum x0_a g_a^T,
+  x_r = x_t (I - g u^T),  V += c/2 fill mu sum_ab S_ab x_r,a . x_r,b                                            (3)
+which vanishes where the element has turned and stretched evenly. A group with one volume ratio J_bar has
+(lambda + 2 mu/3)/2 ln^2 of it, and -2 mu/3 for lambda in (1). The `linear` law has tau' K v, with gradients at rest.
+Points at less than a fifth of their volume when the step begins have no viscosity in it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from softseam_services.body.materials.neo_hookean import J_MIN
 from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import viscous_share
-from softseam_services.fem.kernels import cells, points
+from softseam_services.fem.kernels.cells import gather, least_square_stretch
+from softseam_services.fem.kernels.mean_volume import positive_volume, volume_gradient
+from softseam_services.fem.kernels.point_tangents import add_coupling, scatter
+from softseam_services.fem.kernels.points import point_gradients
 
-_FLAT = 1e-12  # of (tr B/3)^3, below which det B says that a cell is flat and L is not known: G = 1
-
-
-@njit(cache=True, error_model="numpy")
-def _even_motion(p, d, share, G):
-    """G_t (3, 3) of eqs. (1) and (2) from p and d = dt v (27, 3) of a cell's nodes about their mean; in place."""
-    xx = yy = zz = xy = yz = zx = 0.0
-    for a in range(27):
-        x, y, z = p[a, 0], p[a, 1], p[a, 2]
-        xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
-        xy, yz, zx = xy + x * y, yz + y * z, zx + z * x
-    cxx, cyy, czz = yy * zz - yz * yz, zz * xx - zx * zx, xx * yy - xy * xy  # cofactors of B = sum p p^T
-    cxy, cyz, czx = yz * zx - xy * zz, zx * xy - yz * xx, xy * yz - zx * yy
-    det = xx * cxx + xy * cxy + zx * czx
-    G[:] = 0.0
-    G[0, 0] = G[1, 1] = G[2, 2] = 1.0
-    if not det > _FLAT * ((xx + yy + zz) / 3.0) ** 3:
-        return
-    for i in range(3):
-        u = v = w = 0.0
-        for a in range(27):
-            u, v, w = u + d[a, i] * p[a, 0], v + d[a, i] * p[a, 1], w + d[a, i] * p[a, 2]
-        G[i, 0] = (u * cxx + v * cxy + w * czx) / det
-        G[i, 1] = (u * cxy + v * cyy + w * cyz) / det
-        G[i, 2] = (u * czx + v * cyz + w * czz) / det
-    sx, sy, sz = 0.5 * (G[2, 1] - G[1, 2]), 0.5 * (G[0, 2] - G[2, 0]), 0.5 * (G[1, 0] - G[0, 1])
-    sine = np.sqrt(sx * sx + sy * sy + sz * sz)
-    if sine > 1.0:  # beyond 1 rad a step: a quarter turn
-        sx, sy, sz, sine = sx / sine, sy / sine, sz / sine, 1.0
-    cos = np.sqrt(1.0 - sine * sine)
-    spin = (sx, sy, sz)
-    for i in range(3):
-        for j in range(3):
-            inward = -spin[i] * spin[j] / (1.0 + cos)  # (1 - cos) n n^T, for sin^2 = (1 - cos) (1 + cos)
-            if i == j:
-                inward += 1.0 - cos
-            G[i, j] = share * (G[i, j] - 2.0 * share * inward)
-            if i == j:
-                G[i, j] += 1.0
-
-
-@njit(cache=True, error_model="numpy")
-def _add_carried(x0, x_hat, share, c, part, model, work):
-    """work.force += c G_t f(x0), the f of each cell with a part in work.fe (c, 3, 27)."""
-    p, d, G = np.empty((27, 3)), np.empty((27, 3)), np.eye(3)
-    for cell in range(len(model.cell_nodes)):
-        if part[cell] == 0.0:
-            continue
-        fe, nodes = work.fe[cell], model.cell_nodes[cell]
-        if not model.linear:
-            for i in range(3):
-                middle = way = 0.0
-                for a in range(27):
-                    middle += x0[nodes[a], i] / 27.0
-                    way += (x_hat[nodes[a], i] - x0[nodes[a], i]) / 27.0
-                for a in range(27):
-                    p[a, i] = x0[nodes[a], i] - middle
-                    d[a, i] = x_hat[nodes[a], i] - x0[nodes[a], i] - way
-            _even_motion(p, d, share, G)
-        for a in range(27):
-            for i in range(3):
-                work.force[nodes[a], i] += c * (G[i, 0] * fe[0, a] + G[i, 1] * fe[1, a] + G[i, 2] * fe[2, a])
+_FLAT = 1e-3  # of a mean deformation gradient: below, what is even in an element's motion is not known
 
 
 @njit(cache=True, error_model="numpy")
 def resist(scheme, dt, share, x0, model, work):
-    """work.viscous <- c of eq. (1), and work.force (n, 3) += c G_t f(x0), once work.x_hat = x0 + dt v0 is known.
-
-    work.r, work.xe and work.fe are overwritten where c is not 0
-    """
+    """work.viscous <- c of eq. (1); where it is not 0, work.resistance <- T and work.origin, work.volume from x0."""
     c = work.viscous[0] = viscous_share(scheme, dt, share)
     if c == 0.0:
         return
-    if model.general:
-        points.subtract_forces(x0, model, model.rule, work.part, work, work.r)
-    else:
-        cells.subtract_forces(x0, model, work, work.r)
-    _add_carried(x0, work.x_hat, share, c, work.part, model, work)
-    if work.mixed[0] > 0:
-        points.subtract_forces(x0, model, model.full, work.full, work, work.r)
-        _add_carried(x0, work.x_hat, share, c, work.full, model, work)
+    rule = model.viscous
+    n_elements, n_points = rule.gradient.shape[1], rule.gradient.shape[2]
+    gather(x0, model.cell_nodes, work.xe)
+    F, g = np.empty((n_points, 3, 3)), np.empty((3, rule.nodes.shape[1]))
+    for cell in range(len(model.cell_nodes)):
+        gradient = rule.gradient[rule.shape[cell]]
+        for element in range(n_elements):
+            T, first = work.resistance[cell, element], element * n_points
+            T[:] = 0.0
+            point_gradients(work.xe[cell], rule, cell, element, 1, F)
+            for q in range(n_points):
+                at, G = first + q, gradient[element, q]
+                origin = work.origin[cell, at]
+                J = work.volume[cell, at] = 1.0 if model.linear else volume_gradient(F[q], False, origin)
+                if J < J_MIN:
+                    continue
+                for a in range(G.shape[1]):
+                    for i in range(3):
+                        if model.linear:
+                            g[i, a] = G[i, a]
+                        else:
+                            along = origin[i, 0] * G[0, a] + origin[i, 1] * G[1, a] + origin[i, 2] * G[2, a]
+                            g[i, a] = along / J
+                origin /= J
+                _add_product(c * rule.weight[cell, at] * rule.parameters[rule.blend[cell], at, 0], g, T)
+            if rule.stabilised:
+                weight = rule.weight[cell, first : first + n_points]
+                _add_uneven(c * rule.fill[cell, element], work.xe[cell], weight, gradient[element], F, model.linear,
+                            rule.nodes[element], rule.stabilisation[rule.shape[cell], element], g, T)  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _add_product(w, g, T):
+    """T (m, m) += w g^T g for g (3, m), in place."""
+    for a in range(len(T)):
+        g0, g1, g2 = w * g[0, a], w * g[1, a], w * g[2, a]
+        for b in range(len(T)):
+            T[a, b] += g0 * g[0, b] + g1 * g[1, b] + g2 * g[2, b]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_uneven(scale, xe, weight, gradient, F, linear, nodes, S, g, T):
+    """T (m, m) += scale (I - g u^T) S (I - u g^T) of eq. (3), in place, T's scale included; g (3, m) is overwritten.
+
+    xe (3, 27), weight (q,), gradient (q, 3, m) and F (q, 3, 3) of an element's points, nodes (m,), S (m, m)
+    """
+    m = len(nodes)
+    if linear:
+        for a in range(m):
+            for b in range(m):
+                T[a, b] += scale * S[a, b]
+        return
+    mean, H = np.zeros((3, 3)), np.empty((3, 3))
+    g[:] = 0.0
+    total = weight.sum()
+    for q in range(len(weight)):
+        w = weight[q] / total
+        for i in range(3):
+            for j in range(3):
+                mean[i, j] += w * F[q, i, j]
+            for a in range(m):
+                g[i, a] += w * gradient[q, i, a]
+    J = volume_gradient(mean, False, H)
+    if J < _FLAT:
+        return
+    u, Y, Q = np.empty((3, m)), np.zeros((3, m)), np.zeros((3, 3))
+    for a in range(m):
+        for i in range(3):
+            u[i, a] = 0.0
+            for k in range(3):
+                u[i, a] += H[k, i] / J * xe[k, nodes[a]]  # mean^-1 = H^T/J
+    for i in range(3):
+        for a in range(m):
+            for b in range(m):
+                Y[i, b] += u[i, a] * S[a, b]
+        for j in range(3):
+            for a in range(m):
+                Q[i, j] += Y[i, a] * u[j, a]
+    # (I - g u^T) S (I - u g^T) = S - g^T Y - Y^T g with Y = u S - Q g/2, Q = u S u^T
+    for i in range(3):
+        for j in range(3):
+            for a in range(m):
+                Y[i, a] -= 0.5 * Q[i, j] * g[j, a]
+    for a in range(m):
+        g0, g1, g2, y0, y1, y2 = g[0, a], g[1, a], g[2, a], Y[0, a], Y[1, a], Y[2, a]
+        for b in range(m):
+            even = g0 * Y[0, b] + g1 * Y[1, b] + g2 * Y[2, b] + y0 * g[0, b] + y1 * g[1, b] + y2 * g[2, b]
+            T[a, b] += scale * (S[a, b] - even)
+
+
+@njit(cache=True, error_model="numpy")
+def _slope(mu, lam, J, J0):
+    """s and ds, the derivatives by J of what eq. (1) has of J, over c."""
+    j, a, da = positive_volume(J)
+    pull = lam * np.log(j / J0) - mu
+    return pull * a, pull * da + lam * a * a
+
+
+@njit(cache=True, error_model="numpy")
+def _mean_volume(cell, first, end, J, model, work):
+    """kappa [Pa], its group's s and ds as `_slope`, and the sum of weights; J (k,) of points first .. end - 1."""
+    rule = model.viscous
+    total = now = before = kappa = 0.0
+    for at in range(first, end):
+        w, material = rule.weight[cell, at], rule.parameters[rule.blend[cell], at]
+        total += w
+        now += w * J[at - first]
+        before += w * work.volume[cell, at]
+        kappa += w * (material[1] + 2.0 / 3.0 * material[0])
+    kappa /= total
+    if model.linear:
+        return kappa * now / total, kappa, total
+    if before < J_MIN * total:
+        return 0.0, 0.0, total
+    s, ds = _slope(0.0, kappa, now / total, before / total)
+    return s, ds, total
+
+
+@njit(cache=True, error_model="numpy")
+def _gather_motion(x, x0, model, work):
+    """work.xe <- places of the nodes in their cells; of the linear law what they have moved since x0."""
+    gather(x, model.cell_nodes, work.xe)
+    if model.linear:
+        gather(x0, model.cell_nodes, work.fe)
+        for cell in range(len(work.xe)):
+            for i in range(3):
+                for a in range(27):
+                    work.xe[cell, i, a] -= work.fe[cell, i, a]
+
+
+@njit(cache=True, error_model="numpy")
+def _multiply(T, xe, nodes, f):
+    """f (3, m) <- T x of an element's nodes in xe (3, 27); T (m, m) is symmetric."""
+    f[:] = 0.0
+    for b in range(len(nodes)):
+        row = T[b]
+        for i in range(3):
+            x = xe[i, nodes[b]]
+            for a in range(len(nodes)):
+                f[i, a] += row[a] * x
+
+
+@njit(cache=True, error_model="numpy")
+def subtract_viscous(x, x0, model, work, r):
+    """r <- r - dV/dx at x (n, 3) of a step from x0, in elimination order; work.xe and work.fe are overwritten."""
+    rule, c = model.viscous, work.viscous[0]
+    n_elements, n_points, m = rule.gradient.shape[1], rule.gradient.shape[2], rule.nodes.shape[1]
+    averaged = len(rule.group_nodes) > 0
+    per_group = n_elements // len(rule.group_nodes) if averaged else 1
+    size = per_group * n_points
+    F, H, J = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty(size)
+    own = np.empty((n_elements, 3, m))
+    _gather_motion(x, x0, model, work)
+    for cell in range(len(model.cell_nodes)):
+        xe, fe = work.xe[cell], work.fe[cell]
+        for element in range(n_elements):
+            _multiply(work.resistance[cell, element], xe, rule.nodes[element], own[element])
+        for group in range(n_elements // per_group):
+            first = group * size
+            point_gradients(xe, rule, cell, group, per_group, F)
+            for at in range(size):
+                J[at] = volume_gradient(F[at], model.linear, H[at])
+            mean_s = _mean_volume(cell, first, first + size, J, model, work)[0] if averaged else 0.0
+            for at in range(size):
+                element, q = group * per_group + at // n_points, at % n_points
+                G, f = rule.gradient[rule.shape[cell], element, q], own[element]
+                material, w = rule.parameters[rule.blend[cell], first + at], c * rule.weight[cell, first + at]
+                mu = material[0]
+                lam = -2.0 / 3.0 * mu if averaged else material[1]
+                s, J0 = mean_s, work.volume[cell, first + at]
+                if model.linear:
+                    s += lam * J[at]
+                elif J0 >= J_MIN:
+                    s += _slope(mu, lam, J[at], J0)[0]
+                for i in range(3):
+                    p0, p1, p2 = w * s * H[at, i, 0], w * s * H[at, i, 1], w * s * H[at, i, 2]
+                    if model.linear:
+                        p0, p1, p2 = p0 + w * mu * F[at, 0, i], p1 + w * mu * F[at, 1, i], p2 + w * mu * F[at, 2, i]
+                    for a in range(m):
+                        f[i, a] += p0 * G[0, a] + p1 * G[1, a] + p2 * G[2, a]
+        fe[:] = 0.0
+        for element in range(n_elements):
+            nodes = rule.nodes[element]
+            for i in range(3):
+                for a in range(m):
+                    fe[i, nodes[a]] += own[element, i, a]
+        for a in range(27):
+            place = model.cell_order[cell, a]
+            if place >= 0:
+                r[3 * place] -= fe[0, a]
+                r[3 * place + 1] -= fe[1, a]
+                r[3 * place + 2] -= fe[2, a]
+
+
+@njit(cache=True, error_model="numpy")
+def _point_factors(mu, s, ds, F, J, origin, definite):
+    """A and B of d2V = A (H : dF)^2 + B tr(H^T dF H^T dF) besides T; definite: positive semi-definite with it.
+
+    With dF = D F that is mu |D F_r|^2 + B J^2 tr(D D) + .., |D|^2 <= |D F_r|^2 over its least square stretch.
+    """
+    divisor = J if abs(J) > 1e-3 else (1e-3 if J >= 0.0 else -1e-3)
+    b = -s / divisor
+    if not definite:
+        return ds - b, b
+    since = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            since[i, j] = F[i, 0] * origin[j, 0] + F[i, 1] * origin[j, 1] + F[i, 2] * origin[j, 2]
+    limit = mu * least_square_stretch(since, 0) / (divisor * divisor)
+    b = min(limit, max(-limit, b))
+    return max(0.0, ds - b), b
+
+
+@njit(cache=True, error_model="numpy")
+def _add_point(A, B, h, K):
+    """K[a, 3 i + k, b] += A h_ia h_kb + B h_ka h_ib for b >= a; h (3, m), K (m, 9, m) updated in place."""
+    m = h.shape[1]
+    for a in range(m):
+        for i in range(3):
+            for k in range(3):
+                p, q, row = A * h[i, a], B * h[k, a], K[a, 3 * i + k]
+                for b in range(a, m):
+                    row[b] += p * h[k, b] + q * h[i, b]
+
+
+@njit(cache=True, error_model="numpy")
+def add_viscous_tangents(x, x0, model, tree, work, definite):
+    """Add d2V/dx2 at x, every cell into its front of work.values (lower triangle), updated in place."""
+    rule, c = model.viscous, work.viscous[0]
+    n_elements, n_points, m = rule.gradient.shape[1], rule.gradient.shape[2], rule.nodes.shape[1]
+    averaged = len(rule.group_nodes) > 0
+    per_group = n_elements // len(rule.group_nodes) if averaged else 1
+    size, n_shared = per_group * n_points, rule.group_nodes.shape[1]
+    F, H, J = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty(size)
+    K, h, even = np.empty((m, 9, m)), np.empty((3, m)), np.empty((27, 3))
+    shared_K, none, shared_even = np.empty((n_shared, 9, n_shared)), np.zeros((n_shared, 3)), np.empty((n_shared, 3))
+    _gather_motion(x, x0, model, work)
+    for cell in range(len(model.cell_nodes)):
+        for group in range(n_elements // per_group):
+            first = group * size
+            point_gradients(work.xe[cell], rule, cell, group, per_group, F)
+            for at in range(size):
+                J[at] = volume_gradient(F[at], model.linear, H[at])
+            mean_s = mean_ds = total = 0.0
+            if averaged:
+                mean_s, mean_ds, total = _mean_volume(cell, first, first + size, J, model, work)
+                even[:] = 0.0
+            for element in range(group * per_group, (group + 1) * per_group):
+                nodes, T = rule.nodes[element], work.resistance[cell, element]
+                for a in range(m):
+                    K[a] = 0.0
+                    for b in range(a, m):
+                        K[a, 0, b] = K[a, 4, b] = K[a, 8, b] = T[a, b]
+                for q in range(n_points):
+                    at = (element - group * per_group) * n_points + q
+                    G, w = rule.gradient[rule.shape[cell], element, q], c * rule.weight[cell, first + at]
+                    material, J0 = rule.parameters[rule.blend[cell], first + at], work.volume[cell, first + at]
+                    mu = material[0]
+                    lam = -2.0 / 3.0 * mu if averaged else material[1]
+                    for a in range(m):
+                        for i in range(3):
+                            h[i, a] = H[at, i, 0] * G[0, a] + H[at, i, 1] * G[1, a] + H[at, i, 2] * G[2, a]
+                            if averaged:
+                                even[nodes[a], i] += rule.weight[cell, first + at] / total * h[i, a]
+                    A, B = 0.0, 0.0
+                    if model.linear:
+                        A, B = lam, mu
+                    elif J0 >= J_MIN:
+                        s, ds = _slope(mu, lam, J[at], J0)
+                        A, B = _point_factors(mu, s + mean_s, ds, F[at], J[at], work.origin[cell, first + at], definite)
+                    _add_point(w * A, w * B, h, K)
+                scatter(K, nodes, tree, cell, work.values)
+            if averaged:
+                shared = rule.group_nodes[group]
+                for a in range(n_shared):
+                    shared_even[a] = even[shared[a]]
+                add_coupling(none, shared_even, c * total * max(0.0, mean_ds), shared_K)
+                scatter(shared_K, shared, tree, cell, work.values)
