@@ -40,93 +40,108 @@ def resist(scheme, dt, share, x0, model, work):
     if c == 0.0:
         return
     rule = model.viscous
-    n_elements, n_points = rule.gradient.shape[1], rule.gradient.shape[2]
+    n_elements, n_points, m = rule.gradient.shape[1], rule.gradient.shape[2], rule.nodes.shape[1]
     gather(x0, model.cell_nodes, work.xe)
-    F, g = np.empty((n_points, 3, 3)), np.empty((3, rule.nodes.shape[1]))
+    F, g, u, Y = np.empty((n_points, 3, 3)), np.empty((3, m)), np.empty((3, m)), np.empty((3, m))
     for cell in range(len(model.cell_nodes)):
         gradient = rule.gradient[rule.shape[cell]]
         for element in range(n_elements):
             T, first = work.resistance[cell, element], element * n_points
-            T[:] = 0.0
+            for a in range(m):
+                for b in range(m):
+                    T[a, b] = 0.0
             point_gradients(work.xe[cell], rule, cell, element, 1, F)
             for q in range(n_points):
                 at, G = first + q, gradient[element, q]
-                origin = work.origin[cell, at]
+                mu, origin = rule.parameters[rule.blend[cell], at, 0], work.origin[cell, at]
                 J = work.volume[cell, at] = 1.0 if model.linear else volume_gradient(F[q], False, origin)
                 if J < J_MIN:
                     continue
-                for a in range(G.shape[1]):
-                    for i in range(3):
-                        if model.linear:
-                            g[i, a] = G[i, a]
-                        else:
-                            along = origin[i, 0] * G[0, a] + origin[i, 1] * G[1, a] + origin[i, 2] * G[2, a]
-                            g[i, a] = along / J
-                origin /= J
-                _add_product(c * rule.weight[cell, at] * rule.parameters[rule.blend[cell], at, 0], g, T)
+                for i in range(3):
+                    if model.linear:
+                        origin[i, 0], origin[i, 1], origin[i, 2] = 0.0, 0.0, 0.0
+                        origin[i, i] = 1.0
+                    o0, o1, o2 = origin[i, 0] / J, origin[i, 1] / J, origin[i, 2] / J
+                    origin[i, 0], origin[i, 1], origin[i, 2] = o0, o1, o2
+                    for a in range(m):
+                        g[i, a] = o0 * G[0, a] + o1 * G[1, a] + o2 * G[2, a]
+                _add_product(c * rule.weight[cell, at] * mu, g, g, T)
             if rule.stabilised:
+                S, fill = rule.stabilisation[rule.shape[cell], element], c * rule.fill[cell, element]
+                for a in range(m):
+                    for b in range(m):
+                        T[a, b] += fill * S[a, b]
                 weight = rule.weight[cell, first : first + n_points]
-                _add_uneven(c * rule.fill[cell, element], work.xe[cell], weight, gradient[element], F, model.linear,
-                            rule.nodes[element], rule.stabilisation[rule.shape[cell], element], g, T)  # fmt: skip
+                if not model.linear and _even_motion(weight, gradient[element], F, g, u):
+                    _subtract_even(fill, work.xe[cell], rule.nodes[element], S, g, u, Y, T)
 
 
 @njit(cache=True, error_model="numpy")
-def _add_product(w, g, T):
-    """T (m, m) += w g^T g for g (3, m), in place."""
-    for a in range(len(T)):
-        g0, g1, g2 = w * g[0, a], w * g[1, a], w * g[2, a]
-        for b in range(len(T)):
-            T[a, b] += g0 * g[0, b] + g1 * g[1, b] + g2 * g[2, b]
+def _add_product(w, g, h, T):
+    """T (m, m) += w g^T h for g, h (3, m), in place."""
+    for i in range(3):
+        for a in range(len(T)):
+            scaled = w * g[i, a]
+            for b in range(len(T)):
+                T[a, b] += scaled * h[i, b]
 
 
 @njit(cache=True, error_model="numpy")
-def _add_uneven(scale, xe, weight, gradient, F, linear, nodes, S, g, T):
-    """T (m, m) += scale (I - g u^T) S (I - u g^T) of eq. (3), in place, T's scale included; g (3, m) is overwritten.
+def _even_motion(weight, gradient, F, g, inverse):
+    """g (3, m) of eq. (3) and F_g^-1 into the first columns of inverse, in place; False where that is not known.
 
-    xe (3, 27), weight (q,), gradient (q, 3, m) and F (q, 3, 3) of an element's points, nodes (m,), S (m, m)
+    weight (q,), gradient (q, 3, m) and F (q, 3, 3) of an element's points
     """
-    m = len(nodes)
-    if linear:
-        for a in range(m):
-            for b in range(m):
-                T[a, b] += scale * S[a, b]
-        return
-    mean, H = np.zeros((3, 3)), np.empty((3, 3))
-    g[:] = 0.0
-    total = weight.sum()
+    mean, H, total = np.zeros((3, 3)), np.empty((3, 3)), 0.0
     for q in range(len(weight)):
-        w = weight[q] / total
-        for i in range(3):
+        total += weight[q]
+    for i in range(3):
+        for a in range(g.shape[1]):
+            g[i, a] = 0.0
+        for q in range(len(weight)):
+            w = weight[q] / total
             for j in range(3):
                 mean[i, j] += w * F[q, i, j]
-            for a in range(m):
+            for a in range(g.shape[1]):
                 g[i, a] += w * gradient[q, i, a]
     J = volume_gradient(mean, False, H)
-    if J < _FLAT:
-        return
-    u, Y, Q = np.empty((3, m)), np.zeros((3, m)), np.zeros((3, 3))
-    for a in range(m):
-        for i in range(3):
-            u[i, a] = 0.0
-            for k in range(3):
-                u[i, a] += H[k, i] / J * xe[k, nodes[a]]  # mean^-1 = H^T/J
-    for i in range(3):
-        for a in range(m):
-            for b in range(m):
-                Y[i, b] += u[i, a] * S[a, b]
-        for j in range(3):
-            for a in range(m):
-                Q[i, j] += Y[i, a] * u[j, a]
-    # (I - g u^T) S (I - u g^T) = S - g^T Y - Y^T g with Y = u S - Q g/2, Q = u S u^T
     for i in range(3):
         for j in range(3):
-            for a in range(m):
-                Y[i, a] -= 0.5 * Q[i, j] * g[j, a]
+            inverse[i, j] = H[j, i] / J
+    return J > _FLAT
+
+
+@njit(cache=True, error_model="numpy")
+def _subtract_even(scale, xe, nodes, S, g, u, Y, T):
+    """T (m, m) += scale ((I - g u^T) S (I - u g^T) - S) = -scale (g^T Y + Y^T g), Y = u S - u S u^T g/2; in place.
+
+    xe (3, 27), nodes (m,), S (m, m), g (3, m); u (3, m) with F_g^-1 in it, and Y (3, m), are overwritten
+    """
+    m = len(nodes)
+    i00, i01, i02, i10, i11, i12 = u[0, 0], u[0, 1], u[0, 2], u[1, 0], u[1, 1], u[1, 2]
+    i20, i21, i22 = u[2, 0], u[2, 1], u[2, 2]
     for a in range(m):
-        g0, g1, g2, y0, y1, y2 = g[0, a], g[1, a], g[2, a], Y[0, a], Y[1, a], Y[2, a]
+        x, y, z = xe[0, nodes[a]], xe[1, nodes[a]], xe[2, nodes[a]]
+        u[0, a], u[1, a], u[2, a] = (
+            i00 * x + i01 * y + i02 * z,
+            i10 * x + i11 * y + i12 * z,
+            i20 * x + i21 * y + i22 * z,
+        )
+        Y[0, a] = Y[1, a] = Y[2, a] = 0.0
+    for a in range(m):
+        x, y, z = u[0, a], u[1, a], u[2, a]
         for b in range(m):
-            even = g0 * Y[0, b] + g1 * Y[1, b] + g2 * Y[2, b] + y0 * g[0, b] + y1 * g[1, b] + y2 * g[2, b]
-            T[a, b] += scale * (S[a, b] - even)
+            Y[0, b] += x * S[a, b]
+            Y[1, b] += y * S[a, b]
+            Y[2, b] += z * S[a, b]
+    for i in range(3):
+        q0 = q1 = q2 = 0.0
+        for a in range(m):
+            q0, q1, q2 = q0 + Y[i, a] * u[0, a], q1 + Y[i, a] * u[1, a], q2 + Y[i, a] * u[2, a]
+        for a in range(m):
+            Y[i, a] -= 0.5 * (q0 * g[0, a] + q1 * g[1, a] + q2 * g[2, a])
+    _add_product(-scale, g, Y, T)
+    _add_product(-scale, Y, g, T)
 
 
 @njit(cache=True, error_model="numpy")
