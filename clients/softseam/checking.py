@@ -123,19 +123,23 @@ def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
 def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: ToolSet) -> list[str]:
     """That cells of one block meet tools at their corners, where a tool is narrower than they are: it fits between.
 
-    A tool is as wide as the middle one of its three extents: a plate is not narrow. Planes are not, and tools beside
-    which cells are FEM's meet none of PBD's.
+    A tool is as wide as the middle one of its three extents. Planes are not narrow, boxes press by the share of a face
+    that they cover, and tools beside which cells are FEM's meet none of PBD's.
     """
+    from softseam_services.body.outer_faces import is_covered_by_faces
+
     near = scene.regions.near
     if not coarse.any() or "pbd" not in (scene.regions.default, near.model if near else scene.regions.default):
         return []
     corners = body.x_rest[body.cell_nodes[coarse]].reshape(-1, 3, 3, 3, 3)[:, ::2, ::2, ::2]
     edge = max(float(np.linalg.norm(np.diff(corners, axis=axis), axis=-1).max()) for axis in (1, 2, 3))
     kept_away = near is not None and near.model == "fem" and near.within is not None
+    shares = is_covered_by_faces(body)
     narrow = []
     for name, outline, followed in zip(tools.names, tools.outline, tools.near, strict=True):
         width = float(np.sort(np.ptp(outline, axis=0))[1]) if len(outline) else math.inf
-        if width < edge * (1.0 - 1e-9) and not (followed and kept_away):
+        felt = shares and scene.tools[name].kind == "box"
+        if width < edge * (1.0 - 1e-9) and not felt and not (followed and kept_away):
             narrow.append(f"{name} ({1e3 * width:.3g} mm)")
     if not narrow:
         return []

@@ -23,7 +23,8 @@ tools:
   plate: {kind: box, size: [0.1, 0.1, 0.004], position: [0, 0, 0.08]}
   ball: {kind: sphere, radius: 0.008, position: [0, 0, 0.08]}
   wide: {kind: sphere, radius: 0.01, position: [0, 0, 0.09]}
-  rod: {kind: box, size: [0.1, 0.012, 0.012], position: [0, 0, 0.08]}
+  rod: {kind: capsule, radius: 0.006, length: 0.1, axis: [1, 0, 0], position: [0, 0, 0.08]}
+  bar: {kind: box, size: [0.1, 0.012, 0.012], position: [0, 0, 0.08]}
 motion:
   - {tools: [ball], move: [0, 0, -0.001], speed: 0.02}
 models: {pbd: {coarse: {beyond: 0.001}}}
@@ -42,6 +43,7 @@ def said(folder: Path, text: str) -> str:
 
 
 def test_tools_narrower_than_coarse_cells_are_named(tmp_path: Path) -> None:
+    """But a box, which presses by the share of a face that it covers."""
     told = said(tmp_path, SCENE)
     assert "edge of 20 mm: ball (16 mm), rod (12 mm). " in told
     assert "models.pbd.coarse.beyond" in told

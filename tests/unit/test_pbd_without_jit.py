@@ -41,6 +41,20 @@ def test_one_cell_three_steps(kind: str, damping: dict[str, float]) -> None:
     assert np.abs(run.fields().cauchy).max() > 0.0
 
 
+def test_an_edge_between_points() -> None:
+    """One cell under a pad that covers a part of its faces: points count in part, and wrench and momentum balance."""
+    pad = {"kind": "box", "size": (0.03, 0.036, 0.01), "position": (0.004, 0.0, 0.055), "friction": 0.5}
+    run = PbdRun(block_scene(cell=0.05, tools={"pad": pad}, pbd={"substeps": 2}))
+    run.velocity[:, 2] = -0.05
+    before = run.step()
+    reply = run.step()
+    edges = run.solver.model.edges
+    assert (edges.side[:, 0] >= 0).sum() == 9 and (edges.give[edges.side >= 0] > 0.0).all()
+    assert reply.wrench[0, 2] > 0.1
+    change = (reply.momentum - before.momentum) / run.scene.step
+    np.testing.assert_allclose(change, -reply.wrench[0, :3], atol=1e-9)
+
+
 def test_one_cell_leaps() -> None:
     """One cell swings by leapfrog: energy stays, nothing leaves the arrays."""
     rest = PbdRun(block_scene(cell=0.05)).body.x_rest
@@ -78,6 +92,7 @@ def test_kernels_pass_without_jit() -> None:
             "-p",
             "no:cacheprovider",
             f"{__file__}::test_one_cell_three_steps",
+            f"{__file__}::test_an_edge_between_points",
             f"{__file__}::test_one_cell_leaps",
             f"{__file__}::test_two_graded_cells_three_steps",
         ],
