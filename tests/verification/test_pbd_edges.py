@@ -74,8 +74,8 @@ def test_long_cells_and_cells_of_one_block() -> None:
 
 
 def test_the_force_follows_a_pad_that_slides() -> None:
-    """Without friction over two lines of points, in steps of a twentieth of a block; it fell by 23 % in one step, where a
-    line was left."""
+    """Without friction over two lines of points, in steps of a twentieth of a block; it fell by 23 % in one step,
+    where a line was left."""
     run = pads(0.0095, 4, -0.006, friction=0.0)
     squeezed(run, 0.05)
     run.velocity[:, 0] = 0.05 * BLOCK / 0.01
