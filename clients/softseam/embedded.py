@@ -224,7 +224,7 @@ def _translate(error: BaseException) -> None:
     """Raise the client's error for one of the services; return for any other."""
     from softseam_services.body.errors import MeshError
     from softseam_services.orchestrator.archive import ArchiveError
-    from softseam_services.orchestrator.regions import StepFailed
+    from softseam_services.orchestrator.participants import StepFailed
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
     from softseam_services.recorder.whole_file import RecordError
     from softseam_services.tools.errors import ToolError

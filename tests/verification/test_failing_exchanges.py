@@ -15,7 +15,7 @@ from softseam_protocol.messages import Advance, Advanced, Commit, Reply, Request
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.regions import StepFailed
+from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantLost
 

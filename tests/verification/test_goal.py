@@ -120,7 +120,7 @@ def test_the_adjoint_tells_what_a_force_does_to_the_grip() -> None:
             setup = build_setup(bundle_scene(Scene.model_validate(scene)))
             assert isinstance(setup.body, Body)
             adjoint = Adjoint(setup.scene, setup.body, setup.tools)
-            state = merged_state(setup.body, of.regions.sides, of.regions.observe())
+            state = merged_state(setup.body, of.regions.sides, of.regions.participants.observe())
             assert adjoint.factor(state, of.report.tool_position, of.report.tool_orientation)
             mass = adjoint.region.mass[:, None] * way
             foretold = [
@@ -237,7 +237,11 @@ def test_a_look_without_an_adjoint_leaves_the_blame_and_is_not_repeated_at_once(
     simulation = Simulation(bundle_scene(Scene.model_validate(squeezed("pbd", cells=1))), EmbeddedTransport())
     while not simulation.done:
         simulation.step()
-    setup, sides, fields = build_setup(simulation._bundle), simulation.regions.sides, simulation.regions.observe()
+    setup, sides, fields = (
+        build_setup(simulation._bundle),
+        simulation.regions.sides,
+        simulation.regions.participants.observe(),
+    )
     assert isinstance(setup.body, Body) and simulation.report is not None
     goal, watch = goals.Goal(setup.scene, setup.body, setup.tools), GoalWatch(setup.body)
     poses = simulation.report.tool_position, simulation.report.tool_orientation

@@ -286,7 +286,7 @@ def _begun(simulation: Simulation) -> tuple[Floats, Floats]:
     """Momentum and angular momentum of the body as its sides' fields have them."""
     body, sides = simulation.body, simulation.regions.sides
     linear, angular = np.zeros(3), np.zeros(3)
-    for name, fields in simulation.regions.observe().items():
+    for name, fields in simulation.regions.participants.observe().items():
         mass = build_region(body, sides.cells[name], sides.seam).mass  # type: ignore[arg-type]
         linear += mass @ fields.v
         angular += np.cross(fields.x, mass[:, None] * fields.v).sum(axis=0)

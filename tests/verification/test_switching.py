@@ -86,7 +86,7 @@ def momentum(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
     """Linear and angular momentum of the body, each side with its own share of the mass."""
     linear, angular = np.zeros(3), np.zeros(3)
     assert isinstance(simulation.body, Body)
-    for name, fields in simulation.regions.observe().items():
+    for name, fields in simulation.regions.participants.observe().items():
         mass = side_mass(simulation.body, simulation.regions.sides.cells[name])[fields.nodes]
         p = mass[:, None] * fields.v
         linear += p.sum(axis=0)
@@ -183,7 +183,7 @@ def test_the_energies_of_a_cuts_first_step_are_those_of_a_moving_body() -> None:
         simulation.set_near(near)
         told = simulation.step().energy["kinetic"]
         kinetic = 0.0
-        for name, fields in simulation.regions.observe().items():
+        for name, fields in simulation.regions.participants.observe().items():
             mass = side_mass(simulation.body, simulation.regions.sides.cells[name])[fields.nodes]
             kinetic += 0.5 * float(mass @ (fields.v**2).sum(axis=1))
         assert told == pytest.approx(kinetic, rel=1e-4)

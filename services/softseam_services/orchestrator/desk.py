@@ -26,8 +26,8 @@ from softseam_protocol.messages import (
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.bus_transport import BusTransport
 from softseam_services.orchestrator.client_view import observation, restore, snapshot
+from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.recorder_feed import RecorderFeed
-from softseam_services.orchestrator.regions import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.recorder.begin import begin

@@ -49,7 +49,7 @@ from softseam_protocol.topics import ClientReply, ClientRequest, Keys
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.orchestrator.desk import Answer, Desk, Stopped
-from softseam_services.orchestrator.regions import StepFailed
+from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.progress import tell_progress
 from softseam_services.warm_up import settle, warm_orchestrator

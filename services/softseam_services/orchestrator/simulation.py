@@ -78,6 +78,7 @@ class Simulation:
         self._accounts = Accounts(self.scene.step, _standing(self.body))
         recovering = RecoveringTransport(transport, on_event=self._event)
         self._regions = Regions(bundle, setup, recovering, self._clock, self._accounts, self._event)
+        self._participants = self._regions.participants
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
         self.reset(self.scene.seed)
@@ -163,7 +164,7 @@ class Simulation:
         self._accounts.begin(began)
         too_far = beyond_middle(self.tools, motion)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
-        solution = self._regions.advance(motion, look)
+        solution = self._participants.advance(motion, look)
         replies = solution.replies
         first, *others = (reply.wrench for reply in replies.values())
         wrench = sum(others, first)
@@ -192,7 +193,7 @@ class Simulation:
         header, sides = self._clock.last_step(), self._regions.sides
         switched = self._regions.follow(replies, motion)
         if self._clock.step % _CHECKPOINT_STEPS == 0:
-            self._regions.snapshot()
+            self._participants.snapshot()
         done, estimate = self.done, None
         if velocities is None and ongoing and (phase_ends or done):
             estimate = self._judge(replies, done)
@@ -238,7 +239,7 @@ class Simulation:
         """How far the answer may be off as the body stands; None of a body of particles."""
         if not isinstance(self.body, Body):
             return None
-        fields = self._regions.observe(indicators=True, own=True)
+        fields = self._participants.observe(indicators=True, own=True)
         goal = self._regions.goal_error(fields, self._position, self._orientation)
         return self._trust.now(self.time, self._regions.sides, fields, goal)
 
@@ -251,13 +252,13 @@ class Simulation:
 
     def close(self) -> None:
         """Release the participants and the transport."""
-        self._regions.close()
+        self._participants.close()
 
     # ---- snapshots
 
     def save(self) -> bytes:
         """State of the whole simulation; `load` continues from it bit for bit."""
-        participants = self._regions.snapshot()
+        participants = self._participants.snapshot()
         state = SavedState(
             scene=self._bundle.scene,
             step=self._clock.step,
@@ -272,7 +273,7 @@ class Simulation:
             gripping=self._gripping,
             trust=self._trust.to_array(),
             cells=self._regions.near_arrays(),
-            seam=self._regions.seam_arrays(),
+            seam=self._participants.seam_arrays(),
             participants=participants,
         )
         return state.pack()
@@ -303,7 +304,7 @@ class Simulation:
         self._gripping = gripping
         self._accounts.ledger = saved.ledger
         self._forget()
-        self._regions.restore(tied, saved.participants)
+        self._participants.restore(tied, saved.participants)
 
     # ---- parts of a step
 
@@ -335,7 +336,7 @@ class Simulation:
     def _judge(self, replies: Mapping[str, Advanced], done: bool) -> ErrorEstimate | None:
         """Look at the errors where that is due, as a phase ends; how far the run can be trusted, where it is done."""
         if self._trust.due(sum(reply.strain for reply in replies.values()), done):
-            fields = self._regions.observe(indicators=True, own=True)
+            fields = self._participants.observe(indicators=True, own=True)
             goal = self._regions.goal_error(fields, self._position, self._orientation)
             self._trust.look(self.time, self._regions.sides, fields, goal)
         return self._trust.estimate() if done else None

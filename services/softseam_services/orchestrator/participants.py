@@ -1,0 +1,333 @@
+"""The participants of one body, and the seam between them: built for a cut, advanced until they agree, observed, saved.
+
+A step that fails leaves them as they were. What one side took alone is discarded, and a step in parts goes back to a
+snapshot; both when they are next asked for anything (docs/decisions/0098).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.ledger import Energies
+from softseam_protocol.messages import (
+    Advance,
+    Advanced,
+    BodyState,
+    Bundle,
+    Commit,
+    Committed,
+    Configure,
+    Configured,
+    Failure,
+    Fields,
+    Observe,
+    Release,
+    Reply,
+    Request,
+    Restore,
+    Snapshot,
+    SnapshotTaken,
+    ToolMotion,
+    Worked,
+)
+from softseam_protocol.scene import Scene
+from softseam_services.orchestrator.accounts import Accounts
+from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.parts import CutStep
+from softseam_services.orchestrator.seam_answers import (
+    SeamDiverged,
+    SeamScheme,
+    SeamSolution,
+    SeamUnsettled,
+    SideRequest,
+)
+from softseam_services.orchestrator.sides import NEAR, Sides
+from softseam_services.orchestrator.transport import ParticipantFailed, Transport
+
+Floats = NDArray[np.float64]
+Tied = tuple[Sides, SeamScheme | None]
+"""sides, and what ties them where they share nodes"""
+
+_FREE = np.zeros((0, 3))
+"""no forces, no anchor, and no force at the start of a step"""
+_KEPT = np.zeros((0, 0))
+"""stands for the stiffness that the near side has"""
+_OLDER = Failure(
+    "schema", "it does not tell the energies that it begins with: install the same version of softseam on both sides"
+)
+
+
+class StepFailed(RuntimeError):
+    """A step could not be taken, nor is any part of it; the simulation stands at the last committed step and can be
+    stepped again. Only what the seam learned in trying may be kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """What a step began with."""
+
+    seam: dict[str, Floats]
+    """see `Participants.seam_arrays`"""
+    states: dict[str, bytes]
+    """see `Participants.snapshot`"""
+
+
+class Participants:
+    """Those of the present cut.
+
+    clock     of the simulation; cuts count its epochs, steps its ticks
+    accounts  are told where the time goes
+    tell      receives kind and text of every event
+    tie       makes what ties sides of which nothing is known yet; None where they share no nodes
+    """
+
+    def __init__(
+        self,
+        bundle: Bundle,
+        scene: Scene,
+        transport: Transport,
+        clock: Clock,
+        accounts: Accounts,
+        tell: Callable[[str, str], None],
+        tie: Callable[[Sides], SeamScheme | None],
+    ) -> None:
+        self._bundle, self._scene, self._transport = bundle, scene, transport
+        self._clock, self._accounts, self._tell, self._tie = clock, accounts, tell, tie
+        self.sides: Sides
+        """the present cut"""
+        self._loop: SeamScheme | None = None
+        self._n_asked = -1  # exchanges of the tick at hand
+        self._under_way = False  # a step is, or was when it failed
+        self._settle: dict[str, Floats] = {}  # forces that the last step is to be settled by, not sent yet
+        self._kept: _Kept | None = None  # while a step is taken in parts, and after it failed
+
+    def configure(self, tied: Tied, state: BodyState | None) -> Energies:
+        """Build the sides of another cut in a new epoch: in this state, or to be restored; its energies."""
+        self._clock.epoch += 1
+        self._n_asked, self._under_way = -1, False
+        self._settle, self._kept = {}, None
+        sides, self._loop = tied
+        self.sides = sides
+        replies = self._exchange(
+            {
+                name: Configure(
+                    self._clock.request(name),
+                    self._bundle,
+                    sides.models[name],
+                    sides.cells[name],
+                    sides.seam,
+                    state,
+                    name == NEAR,
+                )
+                for name in sides.names
+            }
+        )
+        begun = {name: reply for name, reply in replies.items() if isinstance(reply, Configured)}
+        for name, reply in begun.items():
+            if math.isnan(reply.kinetic + reply.strain + reply.gravity):
+                raise ParticipantFailed(name, _OLDER)
+        return Energies(
+            sum(reply.kinetic for reply in begun.values()),
+            sum(reply.strain for reply in begun.values()),
+            sum(reply.gravity for reply in begun.values()),
+        )
+
+    # ---- one step
+
+    def advance(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+        """Advance all sides by a step until they agree at the seam; where they will not, in parts of the step.
+
+        fields  ask for the sides' fields in the exchange that is likely to be the last
+        """
+        self._take_back()
+        try:
+            solution = (
+                self._advance(motion, self._clock.dt, fields) if self._loop is None else self._cut(motion, fields)
+            )
+        except SeamDiverged as error:
+            raise StepFailed(f"step {self._clock.step}: {error}") from error
+        if solution.note:
+            gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
+            self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}")
+        self._tell_cuts(solution)
+        return solution
+
+    def _tell_cuts(self, solution: SeamSolution) -> None:
+        """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
+        for name, reply in solution.replies.items():
+            asked_for = self._scene.models.fem.step_error is not None
+            if reply.n_substeps > solution.parts and self.sides.models[name] == "fem" and not asked_for:
+                self._tell("step", f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts")
+
+    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> SeamSolution:
+        def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+            self._n_asked += 1
+            requests: dict[str, Request] = {}
+            for name, side in wanted.items():
+                header = self._clock.request(name, self._n_asked)
+                last = fields and side.fields and (self._n_asked > 0 or self._loop is None)  # it may well be
+                anchor = _FREE if side.anchor is None else side.anchor
+                stiffness = _KEPT if side.stiffness is None else side.stiffness
+                start = _FREE if side.start is None else side.start
+                settle = self._settle.get(name, _FREE)
+                requests[name] = Advance(
+                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, settle
+                )
+            replies = self._exchange(requests)
+            for name in wanted:
+                self._settle.pop(name, None)
+            return self._advanced(replies)
+
+        self._under_way = True
+        if self._loop is None:
+            solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
+        else:
+            solution = self._loop.solve(ask, dt, may_cut)
+        self._settle = dict(solution.settle)
+        self._clock.tick += 1
+        self._n_asked, self._under_way = -1, False
+        return solution
+
+    def _cut(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+        """Take the step whole, or in parts where it will not settle.
+
+        Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
+        """
+        assert self._loop is not None
+        pace, step = self._loop.pace, CutStep(motion, self._clock.dt)
+        before = pace.parts
+        if before > 1:
+            self._keep()
+        pace.begin()
+        while not step.done:
+            parts = pace.parts
+            part, dt, may_cut = step.next(parts)
+            try:
+                step.taken(parts, self._advance(part, dt, fields, may_cut))
+            except SeamUnsettled:
+                pace.cut()
+                if self._kept is None:
+                    self._keep()
+        pace.end()
+        self._kept = None
+        solution = step.solution()
+        if step.n_parts > 1 and (solution.note or pace.parts != before):
+            taken = f"taken in {step.n_parts} parts, {solution.exchanges} exchanges, gap {1e6 * solution.gap:.3g} um"
+            self._tell("seam", f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}")
+            solution = replace(solution, note="")
+        return solution
+
+    def _keep(self) -> None:
+        """Keep the state before a step, none of whose parts was committed."""
+        states = self.snapshot()
+        self._kept = _Kept({name: array.copy() for name, array in self.seam_arrays().items()}, states)
+
+    def _take_back(self) -> None:
+        """Where a step failed in one of its parts, go back to before it; and again where that fails."""
+        kept = self._kept
+        if kept is None:
+            return
+        self._kept = None
+        try:
+            loop = self._tie(self.sides)
+            if loop is not None:
+                loop.take(kept.seam)
+            self.restore((self.sides, loop), kept.states)
+        except BaseException:
+            self._kept = kept
+            raise
+
+    def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
+        found = {}
+        for name, reply in replies.items():
+            assert isinstance(reply, Advanced)
+            model = self.sides.models[name]
+            if reply.status != "converged":
+                text = f"step {self._clock.step}, {name} ({model}): {reply.status}"
+                if not math.isfinite(reply.kinetic):
+                    raise StepFailed(text)
+                self._tell("solver", text)
+            found[name] = reply
+        return found
+
+    # ---- what they know
+
+    def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
+        """Each side's fields, with its errors where asked for; of them only what its own model errs."""
+        settled = self._settle_now(not indicators)
+        if settled.keys() == self.sides.cells.keys():  # not where one had settled before, asked for no fields
+            return settled
+        requests = {name: Observe(self._clock.request(name), indicators, own) for name in self.sides.names}
+        replies = self._exchange(requests)
+        return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+
+    def snapshot(self) -> dict[str, bytes]:
+        """Each side's state, which the transport keeps to recover a participant with."""
+        self._settle_now(False)
+        if self._loop is not None:
+            self._loop.forget_told()
+        replies = self._exchange(
+            {name: Snapshot(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names}
+        )
+        return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
+
+    def _settle_now(self, fields: bool) -> dict[str, Fields]:
+        """Have the last step settled and committed, where that waits for the next; each side's fields if asked for.
+
+        And one that failed half way taken back, by another exchange of its tick than settled the step before it: what
+        has the header of a request that was answered is taken for that request.
+        """
+        self._take_back()
+        if not (self._settle or self._under_way):
+            return {}
+        replies = self._exchange(
+            {
+                name: Commit(self._clock.request(name, self._n_asked + 1), self._settle.get(name, _FREE), fields)
+                for name in self.sides.names
+            }
+        )
+        self._settle, self._under_way = {}, False
+        found = {name: reply.fields for name, reply in replies.items() if isinstance(reply, Committed)}
+        return {name: seen for name, seen in found.items() if seen is not None}
+
+    def multiplier(self) -> Floats:
+        """The last committed one, on the near side (s, 3) [N]."""
+        return np.zeros((len(self.sides.seam), 3)) if self._loop is None else self._loop.multiplier()
+
+    def seam_arrays(self) -> dict[str, Floats]:
+        """What of the seam evolves, for a snapshot; empty where there is none."""
+        return {} if self._loop is None else self._loop.to_arrays()
+
+    def restore(self, tied: Tied, states: Mapping[str, bytes]) -> None:
+        """Continue with another cut, tied as `seam_arrays` told of it, from its `snapshot`."""
+        self.configure(tied, None)
+        restores: dict[str, Request] = {
+            name: Restore(self._clock.request(name), states[name]) for name in self.sides.names
+        }
+        self._exchange(restores)
+
+    def close(self) -> None:
+        """Release the participants and the transport."""
+        self.release(self.sides.names)
+        self._transport.close()
+
+    def release(self, names: Collection[str]) -> None:
+        """Let go of participants that the present cut has not."""
+        if names:
+            self._exchange({name: Release(self._clock.request(name)) for name in sorted(names)})
+
+    def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        began = perf_counter()
+        replies = self._transport.exchange(requests)
+        wall = perf_counter() - began
+        work = {name: reply.seconds for name, reply in replies.items() if isinstance(reply, Worked)}
+        self._accounts.exchanged(wall, work.values())
+        for name, seconds in work.items():
+            self._accounts.spent(self.sides.models[name], seconds)
+        return replies
