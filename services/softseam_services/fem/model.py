@@ -187,7 +187,8 @@ class Work(NamedTuple):
     multiplier: Floats
     contact: Floats
     hold: Floats
-    """per pair: stiffness [N/m], the part of the normal force that is carried over, and the gap that is left [m]"""
+    """per pair: stiffness along the normal [N/m], the part of the normal force that is carried over, the gap that is
+    left [m], stiffness across [N/m]"""
     side: NDArray[np.int8]
     """per pair: side of the box that covers the point, -1 where the tool's gap counts"""
     state: NDArray[np.int8]
@@ -370,7 +371,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         start=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
         contact=np.zeros((n_pairs, N_COLUMNS)),
-        hold=np.zeros((n_pairs, 3)),
+        hold=np.zeros((n_pairs, 4)),
         side=np.zeros(n_pairs, dtype=np.int8),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),

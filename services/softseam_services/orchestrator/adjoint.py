@@ -89,7 +89,7 @@ class Adjoint:
         model, work = self.model, self.work
         pairs = np.flatnonzero(work.state != OPEN)
         points, tools = work.pair[pairs].T
-        row, stiffness, d = work.contact[pairs], work.hold[pairs, 0], direction[tools]
+        row, hold, d = work.contact[pairs], work.hold[pairs], direction[tools]
         normal, slips = row[:, NORMAL : NORMAL + 3], work.state[pairs] == SLIP
         along = np.einsum("pi,pi->p", normal, d)[:, None] * normal
         # eq. (2) of kernels.contact with q = 1: a point that slips gives way along its slip
@@ -98,7 +98,7 @@ class Adjoint:
         across = d - along
         sliding = across - np.einsum("pi,pi->p", way, across)[:, None] * way
         sliding *= (bound / np.maximum(row[:, TRIAL], bound))[:, None]
-        force = stiffness[:, None] * (along + np.where(slips[:, None], sliding, across))
+        force = hold[:, :1] * along + hold[:, 3:] * np.where(slips[:, None], sliding, across)
         g = np.zeros((len(model.mass), 3))
         count = np.diff(model.point_ptr)[points]
         entry = np.repeat(model.point_ptr[points] - np.cumsum(count) + count, count) + np.arange(count.sum())

@@ -18,8 +18,12 @@ and only the part c = (covered share of the face)^8 of lambda_n is carried over:
 
 A multiplier that is carried over follows the gap one step late: a point of mass m that implicit Euler moves in steps h
 gains energy in contact where r h^2 < m, and keeps less of an oscillation the larger r h^2/m is (0.42 a step at 20). So
-short steps have a stiffer r (`firmness`). A step that is a part of the one asked for takes out only that part of the
-penetration that it starts with: all of it in a shorter time would throw the body off. There g is g - (1 - pace) g_0.
+short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they would press another body: there r is
+stiffer along n by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as
+it is. With F at its bound nothing is carried over, and nothing lags.
+
+A step that is a part of the one asked for takes out only that part of the penetration that it starts with: all of it in
+a shorter time would throw the body off. There g is g - (1 - pace) g_0.
 """
 
 from __future__ import annotations
@@ -120,7 +124,12 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                 work.multiplier[count, 2] = f2
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
-                work.hold[count, 0] = share * firmness(model, point, inertia) * model.point_stiffness[point]
+                firm, stiffness = firmness(model, point, inertia), share * model.point_stiffness[point]
+                work.hold[count, 3] = firm * stiffness
+                if carry < 1.0:
+                    firm = min(firm, 1.0 / (1.0 - carry))
+                    carry = 1.0 - firm * (1.0 - carry)
+                work.hold[count, 0] = firm * stiffness
                 work.hold[count, 1] = carry
                 work.hold[count, 2] = 0.0
                 if pace < 1.0:
@@ -153,7 +162,7 @@ def evaluate_contacts(x, model, tools, count, work):
         else:
             gap, nx, ny, nz = side_gap(work.side[c], tools.shape[tool], tools.position_next[tool], orientation, xp)
         f = work.multiplier[c]
-        stiffness, carry = work.hold[c, 0], work.hold[c, 1]
+        stiffness, carry, grip = work.hold[c, 0], work.hold[c, 1], work.hold[c, 3]
         along = f[0] * nx + f[1] * ny + f[2] * nz
         pressure = carry * max(0.0, along) - stiffness * (gap - work.hold[c, 2])
         was = work.state[c]
@@ -176,9 +185,9 @@ def evaluate_contacts(x, model, tools, count, work):
         dx, dy, dz = previous[0] - work.start[c, 0], previous[1] - work.start[c, 1], previous[2] - work.start[c, 2]
         across = dx * nx + dy * ny + dz * nz
         dx, dy, dz = dx - across * nx, dy - across * ny, dz - across * nz
-        tx = f[0] - along * nx - stiffness * dx
-        ty = f[1] - along * ny - stiffness * dy
-        tz = f[2] - along * nz - stiffness * dz
+        tx = f[0] - along * nx - grip * dx
+        ty = f[1] - along * ny - grip * dy
+        tz = f[2] - along * nz - grip * dz
         size = np.sqrt(tx * tx + ty * ty + tz * tz)
         bound = tools.friction[tool] * pressure
         sticks = size <= bound
@@ -276,11 +285,10 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
             if row[GAP] > ahead:
                 continue
             work.factored_state[point, tool] = STICK
-        stiffness = work.hold[c, 0]
-        tangential = stiffness
+        stiffness, tangential = work.hold[c, 0], work.hold[c, 3]
         relaxed = 0.0
         if work.state[c] == SLIP:
-            tangential = stiffness * tools.friction[tool] * row[PRESSURE] / row[TRIAL]
+            tangential *= tools.friction[tool] * row[PRESSURE] / row[TRIAL]
             traction = tools.friction[tool] * row[PRESSURE]
             relaxed = tangential * row[RELAXED] / (traction * traction) if traction > 0.0 else 0.0
         for i in range(3):
