@@ -137,7 +137,7 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
         for factor in factors:
             yield fem_one(frame, counts, factor * step)
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
-    for counts, factors in _cells_and_factors(frame, softer, (8, 4, 3, 2)):
+    for counts, factors in _cells_and_factors(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:
             yield fem_one(frame, counts, factor * step, "hex27_reduced")
     if isinstance(frame.scene.body, BodySpec) and isinstance(frame.scene.body.shape, BlockShape):
