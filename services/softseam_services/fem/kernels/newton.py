@@ -30,7 +30,8 @@ from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.fem.kernels.multigrid import NONE, conjugate_gradients, prepare
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import dot
-from softseam_services.fem.kernels.viscosity import add_viscous_tangents, resist, subtract_viscous
+from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
+from softseam_services.fem.kernels.viscous_start import resist
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values

@@ -22,7 +22,7 @@ from softseam_services.fem.kernels.contact import (
 from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED, INDEFINITE, farthest, newton, seam_compliance, seam_pull
-from softseam_services.fem.kernels.viscosity import resist
+from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 # entries of `out`
