@@ -1,5 +1,8 @@
 """Von Mises stress beside fingertips: `python tests/benchmarks/edge_stress.py [--most-cells 1000] [--steps 0.04]`.
 
+With `--fast`: few cells whose borders were chosen by trying, against the references of docs/verification.md, with the
+real-time factor of each (processor time, the least of three runs, the building of the body left out).
+
 tofu_pads by FEM alone on hexahedra of a file: some millimetres from a fingertip's edge the stress falls by two thirds
 within three more, so cells are thin towards the edge that a point is near, and long elsewhere. Each probe has
 levels of its own. Values are of the end of the last hold. The estimate is the finest level's, its uncertainty what
@@ -54,6 +57,19 @@ LEVELS: dict[str, tuple[Level, ...]] = {
     ),
 }
 
+Lines = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+"""where cells end along x, y and z inside the cube, from its lower faces [mm]"""
+REFERENCES = {"grip": 2.98, "above": 3038.0, "beside": 1971.0, "under": 2555.0}
+"""what the finest levels of each probe's series gave [N, Pa]"""
+EVEN_MM, BESIDE_MM = (12.5, 25.0, 37.5), (15.0, 25.0, 35.0, 41.8)
+FEW: tuple[Lines, ...] = (
+    (EVEN_MM, EVEN_MM, EVEN_MM),
+    (EVEN_MM, (7.5, 15.0, 25.0, 35.0, 42.5), (7.5, 15.0, 25.0, 35.0, 42.5)),
+    ((12.5, 30.0), BESIDE_MM, (15.3, 35.6, 39.0)),
+    (EVEN_MM, BESIDE_MM, (15.3, 35.6, 39.0)),
+    (EVEN_MM, (15.0, 25.0, 35.0, 42.5), (15.3, 24.5, 31.0, 35.6, 38.9, 43.5)),
+)
+
 
 def towards_end(count: int, ratio: float) -> Floats:
     """Where `count` cells on [0, 1] end that become shorter towards 1, in all by the factor `ratio` (count + 1,)."""
@@ -83,19 +99,22 @@ def mesh(level: Level) -> tuple[bytes, int]:
     half = 0.5 * EDGE
     left = half * (1.0 - towards_end(level[0], TOWARDS_FACE)[::-1])
     x = np.concatenate([left, half + half * towards_end(2, FAR)[1:]])
-    lines = (x, across(*SIDES[0], level[1]), across(*SIDES[1], level[2]))
+    return hexahedra((x, across(*SIDES[0], level[1]), across(*SIDES[1], level[2])))
+
+
+def hexahedra(lines: tuple[Floats, Floats, Floats]) -> tuple[bytes, int]:
+    """The cube in cells that end at these places along x, y and z [m], as a file, and how many they are."""
     counts = (len(lines[0]) - 1, len(lines[1]) - 1, len(lines[2]) - 1)
     points, cells = lattice(counts, (float(counts[0]), float(counts[1]), float(counts[2])))
     number = np.rint(points - points.min(axis=0)).astype(np.int64)
     return vtk(np.stack([line[number[:, i]] for i, line in enumerate(lines)], axis=1), cells), len(cells)
 
 
-def run(level: Level, step: float) -> dict[str, float]:
+def run(file: bytes, n_cells: int, step: float) -> dict[str, float]:
     """Grip force [N] and von Mises stress [Pa] of all probes at the end, with CPU seconds."""
     scene = with_model(load_scene(SCENES / "tofu_pads.yaml").scene, "fem")
     own = "body.shape={kind: mesh, path: cells.vtk, cells: own}"
     scene = with_settings(scene, [own, "body.cell=null", f"step={step}"])
-    file, n_cells = mesh(level)
     simulation = Simulation(Bundle(scene_json(scene), {"cells.vtk": file}), EmbeddedTransport())
     began = time.process_time()
     while not simulation.done:
@@ -103,7 +122,13 @@ def run(level: Level, step: float) -> dict[str, float]:
     found = {name: report.quantities[f"{name}.von_mises"] for name in scene.probes}
     simulation.close()
     seconds = time.process_time() - began
-    return {"cells": n_cells, "grip": report.quantities["grip_force"], **found, "seconds": seconds}
+    return {
+        "cells": n_cells,
+        "grip": report.quantities["grip_force"],
+        **found,
+        "seconds": seconds,
+        "simulated": report.header.time,
+    }
 
 
 def kept(level: Level, step: float, folder: Path) -> dict[str, float]:
@@ -112,9 +137,24 @@ def kept(level: Level, step: float, folder: Path) -> dict[str, float]:
     file = folder / f"{solver_digest()[:12]}_{level[0]}_{shape}_{1e3 * step:g}ms.json"
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        found = run(level, step)
+        found = run(*mesh(level), step)
         file.write_text(json.dumps(found))
     return dict(json.loads(file.read_text()))
+
+
+def few(steps: list[float]) -> None:
+    """Errors and speed of the few cells, in these steps [s]."""
+    print("| cells | step [ms] | real-time factor | grip [%] | above [%] | beside [%] | under [%] |")
+    print("|---|---|---|---|---|---|---|")
+    for planes in FEW:
+        x, y, z = (1e-3 * np.array([0.0, *inner, 1e3 * EDGE]) for inner in planes)
+        file, n_cells = hexahedra((x, y, z))
+        counts = f"{len(x) - 1} x {len(y) - 1} x {len(z) - 1}"
+        for step in steps:
+            runs = [run(file, n_cells, step) for _ in range(3)]
+            errors = " | ".join(f"{100.0 * (runs[0][name] / true - 1.0):+.1f}" for name, true in REFERENCES.items())
+            rtf = runs[0]["simulated"] / min(found["seconds"] for found in runs)
+            print(f"| {counts} | {1e3 * step:g} | {rtf:.1f} | {errors} |", flush=True)
 
 
 def main() -> None:
@@ -123,7 +163,11 @@ def main() -> None:
     parser.add_argument("--steps", type=float, nargs="+", default=[0.04, 0.01], help="[s]: all levels, the coarsest")
     parser.add_argument("--most-cells", type=int, default=1000, help="levels with more are left out")
     parser.add_argument("--out", type=Path, default=Path("out/edge-stress"))
+    parser.add_argument("--fast", action="store_true", help="errors and speed of few cells instead")
     given = parser.parse_args()
+    if given.fast:
+        few([0.08, 0.04])
+        return
     print("| fine at | cells | step [ms] | grip [N] | above [Pa] | beside [Pa] | under [Pa] | CPU [s] |")
     print("|---|---|---|---|---|---|---|---|")
     limits = []

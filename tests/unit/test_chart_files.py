@@ -19,6 +19,8 @@ from softseam.chart.store import Identity, Store
 from softseam.chart.table import rows_of, write_csv
 from softseam.errors import BadInput
 from softseam.scenes import load_scene
+from softseam.variants import with_settings
+from softseam_protocol.scene import BlockShape, BodySpec
 
 HERE = Identity("a scene", "some code", "a machine")
 SERIES = Series(np.array([0.1, 0.2]), np.zeros(2), {"sag": np.array([1.0, 2.0])})
@@ -95,6 +97,17 @@ def test_a_sweep_names_every_configuration_once() -> None:
     assert len({c.key for c in found}) == len({c.label for c in found}) == len(found)
     assert [c.seconds for c in found] == sorted(c.seconds for c in found)
     assert {c.method for c in found} == {"FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"}
+
+
+def test_a_sweep_ends_cells_at_edges_inside_faces() -> None:
+    """The pads' edges lie inside faces, plates cover theirs; the ground has no edge. The scene takes the settings."""
+    towards = [c for c in configurations(Frame(load_scene("tofu_pads"), np.full(3, 0.05))) if "to edges" in c.label]
+    assert towards and all('body.shape.towards=["left", "right"]' in c.settings for c in towards)
+    shape = with_settings(load_scene("tofu_pads"), towards[0].settings).body
+    assert isinstance(shape, BodySpec) and isinstance(shape.shape, BlockShape)
+    assert shape.shape.towards == ("left", "right")
+    assert not Frame(load_scene("tofu_grasp"), np.full(3, 0.05)).edged
+    assert not Frame(load_scene("dumpling"), np.full(3, 0.05)).edged
 
 
 def test_cells_follow_the_body() -> None:

@@ -15,6 +15,9 @@ from softseam.duration import expected_duration
 from softseam.errors import SceneRefused
 from softseam.session import open_as_given
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene_tools import BoxTool
+from softseam_protocol.spec import Vector
+from softseam_protocol.tool_borders import tool_borders
 
 Floats = NDArray[np.float64]
 Method = Literal["FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"]
@@ -26,6 +29,8 @@ Factors = tuple[float, ...]
 
 OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
+TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
+"""cells across whose borders lie at tools' edges, how thin they are there, and the multiple of the scene's step"""
 UNKNOWN_LENGTH = 3.0
 """for estimates, where the length of the motion is not known before [s]"""
 
@@ -70,17 +75,37 @@ class Frame:
         along = np.maximum(1, np.floor(self.extent / edge + 0.5))
         return int(along[0]), int(along[1]), int(along[2])
 
-    def cells(self, counts: Counts, grading: float = 1.0) -> tuple[str, ...]:
+    @property
+    def edged(self) -> tuple[str, ...]:
+        """Boxes whose edges will lie inside a face of the block, so that cells can end there."""
+        body = self.scene.body
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+            return ()
+        boxes = [name for name, tool in self.scene.tools.items() if isinstance(tool, BoxTool)]
+        return tuple(name for name in boxes if _ends_inside(self.scene, body.shape.size, body.position, name))
+
+    def cells(self, counts: Counts, grading: float = 1.0, towards: tuple[str, ...] = ()) -> tuple[str, ...]:
         """The settings that ask for these cells."""
         cell = f"body.cell={json.dumps((self.extent / np.array(counts)).tolist())}"
         own = self.scene.body.shape if isinstance(self.scene.body, BodySpec) else None
+        found = [cell]
         if isinstance(own, BlockShape) and grading != own.grading:
-            return cell, f"body.shape.grading={grading:g}"
-        return (cell,)
+            found.append(f"body.shape.grading={grading:g}")
+        if towards:
+            found.append(f"body.shape.towards={json.dumps(towards)}")
+        return tuple(found)
 
     def size(self, counts: Counts) -> float:
         """Edge of a cube of a cell's volume [m]."""
         return float(np.cbrt(np.prod(self.extent / np.array(counts))))
+
+
+def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> bool:
+    """Whether an edge of this box comes to lie inside a face of the block."""
+    try:
+        return any(line.planes for line in tool_borders(size, position, scene.tools, (tool,)))
+    except ValueError:  # it stands askew, or looks at no face
+        return False
 
 
 def is_viscous(scene: Scene) -> bool:
@@ -110,10 +135,11 @@ def fem_settings(
     element: str = "hex27",
     integrator: str = "implicit_euler",
     grading: float = 1.0,
+    towards: tuple[str, ...] = (),
 ) -> tuple[str, ...]:
     """FEM alone."""
     fem = f"models.fem={{element: {element}, integrator: {integrator}}}"
-    return "regions={default: fem}", *frame.cells(counts, grading), f"step={step:.9g}", fem
+    return "regions={default: fem}", *frame.cells(counts, grading, towards), f"step={step:.9g}", fem
 
 
 def configurations(frame: Frame) -> list[Configuration]:
@@ -145,6 +171,9 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
         for grading, across, factors in ((4.0, 3, (4, 2, 1)), (8.0, 3, (2, 1)), (4.0, 4, (2,)), (4.0, 5, (1,))):
             for factor in factors:
                 yield fem_one(frame, frame.across(across), factor * step, grading=grading)
+    if frame.edged:
+        for across, grading, factor in TOWARDS_EDGES:
+            yield fem_one(frame, frame.across(across), factor * step, grading=grading, towards=frame.edged)
     for element in OTHERS:
         for across in (2, 4):
             yield fem_one(frame, frame.across(across), step, element)
@@ -165,11 +194,12 @@ def fem_one(
     element: str = "hex27",
     integrator: str = "implicit_euler",
     grading: float = 1.0,
+    towards: tuple[str, ...] = (),
 ) -> Configuration:
     """FEM alone, as the sweep tries it and as a reference's level is."""
-    settings = fem_settings(frame, counts, step, element, integrator, grading)
+    settings = fem_settings(frame, counts, step, element, integrator, grading, towards)
     named = "" if element == "hex27" else f" {element}"
-    graded = "" if grading == 1.0 else f" graded {grading:g}"
+    graded = (" to edges" if towards else "") + ("" if grading == 1.0 else f" graded {grading:g}")
     how = "" if integrator == "implicit_euler" else f" {integrator}"
     swift = element in ("hex27", "hex27_reduced")
     seconds = fem_seconds(frame, counts, step) * (1.0 if swift else 2.0)
