@@ -110,7 +110,7 @@ class CondensedRounds:
                 best = _Round(gap, lambda_, anchor, stiffness.used, found, far)
             if exchanges + 4 > most:
                 if may_cut:
-                    raise SeamUnsettled
+                    raise SeamUnsettled(exchanges)
                 return self._keep(ask, best, gap, {NEAR: near, FAR: far}, found, exchanges)
             stiffness.learn(image - anchor, lambda_ - found)
             if gap > _WORSE * best.gap:

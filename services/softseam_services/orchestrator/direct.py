@@ -80,7 +80,7 @@ class DirectRounds:
                 turns.fresh = answer.outcome is Outcome.REBUILD and not compliance
                 lambda_ = answer.lambda_
         if may_cut:
-            raise SeamUnsettled
+            raise SeamUnsettled(before + self._most)
         note = "the sides' exchanges did not converge"
         return SeamSolution(replies, lambda_, answer.gap, before + self._most, note)
 

@@ -21,7 +21,7 @@ are asked again, each with what the other has answered.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +38,11 @@ from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
 
-ROUNDS, MOST_ROUNDS = 5, 10
+ROUNDS, MOST_ROUNDS = 7, 14
 """more rounds of both sides at once, before the near side is asked with what the far side answered; and as long as two
 rounds halve what is in doubt"""
+_STRICT, _SLACK = 3, 3.0
+"""exchanges of a step after which so many tolerances may be in doubt [1]"""
 _SMOOTH, _ROUGH_STEPS = 2, 3
 """so many steps on which the sides did not agree, none of so many exchanges between them, make a compliance old"""
 _LEAST_AGE = 32
@@ -177,12 +179,13 @@ class Link:
             steady = exchanges > 1 or far.n_contacts == n_contacts
             kappa_far = self._kappa_far if steady else max(self._kappa_far, _CHANGED)
             doubts.append(kappa_far * move + self._kappa_near * miss)
-            if max(doubts[-1], gap) <= tolerance:
+            slack = _SLACK if exchanges > _STRICT else 1.0
+            if gap <= tolerance and doubts[-1] <= slack * tolerance:
                 free = far.n_contacts == 0
                 bent, far_moved, gap = self._settling.bend(given, found - told_far, image, near.seam_x, moved, free)
                 if gap <= tolerance:
                     break
-            if exchanges > (MOST_ROUNDS if exchanges > 2 and doubts[-1] < 0.5 * doubts[-3] else ROUNDS):
+            if exchanges > (MOST_ROUNDS if _shrinking(doubts) else ROUNDS):
                 self._put_off()
                 self._rough += 1
                 return SeamSolution(replies, told_far, gap, before + exchanges, "", agreed=False)
@@ -255,6 +258,11 @@ class Link:
             self._learned.take(
                 self._settling.know(far_compliance, stiffness), stiffness, np.array(arrays["link_pairs"])
             )
+
+
+def _shrinking(doubts: Sequence[float]) -> bool:
+    """Whether the last two rounds left less than half of what those before them had."""
+    return len(doubts) > 2 and min(doubts[-2:]) < 0.5 * min(doubts[:-2])
 
 
 def _flat(vectors: Floats) -> Floats:

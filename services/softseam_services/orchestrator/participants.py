@@ -210,7 +210,8 @@ class Participants:
             part, dt, may_cut = step.next(parts)
             try:
                 step.taken(parts, self._advance(part, dt, fields, may_cut))
-            except SeamUnsettled:
+            except SeamUnsettled as fault:
+                step.given_up(fault.exchanges)
                 pace.cut()
                 if self._kept is None:
                     self._keep()

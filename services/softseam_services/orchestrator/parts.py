@@ -60,6 +60,7 @@ class CutStep:
         self._motion, self._whole = motion, dt
         self._begin = 0  # in FINEST-ths of the step
         self._solutions: list[SeamSolution] = []
+        self._in_vain = 0  # exchanges of parts that were to be shorter
 
     @property
     def done(self) -> bool:
@@ -80,11 +81,15 @@ class CutStep:
         self._begin += FINEST // parts
         self._solutions.append(solution)
 
+    def given_up(self, exchanges: int) -> None:
+        """The part that `next` described is to be shorter, as so many exchanges have shown."""
+        self._in_vain += exchanges
+
     def solution(self) -> SeamSolution:
         """The whole step, as its last part left the seam."""
         last = self._solutions[-1]
         if len(self._solutions) == 1:
             return last
         replies: Sequence[Mapping[str, Advanced]] = [solution.replies for solution in self._solutions]
-        exchanges = sum(solution.exchanges for solution in self._solutions)
+        exchanges = self._in_vain + sum(solution.exchanges for solution in self._solutions)
         return SeamSolution(sum_replies(replies), last.lambda_, last.gap, exchanges, last.note, self.n_parts)

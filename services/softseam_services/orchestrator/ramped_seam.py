@@ -88,7 +88,7 @@ class RampedSeam:
                 self._fresh = answer.outcome is Outcome.REBUILD and not compliance
                 lambda_ = answer.lambda_
         if may_cut:
-            raise SeamUnsettled
+            raise SeamUnsettled(self._most)
         return self._agree(replies, lambda_, left, self._most, "the sides' exchanges did not converge")
 
     def _rebuild(self, near: Floats, far: Floats) -> None:

@@ -62,7 +62,11 @@ class SeamDiverged(RuntimeError):
 
 
 class SeamUnsettled(RuntimeError):
-    """The step would not converge; shorter ones may."""
+    """The step would not converge in so many exchanges; shorter ones may."""
+
+    def __init__(self, exchanges: int):
+        super().__init__(f"not within {exchanges} exchanges")
+        self.exchanges = exchanges
 
 
 class SeamScheme(Protocol):
