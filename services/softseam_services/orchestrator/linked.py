@@ -39,10 +39,11 @@ from softseam_services.orchestrator.sides import FAR, NEAR
 Floats = NDArray[np.float64]
 
 ROUNDS, MOST_ROUNDS = 7, 14
-"""more rounds of both sides at once, before the near side is asked with what the far side answered; and as long as two
-rounds halve what is in doubt"""
+"""more rounds of both sides at once, before the near side is asked with what the far side answered; and as long as the
+last two left less than half of what was in doubt before them"""
 _STRICT, _SLACK = 3, 3.0
-"""exchanges of a step after which so many tolerances may be in doubt [1]"""
+"""exchanges of a step after which so many tolerances may be in doubt, as condensed steps may leave them: the gap is
+closed all the same, and the next step does not add to it [1]"""
 _SMOOTH, _ROUGH_STEPS = 2, 3
 """so many steps on which the sides did not agree, none of so many exchanges between them, make a compliance old"""
 _LEAST_AGE = 32

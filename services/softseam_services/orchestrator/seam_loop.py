@@ -88,13 +88,9 @@ class SeamLoop:
                     self._solver.commit(self.state, step.lambda_)
                     self._n_contacts = step.replies[FAR].n_contacts
                     return step
-                if (
-                    may_cut
-                    and step.exchanges > ROUNDS
-                    and step.replies[FAR].n_contacts == 0
-                    and self._stiffness.touched
-                ):
-                    raise SeamUnsettled(step.exchanges)
+                lifted = step.replies[FAR].n_contacts == 0 and self._stiffness.touched
+                if may_cut and lifted and step.exchanges > ROUNDS:
+                    raise SeamUnsettled(step.exchanges)  # no line describes a far side with its ground and without
                 if touches(step.replies) and self._stiffness.known:
                     self._turns.condense()
                 lambda_, exchanges, far = step.lambda_, step.exchanges, step.replies[FAR]
