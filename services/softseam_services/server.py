@@ -7,7 +7,7 @@ nothing. See `participant` for the states.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
@@ -33,6 +33,7 @@ from softseam_protocol.messages import (
     SnapshotTaken,
     Vectors,
 )
+from softseam_protocol.quickly_made import altered
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
 from softseam_services.blas import use_one_thread
@@ -206,7 +207,7 @@ class ParticipantServer:
             reply = seat.solver.advance(request)
             fields = seat.solver.fields(header) if request.fields else None
             if fields is not None or len(request.seam_settle):  # the solver's clock runs while it advances only
-                reply = replace(reply, fields=fields, seconds=perf_counter() - began)
+                reply = altered(reply, fields=fields, seconds=perf_counter() - began)
             seat.exchange = header.exchange
             return reply
         if isinstance(request, Observe):

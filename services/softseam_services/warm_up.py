@@ -185,6 +185,6 @@ def _warm_link() -> None:
     learned.beside(one, True)
     pairs = (learned.kept, learned.changes, learned.defects, learned.along)
     products = (learned.pushes, learned.moves, learned.answers)
-    link_round(one, one, one, True, *(flat,) * 7, *pairs, *products, *np.empty((5, 3)))
+    link_round(one, one, one, True, *(flat,) * 6, *pairs, *products, *np.empty((5, 3)))
     push_far(flat, True, flat, flat, one, one[:1, :1].copy(), one, flat, flat, *np.empty((2, 3)))
     settled(vectors.copy(), *(vectors,) * 5, 0.01, np.zeros(3), np.zeros(3))

@@ -88,18 +88,18 @@ def test_a_new_compliance_keeps_what_rounds_showed() -> None:
 def _round(line: LearnedLine, y: Floats, rooted: bool) -> tuple[float, Floats, Floats, Floats]:
     """Gap, dx, lambda and -P dx_far of a round whose answers are random."""
     line.beside(y, rooted)
-    x_near, image, anchor, told_near, told_far = np.random.default_rng(7).standard_normal((5, N))
-    found = told_near + line.s @ (anchor - x_near)
+    x_near, image, anchor, told = np.random.default_rng(7).standard_normal((4, N))
+    found = told + line.s @ (anchor - x_near)
     _, _, moved, multiplier, given = out = np.empty((5, N))
     gap, _, _ = link_round(
-        *(line.h, line.s, y, rooted, x_near, found, image, anchor, line.h @ told_near, line.h @ told_far, told_far),
+        *(line.h, line.s, y, rooted, x_near, found, image, anchor, line.h @ told, told),
         *(line.kept, line.changes, line.defects, line.along, line.pushes, line.moves, line.answers, *out),
     )
     # both lines: the near side's yield beside S, and the far side's compliance as it is known
     whole = y @ y.T if rooted else y
     push = line.s @ moved + multiplier - found
     np.testing.assert_allclose(whole @ push, moved, atol=1e-10)
-    np.testing.assert_allclose(_compliance(line) @ (multiplier - told_far), given, atol=1e-10)
+    np.testing.assert_allclose(_compliance(line) @ (multiplier - told), given, atol=1e-10)
     return gap, moved, multiplier, given
 
 

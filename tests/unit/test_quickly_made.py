@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from softseam_protocol import messages
-from softseam_protocol.quickly_made import quickly_made
+from softseam_protocol.quickly_made import altered, quickly_made
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,3 +91,13 @@ def test_a_subclass_is_made_as_it_is_declared() -> None:
         with pytest.raises(FrozenInstanceError):
             one.name = "b"  # type: ignore[misc]
     assert Longer("a", length=3.0).length == Slotted("a", length=3.0).length == 3.0
+
+
+def test_what_is_altered_is_as_if_replaced() -> None:
+    one = Quick("a", [1], 2.0)
+    other = altered(one, size=3.0, name="b")
+    assert other == replace(one, size=3.0, name="b") and type(other) is Quick
+    assert other.many is one.many
+    assert altered(one) == one
+    with pytest.raises(KeyError):
+        altered(one, weight=1.0)

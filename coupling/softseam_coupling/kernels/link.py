@@ -2,10 +2,12 @@
 
 With H the compliance of the far side as the near side's nodes see it, S its inverse, Y the near side's yield beside S:
 
-    c = P x_far + H lambda_far                          where the far side's image would be without a force     (1)
-    m = c - a - H lambda_near                           what the near side was told wrong
+    c = P x_far + H lambda_told                         where the far side's image would be without a force     (1)
+    m = P x_far - a                                     what the near side was told wrong, with the anchor a
     dx = Y S m,  lambda = lambda' + S (m - dx)          the near side's linear answer                           (2)
-    P dx_far = -H (lambda - lambda_far)                 the far side's                                          (3)
+    P dx_far = -H (lambda - lambda_told)                the far side's                                          (3)
+
+Both sides were told the same multiplier.
 
 What earlier rounds taught of the far side's line is kept beside H (`learned_line`: pairs of changes D and defects E):
 
@@ -13,7 +15,7 @@ What earlier rounds taught of the far side's line is kept beside H (`learned_lin
 
 in place of H in (2) and (3) makes of m in (2) m + E z, where with G = S - S Y S
 
-    (D^T H D + (H D)^T G E) z = (H D)^T (lambda_far - lambda' - G m)                                            (5)
+    (D^T H D + (H D)^T G E) z = (H D)^T (lambda_told - lambda' - G m)                                           (5)
 """
 
 from __future__ import annotations
@@ -35,15 +37,15 @@ def foretell(h, line, multiplier, yielded, anchor):
 
 @njit(cache=True, error_model="numpy")
 def link_round(
-    h, s, y, rooted, x_near, found, image, anchor, yielded_near, yielded_far, told_far,
+    h, s, y, rooted, x_near, found, image, anchor, yielded, told,
     kept, changes, defects, along, pushes, moves, answers, line, push, moved, multiplier, given,
 ):  # fmt: skip
     """Eqs. (1) to (5) for one round; h, s, y (n, n), the others (n,) in the order x, y, z of each node.
 
     y, rooted                   Y, or R with Y = R R^T
     x_near, found               what the near side answered to the anchor and its multiplier: x_near and lambda'
-    image                       what the far side answered to told_far: P x_far
-    yielded_near, yielded_far   H times the multipliers that the two were told
+    image                       what the far side answered to `told`: P x_far
+    told, yielded               the multiplier that both were told, and H times it
     kept ... answers            pairs of rounds, as in `learned_line`
     line, push, moved, multiplier, given    updated in place: c, S m, dx, lambda, -P dx_far
     Returns the lengths of the gap that is left, of what the far side is moved by and of m [m].
@@ -51,14 +53,14 @@ def link_round(
     n, k = len(line), len(kept)
     away, lost = np.empty(n), np.empty(n)
     for i in range(n):
-        line[i] = image[i] + yielded_far[i]
-        away[i] = line[i] - anchor[i] - yielded_near[i]
+        line[i] = image[i] + yielded[i]
+        away[i] = image[i] - anchor[i]
     multiply(s, away, push)
     yield_to(y, rooted, push.reshape(1, n), moved.reshape(1, n))
     multiply(s, moved, lost)
     for i in range(n):
         multiplier[i] = found[i] + push[i] - lost[i]
-        lost[i] = told_far[i] - multiplier[i]
+        lost[i] = told[i] - multiplier[i]
     share, system = np.empty(k), np.empty((k, k))
     for r in range(k):
         share[r] = dot(along[kept[r]], lost)
@@ -75,7 +77,7 @@ def link_round(
             moved[i] += z * moves[pair, i]
             multiplier[i] += z * answers[pair, i]
     for i in range(n):
-        lost[i] = multiplier[i] - told_far[i]
+        lost[i] = multiplier[i] - told[i]
     multiply(h, lost, given)
     for r in range(k):
         for i in range(n):

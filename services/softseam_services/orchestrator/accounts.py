@@ -45,6 +45,7 @@ class Accounts:
         """A step begins."""
         self._began = now
         self._seconds = {"fem": 0.0, "pbd": 0.0, "bus": 0.0}
+        self._away = 0.0  # time in exchanges [s]
 
     def spent(self, model: str, seconds: float) -> None:
         """A participant worked this long on an exchange."""
@@ -53,6 +54,7 @@ class Accounts:
     def exchanged(self, wall: float, work: Collection[float]) -> None:
         """An exchange took this long altogether; what exceeds the slowest participant's work is the bus's [s]."""
         self._seconds["bus"] += max(0.0, wall - max(work, default=0.0))
+        self._away += wall
 
     def report(
         self,
@@ -111,7 +113,7 @@ class Accounts:
         total = perf_counter() - self._began
         seconds = dict(self._seconds)
         seconds["total"] = total
-        seconds["coupling"] = max(0.0, total - seconds["bus"] - max(seconds["fem"], seconds["pbd"]))
+        seconds["coupling"] = max(0.0, total - self._away)
         return StepReport(
             header,
             phase,

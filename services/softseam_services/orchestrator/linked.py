@@ -148,12 +148,12 @@ class Link:
         far         its answer to lambda_, where it was asked before: its line is known then, not foretold
         """
         tie, tolerance, shape = self._tie, self._tolerance, self._shape
-        yielded, anchor = np.empty(shape), np.empty(shape)
-        learned = self._learned
-        foretell(learned.h, _flat(self._predictor.predict(self._line)), _flat(lambda_), _flat(yielded), _flat(anchor))
-        told_far, yielded_near = lambda_, yielded
+        yielded, anchor = np.empty((2, *shape))
+        learned, foretold = self._learned, self._predictor.predict(self._line)
+        foretell(learned.h, _flat(foretold), _flat(lambda_), _flat(yielded), _flat(anchor))
+        told, told_far = lambda_, tie.far_force(lambda_)
         if far is None:
-            replies = ask({NEAR: coupled(lambda_, anchor), FAR: SideRequest(tie.far_force(lambda_), fields=False)})
+            replies = ask({NEAR: coupled(lambda_, anchor), FAR: SideRequest(told_far, fields=False)})
         else:
             anchor = tie.image(far.seam_x)
             replies = ask({NEAR: coupled(lambda_, anchor)}) | {FAR: far}
@@ -164,16 +164,15 @@ class Link:
             self.hear(near)
             if not (near.settles and far.settles and self._yield.size):
                 self._put_off()
-                return SeamSolution(replies, told_far, np.inf, before + exchanges, "", agreed=False)
+                return SeamSolution(replies, told, np.inf, before + exchanges, "", agreed=False)
             image = tie.image(far.seam_x)
-            line, push, moved, found, given = np.empty((5, *shape))
+            line, push, moved, found, given = out = np.empty((5, *shape))
             learned.beside(self._yield, self._rooted)
             gap, move, miss = link_round(
                 *(learned.h, learned.s, self._yield, self._rooted, _flat(near.seam_x), _flat(near.seam_force)),
-                *(_flat(image), _flat(anchor), _flat(yielded_near), _flat(yielded), _flat(told_far)),
+                *(_flat(image), _flat(anchor), _flat(yielded), _flat(told)),
                 *(learned.kept, learned.changes, learned.defects, learned.along),
-                *(learned.pushes, learned.moves, learned.answers),
-                *(_flat(line), _flat(push), _flat(moved), _flat(found), _flat(given)),
+                *(learned.pushes, learned.moves, learned.answers, *out.reshape(5, -1)),
             )
             if not math.isfinite(gap):
                 raise SeamDiverged(Outcome.NOT_FINITE.value)
@@ -183,28 +182,27 @@ class Link:
             slack = _SLACK if exchanges > _STRICT else 1.0
             if gap <= tolerance and doubts[-1] <= slack * tolerance:
                 free = far.n_contacts == 0
-                bent, far_moved, gap = self._settling.bend(given, found - told_far, image, near.seam_x, moved, free)
+                bent, far_moved, gap = self._settling.bend(given, found - told, image, near.seam_x, moved, free)
                 if gap <= tolerance:
                     break
             if exchanges > (MOST_ROUNDS if _shrinking(doubts) else ROUNDS):
                 self._put_off()
                 self._rough += 1
-                return SeamSolution(replies, told_far, gap, before + exchanges, "", agreed=False)
-            anchor = image - given
-            replies = ask({NEAR: coupled(found, anchor), FAR: SideRequest(tie.far_force(found), fields=False)})
+                return SeamSolution(replies, told, gap, before + exchanges, "", agreed=False)
+            anchor, told_far = image - given, tie.far_force(found)
+            replies = ask({NEAR: coupled(found, anchor), FAR: SideRequest(told_far, fields=False)})
             exchanges += 1
             self._measure(replies, near.seam_x + moved, miss, anchor, move)
-            self.learn(found - told_far, far, replies[FAR])
-            told_far, yielded_near = found, np.empty(shape)
-            multiply(learned.h, _flat(found), _flat(yielded_near))
-            yielded = yielded_near
+            self.learn(found - told, far, replies[FAR])
+            told = found
+            multiply(learned.h, _flat(told), _flat(yielded))
         if exchanges == 1:
             self._kappa_near, self._kappa_far = min(1.0, _DOUBT * self._kappa_near), min(1.0, _DOUBT * self._kappa_far)
         self._patience = 0
         self._rough = 0 if exchanges <= _SMOOTH else self._rough
         self._age += 1
         self._predictor.commit(self._line, line)
-        solved = {NEAR: near.seam_force, FAR: tie.far_force(told_far)}
+        solved = {NEAR: near.seam_force, FAR: told_far}
         moves, final = {NEAR: moved, FAR: far_moved}, {NEAR: found, FAR: tie.far_force(found)}
         replies = self._settling.replies({NEAR: near, FAR: far}, solved, moves, final, dt)
         settle = {NEAR: push, FAR: bent}
@@ -267,4 +265,4 @@ def _shrinking(doubts: Sequence[float]) -> bool:
 
 
 def _flat(vectors: Floats) -> Floats:
-    return np.ascontiguousarray(vectors).reshape(-1)
+    return vectors.reshape(-1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -10,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.kernels.quasi_newton import largest_node
 from softseam_protocol.messages import Advanced
 from softseam_protocol.quickly_made import quickly_made
 from softseam_services.orchestrator.pace import Pace
@@ -98,4 +98,4 @@ def touches(replies: Mapping[str, Advanced]) -> bool:
 
 def largest(vectors: Floats) -> float:
     """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
-    return math.sqrt(np.einsum("si,si->s", vectors, vectors).max()) if len(vectors) else 0.0
+    return float(largest_node(vectors.reshape(-1))) if len(vectors) else 0.0

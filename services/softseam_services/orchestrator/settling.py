@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from softseam_coupling.kernels.link import settled
 from softseam_coupling.kernels.push import push_far
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.messages import Advanced
+from softseam_protocol.quickly_made import altered
 from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Settling:
         bent = lapack.dgetrs(*self._factor, flat)[0]
         if self._singular.size:
             bent += lapack.dgetrs(*self._factor, flat - self._singular @ bent)[0]
-        force, moved = np.empty(self._shape), np.empty(self._shape)
+        force, moved = np.empty((2, *self._shape))
         gap = push_far(
             *(bent, free, change.reshape(-1), image.reshape(-1), self._stiffness, self._p, self._compliance),
             *(near_x.reshape(-1), near_moved.reshape(-1), force.reshape(-1), moved.reshape(-1)),
@@ -132,7 +132,7 @@ def _settled(reply: Advanced, x: Floats, moved: Floats, force: Floats, final: Fl
     """
     seam_x, momentum, angular = reply.seam_x.copy(), reply.momentum.copy(), reply.angular_momentum.copy()
     work, kinetic, strain = settled(seam_x, moved, x[0], x[1], force, final, dt, momentum, angular)
-    return replace(
+    return altered(
         reply,
         seam_x=seam_x,
         seam_force=final,
