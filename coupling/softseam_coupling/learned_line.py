@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.kernels.learned_line import keep_new, multiply_rows, yield_to
+from softseam_coupling.kernels.learned_line import keep_new, multiply_symmetric, yield_to
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -55,7 +55,7 @@ class LearnedLine:
         count = self._count
         moved = self.defects[:count] + self.along[:count]
         self.h, self.s = h, s
-        multiply_rows(h, self.changes[:count], self.along[:count])
+        multiply_symmetric(h, self.changes[:count], self.along[:count])
         self.defects[:count] = moved - self.along[:count]
         self._scale(count)
 
@@ -65,7 +65,7 @@ class LearnedLine:
             array[1:] = array[:-1].copy()
         self._count = min(self._count + 1, PAIRS)
         self.changes[0] = change
-        multiply_rows(self.h, self.changes[:1], self.along[:1])
+        multiply_symmetric(self.h, self.changes[:1], self.along[:1])
         self.defects[0] = -moved - self.along[0]
         self._scale(1)
 
@@ -81,7 +81,7 @@ class LearnedLine:
             return
         for array in (self.changes, self.defects, self.along):
             array[:newest] /= np.sqrt(energy)[:, None]
-        multiply_rows(self.s, self.defects[:newest], self.pushes[:newest])
+        multiply_symmetric(self.s, self.defects[:newest], self.pushes[:newest])
         self._n_answered = min(self._n_answered + newest, self._count)
         self._choose()
 
@@ -95,7 +95,7 @@ class LearnedLine:
         new = self._n_answered
         if new:
             yield_to(y, rooted, self.pushes[:new], self.moves[:new])
-            multiply_rows(self.s, self.moves[:new], self.answers[:new])
+            multiply_symmetric(self.s, self.moves[:new], self.answers[:new])
             self.answers[:new] = self.pushes[:new] - self.answers[:new]
             self._n_answered = 0
 
@@ -108,5 +108,5 @@ class LearnedLine:
         self.h, self.s, self._near = h, s, None
         self._count = self._n_answered = count = pairs.shape[1]
         self.changes[:count], self.defects[:count], self.along[:count] = pairs
-        multiply_rows(s, self.defects[:count], self.pushes[:count])
+        multiply_symmetric(s, self.defects[:count], self.pushes[:count])
         self._choose()

@@ -170,6 +170,7 @@ def warm_orchestrator() -> None:
 
 def _warm_link() -> None:
     """What two models of one kind have no use for: a linked step of the seam."""
+    from softseam_coupling.kernels.learned_line import multiply_one
     from softseam_coupling.kernels.link import foretell, link_round, settled
     from softseam_coupling.kernels.push import push_far
     from softseam_coupling.kernels.quasi_newton import multiply
@@ -178,6 +179,7 @@ def _warm_link() -> None:
     one, vectors = np.eye(3), np.zeros((1, 3))
     flat = vectors.reshape(-1)
     multiply(one, flat, np.empty(3))
+    multiply_one(one, flat, np.empty(3))
     foretell(one, flat, flat, np.empty(3), np.empty(3))
     learned = LearnedLine(3)
     learned.renew(one, one)

@@ -70,7 +70,9 @@ def test_the_gap_that_a_push_leaves_is_that_of_the_moved_sides() -> None:
     for matrix in (p, np.zeros((0, 0))):
         tie = SeamTie(matrix if len(matrix) else None, np.zeros((n, 3)))
         force, moved = np.empty((2, 12))
-        gap = push_far(bent.copy(), False, change, image, stiffness, matrix, compliance, x, moved_near, force, moved)
+        gap = push_far(
+            bent.copy(), False, change, image, stiffness, matrix, compliance.T.copy(), x, moved_near, force, moved
+        )
         np.testing.assert_allclose(force.reshape(n, 3), tie.far_force(bent.reshape(n, 3)), atol=1e-12)
         np.testing.assert_allclose(moved, compliance @ force, atol=1e-12)
         left = (x + moved_near - image).reshape(n, 3) - tie.image(moved.reshape(n, 3))

@@ -23,14 +23,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_coupling.kernels.learned_line import dot, solve_small, yield_to
-from softseam_coupling.kernels.quasi_newton import largest_node, multiply
+from softseam_coupling.kernels.learned_line import dot, multiply_one, solve_small, yield_to
+from softseam_coupling.kernels.quasi_newton import largest_node
 
 
 @njit(cache=True, error_model="numpy")
 def foretell(h, line, multiplier, yielded, anchor):
     """anchor (n,) <- c - H lambda, where the image of the far side will be, and yielded (n,) <- H lambda."""
-    multiply(h, multiplier, yielded)
+    multiply_one(h, multiplier, yielded)
     for i in range(len(anchor)):
         anchor[i] = line[i] - yielded[i]
 
@@ -55,9 +55,9 @@ def link_round(
     for i in range(n):
         line[i] = image[i] + yielded[i]
         away[i] = image[i] - anchor[i]
-    multiply(s, away, push)
+    multiply_one(s, away, push)
     yield_to(y, rooted, push.reshape(1, n), moved.reshape(1, n))
-    multiply(s, moved, lost)
+    multiply_one(s, moved, lost)
     for i in range(n):
         multiplier[i] = found[i] + push[i] - lost[i]
         lost[i] = told[i] - multiplier[i]
@@ -78,7 +78,7 @@ def link_round(
             multiplier[i] += z * answers[pair, i]
     for i in range(n):
         lost[i] = multiplier[i] - told[i]
-    multiply(h, lost, given)
+    multiply_one(h, lost, given)
     for r in range(k):
         for i in range(n):
             given[i] -= share[r] * defects[kept[r], i]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from softseam_coupling.kernels.learned_line import dot, multiply_rows
-from softseam_coupling.kernels.quasi_newton import largest_node, multiply
+from softseam_coupling.kernels.learned_line import dot, multiply_one, multiply_symmetric
+from softseam_coupling.kernels.quasi_newton import largest_node
 
 LEAST_PIVOT = 1e-10
 """of a motion's own stiffness, below which it is one of the motions before it [1]"""
@@ -61,7 +61,7 @@ def balance(force, wanted, x, stiffness):
             arm = x[i + axis] - middle
             rigid[3 + one, i + other] = -arm
             rigid[3 + other, i + one] = arm
-    multiply_rows(stiffness, rigid, costs)
+    multiply_symmetric(stiffness, rigid, costs)
     share, system = np.empty(6), np.empty((6, 6))
     for _ in range(2):  # the second takes what the first rounds off
         for i in range(n):
@@ -77,7 +77,7 @@ def balance(force, wanted, x, stiffness):
 
 
 @njit(cache=True, error_model="numpy")
-def push_far(bent, free, change, image, stiffness, p, compliance, x_near, moved_near, force, moved):
+def push_far(bent, free, change, image, stiffness, p, yields, x_near, moved_near, force, moved):
     """The far side's nodal forces that belong to `bent` on its image, how they move it, and the gap that is left.
 
     bent                (n,)    force on the image [N], balanced in place
@@ -85,7 +85,7 @@ def push_far(bent, free, change, image, stiffness, p, compliance, x_near, moved_
     image               (n,)    of the far side as it was solved, P x_far + c [m]
     stiffness           (n, n)  S [N/m]
     p                   (s, s)  P of the tie, or empty where nodes are tied one by one
-    compliance          (n, n)  H_far [m/N]
+    yields              (n, n)  H_far transposed [m/N]
     x_near, moved_near  (n,)    the near side as it was solved, and by how much it is moved on [m]
     force, moved        (n,)    updated in place: -P^T bent [N], and H_far times it [m]
     Returns the length of x_near + moved_near - image - P moved [m].
@@ -93,20 +93,29 @@ def push_far(bent, free, change, image, stiffness, p, compliance, x_near, moved_
     n, s = len(bent), len(p)
     if free:
         balance(bent, change, image, stiffness)
-    for i in range(n):
-        force[i] = 0.0 if s else -bent[i]
-    for a in range(s):
+    along = np.empty(s)
+    for axis in range(3 if s else 0):
+        along[:] = 0.0
+        for a in range(s):
+            factor, row = bent[3 * a + axis], p[a]
+            for b in range(s):
+                along[b] -= factor * row[b]
         for b in range(s):
-            for k in range(3):
-                force[3 * b + k] -= p[a, b] * bent[3 * a + k]
-    multiply(compliance, force, moved)
+            force[3 * b + axis] = along[b]
+    for i in range(0 if s else n):
+        force[i] = -bent[i]
+    multiply_one(yields, force, moved)  # by rows of the transpose
     gap = np.empty(n)
     for i in range(n):
-        gap[i] = x_near[i] + moved_near[i] - image[i]
-        if s == 0:
-            gap[i] -= moved[i]
+        gap[i] = x_near[i] + moved_near[i] - image[i] - (0.0 if s else moved[i])
     for a in range(s):
+        x = y = z = 0.0
+        row = p[a]
         for b in range(s):
-            for k in range(3):
-                gap[3 * a + k] -= p[a, b] * moved[3 * b + k]
+            x += row[b] * moved[3 * b]
+            y += row[b] * moved[3 * b + 1]
+            z += row[b] * moved[3 * b + 2]
+        gap[3 * a] -= x
+        gap[3 * a + 1] -= y
+        gap[3 * a + 2] -= z
     return largest_node(gap)

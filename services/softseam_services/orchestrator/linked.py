@@ -26,8 +26,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.kernels.learned_line import multiply_one
 from softseam_coupling.kernels.link import foretell, link_round
-from softseam_coupling.kernels.quasi_newton import multiply
 from softseam_coupling.learned_line import LearnedLine
 from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import Outcome, SeamSolver, SeamState
@@ -38,7 +38,7 @@ from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
 
-ROUNDS, MOST_ROUNDS = 7, 14
+ROUNDS, MOST_ROUNDS = 9, 14
 """more rounds of both sides at once, before the near side is asked with what the far side answered; and as long as the
 last two left less than half of what was in doubt before them"""
 _STRICT, _SLACK = 3, 3.0
@@ -195,7 +195,7 @@ class Link:
             self._measure(replies, near.seam_x + moved, miss, anchor, move)
             self.learn(found - told, far, replies[FAR])
             told = found
-            multiply(learned.h, _flat(told), _flat(yielded))
+            multiply_one(learned.h, _flat(told), _flat(yielded))
         if exchanges == 1:
             self._kappa_near, self._kappa_far = min(1.0, _DOUBT * self._kappa_near), min(1.0, _DOUBT * self._kappa_far)
         self._patience = 0

@@ -20,9 +20,9 @@ from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.condensed import CondensedRounds
 from softseam_services.orchestrator.direct import DirectRounds
 from softseam_services.orchestrator.far_stiffness import FarStiffness
-from softseam_services.orchestrator.linked import ROUNDS, Link
+from softseam_services.orchestrator.linked import Link
 from softseam_services.orchestrator.pace import Pace
-from softseam_services.orchestrator.seam_answers import Ask, SeamSolution, SeamUnsettled, SideRequest, touches
+from softseam_services.orchestrator.seam_answers import Ask, SeamSolution, SideRequest, touches
 from softseam_services.orchestrator.sides import FAR
 from softseam_services.orchestrator.turns import Turns
 
@@ -88,9 +88,6 @@ class SeamLoop:
                     self._solver.commit(self.state, step.lambda_)
                     self._n_contacts = step.replies[FAR].n_contacts
                     return step
-                lifted = step.replies[FAR].n_contacts == 0 and self._stiffness.touched
-                if may_cut and lifted and step.exchanges > ROUNDS:
-                    raise SeamUnsettled(step.exchanges)  # no line describes a far side with its ground and without
                 if touches(step.replies) and self._stiffness.known:
                     self._turns.condense()
                 lambda_, exchanges, far = step.lambda_, step.exchanges, step.replies[FAR]

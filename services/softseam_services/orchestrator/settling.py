@@ -29,7 +29,7 @@ class Settling:
     def __init__(self, tie: SeamTie, n_nodes: int):
         self._tie, self._shape = tie, (n_nodes, 3)
         self._p = np.zeros((0, 0)) if tie.p is None else tie.p
-        self._compliance = self._stiffness = self._singular = np.zeros((0, 0))
+        self._yields = self._stiffness = self._singular = np.zeros((0, 0))
         self._factor: tuple[Floats, NDArray[np.int32]]  # of the compliance that the image has
         self._x = np.zeros((2, 2, n_nodes, 3))  # seam nodes of near and far where the last step began and ended
         self._n_left = 0  # of these two places, those that are known
@@ -37,7 +37,7 @@ class Settling:
     @property
     def known(self) -> bool:
         """Whether the far side has told its compliance."""
-        return self._compliance.size > 0
+        return self._yields.size > 0
 
     def know(self, compliance: Floats, stiffness: Floats) -> Floats:
         """Keep the far side's compliance and its inverse; its symmetric part as the near side sees it.
@@ -46,7 +46,8 @@ class Settling:
         everywhere, and what that is off by is asked for again.
         """
         h = self._tie.far_compliance(compliance)
-        self._compliance, self._stiffness, self._singular = compliance, stiffness, np.zeros((0, 0))
+        self._yields, self._stiffness = np.ascontiguousarray(compliance.T), stiffness
+        self._singular = np.zeros((0, 0))
         norm = float(np.abs(h).sum(axis=0).max())
         factor, pivots, _ = lapack.dgetrf(h)
         if not lapack.dgecon(factor, norm)[0] > _LEAST_RCOND:
@@ -69,7 +70,7 @@ class Settling:
             bent += lapack.dgetrs(*self._factor, flat - self._singular @ bent)[0]
         force, moved = np.empty((2, *self._shape))
         gap = push_far(
-            *(bent, free, change.reshape(-1), image.reshape(-1), self._stiffness, self._p, self._compliance),
+            *(bent, free, change.reshape(-1), image.reshape(-1), self._stiffness, self._p, self._yields),
             *(near_x.reshape(-1), near_moved.reshape(-1), force.reshape(-1), moved.reshape(-1)),
         )
         return force, moved, gap
