@@ -167,7 +167,7 @@ class ParticipantServer:
         began = perf_counter()
         reply = self._answer(seat, request)
         if isinstance(reply, Committed | Fields | SnapshotTaken | Restored):
-            reply = replace(reply, seconds=perf_counter() - began)
+            reply = altered(reply, seconds=perf_counter() - began)
         if not isinstance(reply, Failure | Fields):
             seat.replies[type(request)] = (request, reply)
         return reply
@@ -187,7 +187,7 @@ class ParticipantServer:
             self._setups.pop(next(iter(self._setups)))
         self._setups[digest] = setup
         solver, reply = build_solver(setup, request)
-        reply = replace(reply, seconds=perf_counter() - began)
+        reply = altered(reply, seconds=perf_counter() - began)
         self._seats.pop(key, None)
         while len(self._seats) >= _SEATS_KEPT:
             self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again

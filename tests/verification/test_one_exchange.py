@@ -74,7 +74,8 @@ def test_one_exchange_in_most_steps(name: str, most_loose: float, most_tight: fl
     """A beam that falls, a cube that is squeezed, held and lifted. Before 0099 these were 1.05, 1.51 and 2.21, 2.57.
 
     The gap that is left does not depend on the tolerance, nor does what the run ends with. In single steps of the stiff
-    inclusion, as its far points begin to slide and as they leave the ground, there were 14 exchanges at 1 %, and 42 at 3e-4.
+    inclusion, as its far points begin to slide and as they leave the ground, there were 14 exchanges at 1 %, and 42 at
+    3e-4.
     """
     loose, tight = (run(name, f"seam.tolerance={tolerance}") for tolerance in (1e-2, 3e-4))
     for reports, most in ((loose, most_loose), (tight, most_tight)):
