@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import softseam_protocol
 from softseam.errors import BadInput, BadSnapshot, SceneRefused, SimulationFailed, missing_extra
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
@@ -203,7 +204,7 @@ def solver_digest() -> str:
     except ImportError as error:
         raise missing_extra(error, "simulating in this process") from error
     digest = hashlib.sha256()
-    for package in kernel_packages():
+    for package in (*kernel_packages(), Path(softseam_protocol.__file__).parent):
         for path in sorted(package.rglob("*.py")):
             digest.update(f"{package.name}/{path.relative_to(package)}".encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()

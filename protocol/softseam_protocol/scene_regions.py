@@ -90,7 +90,7 @@ class SeamSpec(Spec):
         default=16,
         ge=1,
         description="most exchanges a step, or a part of one, not counting those in which both sides are tried at once "
-        "with what the other is expected to answer: twelve of these at most come before",
+        "with what the other is expected to answer: fifteen of these at most come before",
     )
     acceleration: SeamAcceleration = Field(
         default="exact",

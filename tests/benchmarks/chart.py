@@ -44,7 +44,7 @@ measurements. The same as a page to point at, as CSV and as JSON are left in `ou
 - A real-time factor is of the median wall time of three runs (one, where a run takes 12 s); where other work held them
   up, of their processor time. The thin line through a mark reaches from the slowest wall time to the fastest.
 - An error is one of the whole motion, the settling and every change of phase included; between steps a run is taken as
-  straight.
+  straight. Runs whose accuracy is measured look at their fields in every step, those that are timed do not.
 - Other simulators were measured on the same machine right after ours by `python tests/benchmarks/rivals.py`, against
   the same references; their laws, drives and contacts differ from ours a little. *Times faster* is how much sooner the
   fastest of ours is done whose error is no larger.

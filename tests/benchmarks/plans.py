@@ -32,7 +32,7 @@ from softseam.chart.sweep import sweep
 from softseam.chart.table import Row, busy_by, core_share, rows_of
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
-from softseam.plan.command import finer
+from softseam.plan.command import finer, planner_digest
 from softseam.plan.planner import Goal, NoPlan, choose, counts_to, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
@@ -143,7 +143,7 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
     key = scene_hash(bundle_scene(scene, bundle.files))
     folder = ROOT / "out" / "plans" / f"{name}-{key[:8]}-{code[:8]}"
     store = Store(folder, Identity(key, code, machine()), "move it away")
-    judged = f"judged-{minutes:g}-{planner_digest()}"
+    judged = f"judged-{minutes:g}-{planner_digest()}-{hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]}"
     kept = store.read(judged)
     if kept is not None:
         return Judged.from_json(kept)
@@ -188,14 +188,6 @@ def _surely(row: Row, reference: Reference) -> Row:
         return row
     error = Error(least[name], False)
     return replace(row, errors=dict(row.errors) | {name: error}, error=error)
-
-
-def planner_digest() -> str:
-    """Of the sources that judge runs, beside the solvers that make them."""
-    digest = hashlib.sha256()
-    for path in (Path(__file__), *sorted((ROOT / "clients" / "softseam").glob("[cp][hl]a[rn]*/*.py"))):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:8]
 
 
 def check(

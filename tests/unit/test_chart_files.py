@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softseam.chart.configurations import Configuration, Frame, configurations
+from softseam.chart.configurations import Configuration, Frame, configurations, fem_one
 from softseam.chart.errors import Truth
 from softseam.chart.landmarks import ASKED, read_rivals
 from softseam.chart.measure import Outcome, measure
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
 from softseam.chart.store import Identity, Store
+from softseam.chart.sweep import sweep
 from softseam.chart.table import rows_of, write_csv
 from softseam.errors import BadInput
 from softseam.scenes import load_scene
@@ -108,6 +109,27 @@ def test_a_sweep_ends_cells_at_edges_inside_faces() -> None:
     assert shape.shape.towards == ("left", "right")
     assert not Frame(load_scene("tofu_grasp"), np.full(3, 0.05)).edged
     assert not Frame(load_scene("dumpling"), np.full(3, 0.05)).edged
+
+
+def test_plain_cells_do_not_end_at_edges_where_a_scene_asks_for_that() -> None:
+    """Nor do the reference's, which are plain ones."""
+    scene = with_settings(load_scene("tofu_pads"), ("body.shape.towards=[left, right]",))
+    frame = Frame(scene, np.full(3, 0.05))
+    plain = with_settings(scene, fem_one(frame, frame.across(3), 0.01).settings).body
+    assert isinstance(plain, BodySpec) and isinstance(plain.shape, BlockShape) and plain.shape.towards == ()
+
+
+def test_a_swept_run_is_looked_at_in_every_step(tmp_path: Path) -> None:
+    """What is looked at seldom would be judged at a few instants of a run in long steps."""
+    frame = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
+    one = fem_one(frame, (2, 2, 1), 0.04)
+    store = Store(tmp_path, Identity("scene", "code"), "")
+    ended = sweep(
+        "tofu_push", (), frame, ("front.von_mises",), [one], store, 60.0, lambda what, rough: lambda done: None, 0
+    )
+    series = ended[one.key].series
+    assert series is not None
+    assert (series.looked("front.von_mises") == series.time[1:]).all() and len(series.time) > 20
 
 
 def test_cells_follow_the_body() -> None:

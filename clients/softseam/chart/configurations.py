@@ -91,7 +91,7 @@ class Frame:
         found = [cell]
         if isinstance(own, BlockShape) and grading != own.grading:
             found.append(f"body.shape.grading={grading:g}")
-        if towards:
+        if isinstance(own, BlockShape) and towards != own.towards:
             found.append(f"body.shape.towards={json.dumps(towards)}")
         return tuple(found)
 

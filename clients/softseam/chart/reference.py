@@ -1,7 +1,7 @@
 """A scene's reference: FEM alone on ever finer cells and steps, and how far its limit is known.
 
-Cells are refined at the scene's step, steps at the scene's own cells, which are moderate and suit its parts and probes:
-where cells are cut by what they are made of, their steps would tell of another body. The two errors add up,
+Cells are refined at the scene's step, steps at nearly cubic cells about as fine as the scene's own, which are moderate.
+The two errors add up,
 
     J_ref = lim_h J(h, dt) + [lim_dt J(h', dt') - J(h', dt)],
 

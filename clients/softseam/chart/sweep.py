@@ -64,9 +64,8 @@ def sweep(
             continue
         told = watch(configuration, (1 + runs) * once)
         limit = min(left, max(SLACK * once, LONGEST * budget))
-        outcome = measure(
-            scene, (*settings, *configuration.settings), names, runs=runs, limit=limit, length=frame.length, told=told
-        )
+        asked = (*settings, *configuration.settings)
+        outcome = measure(scene, asked, names, runs=runs, limit=limit, length=frame.length, told=told, look=1)
         outcomes[configuration.key] = outcome
         if outcome.status != "stopped":
             store.write(configuration.key, outcome.as_json())

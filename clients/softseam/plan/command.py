@@ -81,7 +81,7 @@ def find(wishes: Wishes, console: Console) -> Plan:
     store = Store(folder, Identity(key, code, here), "plan anew with --fresh")
     if wishes.fresh:
         store.clear()
-    name = f"plan-{_short(repr((goal, names)))}"
+    name = f"plan-{_short(repr((goal, names)))}-{planner_digest()}"
     kept = store.read(name)
     if kept is not None:
         try:
@@ -118,13 +118,24 @@ def _search(
                 return Outcome("left out", "give more --minutes")
             settings = (*wishes.settings, *configuration.settings)
             told = progress.configuration(configuration, (1 + RUNS) * configuration.seconds)
-            outcome = measure(wishes.scene, settings, names, runs=RUNS, limit=left, length=frame.length, told=told)
+            outcome = measure(
+                wishes.scene, settings, names, runs=RUNS, limit=left, length=frame.length, told=told, look=1
+            )
             spent += outcome.spent
             if outcome.status != "stopped":
                 store.write(configuration.key, outcome.as_json())
             return outcome
 
         return choose(goal, reference, wanted, run, lambda: next(levels, None), ladder.tried)
+
+
+def planner_digest() -> str:
+    """Digest of the sources that choose and judge runs: with another digest, perhaps another plan of the same runs."""
+    digest = hashlib.sha256()
+    here = Path(__file__).parent
+    for path in (*sorted(here.glob("*.py")), *sorted(here.with_name("chart").glob("*.py"))):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:8]
 
 
 def finer(ladder: Ladder, frame: Frame, tolerance: float, budget: float, watch: Watch) -> Iterator[Reference]:
@@ -178,7 +189,10 @@ def show(found: Plan, console: Console) -> None:
     )
     console.print(Text(text), soft_wrap=True)
     if found.left_out:
-        console.print(Text(f"not counted: {uncounted(found.left_out)}", style="yellow"), soft_wrap=True)
+        console.print(
+            Text(f"counted only by what it is off by at least: {uncounted(found.left_out)}", style="yellow"),
+            soft_wrap=True,
+        )
     console.print(Text(" ".join(f"--set '{setting}'" for setting in choice.settings), style="dim"), soft_wrap=True)
 
 

@@ -207,7 +207,7 @@ def _in_reach(reference: Reference, tolerance: float) -> bool:
     return any(
         true.left_out and true.uncertainty < REACH * counts_to(tolerance)
         for name, true in reference.truth.items()
-        if np.isfinite(reference.parts[name].order_cells)  # it has a limit
+        if true.has_limit
     )
 
 
