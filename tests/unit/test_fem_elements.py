@@ -9,10 +9,12 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 from element_statics import Statics, lattice
+from fem_run import block
 from numpy.typing import NDArray
 
 from softseam_protocol.kinds import ElementKind, MaterialKind
 from softseam_protocol.scene_models import FemSpec
+from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import FUNCTIONS
 from softseam_services.body.lattice import LOCAL
@@ -29,14 +31,14 @@ EDGE = 0.01
 
 
 @cache
-def bent(element: ElementKind, kind: MaterialKind = "neo_hookean", partial: bool = True) -> Statics:
-    """Two cells with nodes moved by up to 5 % of an edge; partial: some octants filled in part, empty, or stiffer."""
+def bent(element: ElementKind, kind: MaterialKind = "neo_hookean", partial: bool = True, cells: int = 2) -> Statics:
+    """Cells in a row, nodes moved by up to 5 % of an edge; partial: some octants filled in part, empty, or stiffer."""
     keys: dict[str, Any] = {"ratio": 0.2} if kind == "mooney_rivlin" else {}
     rng = np.random.default_rng(5)
-    shift = rng.uniform(-0.05 * EDGE, 0.05 * EDGE, (45, 3))
-    beside = {"kind": "box", "position": (2.0 * EDGE, 0.0, 0.0), "size": (2.0 * EDGE, 1.0, 1.0)}
+    shift = rng.uniform(-0.05 * EDGE, 0.05 * EDGE, (9 + 18 * cells, 3))
+    beside = {"kind": "box", "position": (cells * EDGE, 0.0, 0.0), "size": (2.0 * EDGE, 1.0, 1.0)}
     other = [{"shape": beside, "material": {"young": 5e4, "poisson": 0.3}}]
-    body = lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), lambda x: shift, other, kind=kind, **keys)
+    body = lattice((cells * EDGE, EDGE, EDGE), (cells, 1, 1), lambda x: shift, other, kind=kind, **keys)
     body = dataclasses.replace(body, octant_material=np.zeros_like(body.octant_material))
     if partial:
         fill = rng.uniform(0.0, 1.0, body.fill.shape)
@@ -159,16 +161,18 @@ def test_a_body_that_is_all_inclusion_is_of_that_material(element: ElementKind) 
     np.testing.assert_allclose(whole.model.point_stiffness, plain.model.point_stiffness, rtol=1e-13)
 
 
+@pytest.mark.parametrize("cells", [1, 2])
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
 @pytest.mark.parametrize("element", SHARES)
 def test_the_fast_path_is_the_general_one(
-    element: ElementKind, kind: MaterialKind, monkeypatch: pytest.MonkeyPatch
+    element: ElementKind, kind: MaterialKind, cells: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """hex27 and its kin have kernels of their own with these materials, on boxes and on cells of any shape, filled in
     part and of two materials too; a shape that is a hair off a box has a box's numbers."""
-    exact = lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), kind=kind)
-    hair = lattice((2 * EDGE, EDGE, EDGE), (2, 1, 1), lambda x: 1e-8 * EDGE * np.sin(1e5 * x), kind=kind)
-    cases = [Statics(exact, element), Statics(hair, element), bent(element, kind)]
+    size, counts = (cells * EDGE, EDGE, EDGE), (cells, 1, 1)
+    exact = lattice(size, counts, kind=kind)
+    hair = lattice(size, counts, lambda x: 1e-8 * EDGE * np.sin(1e5 * x), kind=kind)
+    cases = [Statics(exact, element), Statics(hair, element), bent(element, kind, cells=cells)]
     monkeypatch.setattr(fem_model, "_SPLITS", ())
     general = [Statics(case.body, element) for case in cases]
     assert not any(case.model.general for case in cases) and all(case.model.general for case in general)
@@ -179,10 +183,20 @@ def test_the_fast_path_is_the_general_one(
         np.testing.assert_allclose(other.forces(x), f, atol=off * np.abs(f).max())
         np.testing.assert_allclose(other.stiffness(x).toarray(), K, atol=off * np.abs(K).max())
         assert other.energy(x) == pytest.approx(one.energy(x), rel=off)
-        stress = np.empty((2, 2, 8, 6))
+        stress = np.empty((2, cells, 8, 6))
         for out, case in zip(stress, (one, other), strict=True):
             cauchy_stress(x, case.model, case.work, out)
         np.testing.assert_allclose(stress[0], stress[1], atol=off * np.abs(stress[0]).max())
+
+
+@pytest.mark.parametrize("element", SHARES)
+def test_one_graded_cell_has_its_own_volume(element: ElementKind) -> None:
+    """One that is no box of the body's edges, which are the shortest: its weights sum to its volume."""
+    size = (0.03, 0.03, 0.06)
+    shape = {"kind": "block", "size": size, "grading": 2.0}
+    body = build_body(block(size, size, body={"shape": shape}), {})
+    assert body.n_cells == 1
+    assert Statics(body, element).model.weight.sum() == pytest.approx(5.4e-5, rel=1e-12)
 
 
 @pytest.mark.parametrize("element", ELEMENTS)

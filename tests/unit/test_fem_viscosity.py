@@ -117,6 +117,43 @@ def test_the_stiffness_is_the_forces_derivative_and_can_be_made_definite(
         assert difference < 1e-8 * abs(near).max()
 
 
+@pytest.mark.parametrize(("kind", "element"), KINDS)
+@pytest.mark.parametrize("flat", [-1.0, -0.1, 0.0, 0.1])
+def test_a_step_that_begins_flat_or_mirrored_is_not_pulled(
+    kind: MaterialKind, element: ElementKind, flat: float
+) -> None:
+    """One of two cells uneven, at a tenth of its height or none, or turned over: no force without a motion."""
+    statics = bodies(kind, element)
+    c, z = statics.start(statics.x_rest, DT), statics.x_rest[:, 2]
+    scale = c * np.abs(statics.forces(squeezed(statics))).max()
+    x0 = squeezed(statics) / (1.2, 1.2, 0.6)
+    x0[:, 2] += (flat - 1.0) * np.minimum(z, 0.03)
+    statics.start(x0, DT)
+    assert np.abs(statics.viscous_forces(x0, x0)).max() < 1e-11 * scale
+
+
+def test_the_stiffness_is_exact_beside_a_point_that_begins_flat() -> None:
+    """A corner pushed in until its point is below a fifth of its volume, its group above: by central differences."""
+    statics = bodies("neo_hookean", "hex8_bbar")
+    x0 = squeezed(statics, 0.005)
+    corner, inner = (
+        int(np.argmin(np.abs(statics.x_rest - place).sum(axis=1)))
+        for place in ((0.03, 0.03, 0.06), (0.015, 0.015, 0.045))
+    )
+    x0[corner] += 0.7 * (x0[inner] - x0[corner])
+    statics.start(x0, DT)
+    volume = statics.work.volume[1].reshape(8, 8)
+    assert volume[7].min() < 0.0 and 0.2 < volume[7].mean() < 0.6
+    direction, h = moved(statics, 1.0, 7), 1e-6
+    for x in (x0 + moved(statics, 0.2, 1), 1.5 * x0):  # the second is where a mean ratio's curvature is negative
+        found = (statics.viscous_stiffness(x0, x) @ direction.ravel()).reshape(-1, 3)
+        upper, lower = (statics.viscous_forces(x0, x + way * direction) for way in (h, -h))
+        wanted = (upper - lower) / (2.0 * h)
+        np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())
+        K = statics.viscous_stiffness(x0, x, definite=True).toarray()
+        assert np.linalg.eigvalsh(K)[0] > -1e-9 * np.abs(K).max()
+
+
 @pytest.mark.parametrize(("kind", "element"), OBJECTIVE)
 def test_stretch_at_a_constant_rate(kind: MaterialKind, element: ElementKind) -> None:
     """Laterally held at 60 %, squeezed on at 3 1/s: tau (2 mu + lambda) v/l^2 of the area, with the order of the step.

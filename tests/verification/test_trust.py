@@ -21,6 +21,7 @@ from softseam.session import open_as_given
 from softseam_protocol.messages import ErrorEstimate, Observe, Reply, Request
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene
+from softseam_services.orchestrator import trust
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -86,6 +87,19 @@ def test_the_estimate_is_the_error_to_a_factor_of_two_and_a_half(
     assert trusted == (error < 0.05), "the case is one that the test is about"
     assert ("try " in said.text) != trusted and all(said.text in event for event in events)
     of.close()
+
+
+@pytest.mark.parametrize(("element", "other"), [("hex27", False), ("hex27_reduced", False), ("tet4_fbar", True)])
+def test_only_who_would_gain_by_it_is_told_to_take_hex27(
+    element: str, other: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """hex27_reduced is the softer of the two: on coarse cells it errs less. All are told of shorter cells."""
+    monkeypatch.setattr(trust, "BOUND", 1e-3)
+    of = simulation(bonded(element, 0.45, 1))
+    said = at_the_end(of)
+    of.close()
+    assert said.too_large and "too coarse" in said.text and "body.cell: " in said.text
+    assert ("models.fem.element" in said.text) == other
 
 
 @pytest.mark.slow

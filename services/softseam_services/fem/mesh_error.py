@@ -40,10 +40,10 @@ class MeshError:
 
     def __init__(self, body: Body, region: Region, element: ElementKind) -> None:
         self._nodes, self._law, self._n_nodes = region.cell_nodes, body.material.number, len(region.nodes)
-        shapes, self._shape = cell_shapes(body, region)
+        shapes, self._shape, boxes = cell_shapes(body, region)
         quadratic_cell = FUNCTIONS[element] == "hex27"
         (samples, at_samples), (points, at_points) = _rules(quadratic_cell)
-        placed = _placed_in_boxes if len(shapes) == 1 else _placed
+        placed = _placed_in_boxes if boxes else _placed
         self._full, self._tetrahedra = element in _FULL, FUNCTIONS[element].startswith("tet")
         self._points, self._point_nodes = placed(quadratic_cell, 1, shapes.tobytes()), points.nodes
         self._fill = np.ascontiguousarray(body.fill[region.cells])

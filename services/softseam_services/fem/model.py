@@ -261,31 +261,35 @@ def build_model(
     density = np.array([material.density for material in materials])[of_points]
     factor = np.repeat([PENALTY, SOFT], [len(region.points), len(inner.cell)])
     stiffness = factor * (young / spacing) * np.concatenate([body.surface.area[region.points], inner.area])
-    x, shape = cell_shapes(body, region)
+    x, shape, boxes = cell_shapes(body, region)
     general = element not in SHARES or body.material.kind not in _SPLITS
     poisson = body.material.elastic.poisson
     crushable = element in SHARES and body.material.kind != "linear"
-    if len(x) > 1 and not general:
+    if not (boxes or general):
         own = ELEMENTS[element](x, poisson)
         weight, special = own.weight[:, 0] * fill, own_patterns(own, mu * relative, fill)
     else:
-        boxes = slice(0 if general else None)  # cells of the fast path
+        fast = slice(0 if general else None)  # cells of the fast path
         weight = fill * (tables.volume / 8.0)
-        special = patterns(tables, body.edges, mu * relative[boxes], moments[boxes], share)
+        special = patterns(tables, body.edges, mu * relative[fast], moments[fast], share)
     # the fast path needs no table of points but that of crushed cells
     kind: ElementKind = "hex27_full" if crushable else element
-    table, of_cell = with_cut_cells(kind, ELEMENTS[kind](x, poisson), shape, body.edges, moments, relative)
+    table, of_cell = with_cut_cells(kind, ELEMENTS[kind](x, poisson), shape, boxes, body.edges, moments, relative)
     full = build_rule(table, fill, of_cell, body, region.cells)
     mean_gradient = (
         np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
     )
     rule = full
     if general and crushable:
-        table, of_cell = with_cut_cells(element, ELEMENTS[element](x, poisson), shape, body.edges, moments, relative)
+        table, of_cell = with_cut_cells(
+            element, ELEMENTS[element](x, poisson), shape, boxes, body.edges, moments, relative
+        )
         rule = build_rule(table, fill, of_cell, body, region.cells)
     viscous, resists = rule, body.material.retardation_time > 0.0
     if resists and not general:
-        table, of_cell = with_cut_cells(element, ELEMENTS[element](x, poisson), shape, body.edges, moments, relative)
+        table, of_cell = with_cut_cells(
+            element, ELEMENTS[element](x, poisson), shape, boxes, body.edges, moments, relative
+        )
         viscous = build_rule(table, fill, of_cell, body, region.cells)
     model = FemModel(
         general=general,

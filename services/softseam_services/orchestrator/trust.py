@@ -26,6 +26,7 @@ from softseam_protocol.messages import ErrorEstimate, Fields
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
+from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.orchestrator.goal_error import GoalError
 from softseam_services.orchestrator.sides import Sides
 
@@ -176,7 +177,7 @@ class Trust:
         return ErrorEstimate(time, mesh, model, answer, judged, text, too_large)
 
     def _coarse(self, answer: float) -> str:
-        other = "" if self._element == "hex27" else "models.fem.element: hex27, or "
+        other = "" if self._element in SHARES else "models.fem.element: hex27, or "
         return f"too coarse; try {other}{self._shorter(answer)}"
 
     def _otherwise(self, answer: float) -> str:

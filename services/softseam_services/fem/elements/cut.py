@@ -45,14 +45,15 @@ def octant_stabilisation(edges: Floats) -> Floats:
 
 
 def with_cut_cells(
-    element: ElementKind, table: Table, shape: Ints, edges: Floats, moments: Floats, mu: Floats
+    element: ElementKind, table: Table, shape: Ints, boxes: bool, edges: Floats, moments: Floats, mu: Floats
 ) -> tuple[Table, Ints]:
-    """The table with a shape of its own for every cell of a box body that is filled in part, and each cell's (c,).
+    """The table with a shape of its own for every box that is filled in part, and each cell's (c,).
 
-    moments (c, 8, 27): of the filled parts; mu (c, 8): of the octants, relative. Cells of any shape stay as they are.
+    boxes: the cells have the one shape of the table, a box; others stay as they are. moments (c, 8, 27): of the filled
+    parts; mu (c, 8): of the octants, relative.
     """
     part = np.flatnonzero((moments[:, :, 0] < 1.0).any(axis=1))
-    if len(table.weight) > 1 or FUNCTIONS[element].startswith("tet") or not len(part):
+    if not boxes or FUNCTIONS[element].startswith("tet") or not len(part):
         return table, shape
     own = _cut(element, table, edges, moments[part], mu[part])
     shape = shape.copy()

@@ -1,4 +1,4 @@
-"""Forces, tangents, energies and stresses of hex27 box cells with split quadrature (fem/elements/hex27_box.py, eq. 1).
+"""Forces, tangents, energies, stresses of hex27 and hex27_reduced: split quadrature (fem/elements/hex27_box.py, eq. 1).
 
 The fast path of kernels/elements.py. A cell counts with its work.part, 1 but for crushed cells (kernels/crushed.py).
 With w_q = f_q V/8, H = cof F, mu and the volumetric part of the octant's material, s = dpsi_J/dJ, ds = d2psi_J/dJ2:
@@ -8,7 +8,7 @@ For the small-strain material F = I in H, and the remainder stress of its file t
   f_ia = sum_q w_q (mu F + mu F^T + (lambda tr(F - I) - 2 mu) I)_ij dN_a,j + ...                                (3)
   K_ia,kb = delta_ik L_ab + sum_q w_q [lambda dN_a,i dN_b,k + mu dN_a,k dN_b,i]                                 (4)
 so that both share one loop: K = delta_ik L_ab + sum_q (A_q h_ia h_kb + B_q h_ka h_ib).
-Cells that the body fills in part have gradients and stabilisation of their own (fem/elements/cut.py).
+Cells that the body fills in part (fem/elements/cut.py), or that are no boxes, have tables of their own.
 """
 
 from __future__ import annotations

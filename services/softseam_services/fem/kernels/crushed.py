@@ -1,4 +1,4 @@
-"""Cells of hex27 that are squeezed hard pass from split to full quadrature.
+"""Cells of hex27 and hex27_reduced that are squeezed hard pass from split to full quadrature.
 
 Under uniform squeeze split quadrature has modes of negative stiffness below a principal stretch of about 0.45, full
 quadrature has none. With the least principal stretch s of a cell's mean deformation gradient at the start of a step,

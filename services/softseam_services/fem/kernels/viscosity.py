@@ -8,16 +8,23 @@ integrators, the step's viscous potential is the neo-Hookean energy of that alon
 where tau' = tau - (2 share - 1) dt is what is left to add to what they lose themselves: oscillations of omega show
 zeta = tau omega/2, up to a step of tau. To first order in the step the Kirchhoff stress is Newton's,
   J sigma = tau' (2 mu D + lambda tr(D) I),  D the rate of deformation,                                         (2)
-whatever the body's law and stress, and tau' K v in small strain. V is least, and 0, where F_r is a turn: a rigid motion
-costs nothing, no stress of the body is carried from one step to the next, and every step loses.
+whatever the body's law and stress, and tau' K v in small strain. V is least, and 0, where F_r is a turn, and no stress
+of the body is carried from one step to the next.
 
-Its first term, 1/2 sum_ab T_ab x_a . x_b, is quadratic, with T = c sum w mu F_0^-T grad N_a . F_0^-T grad N_b. The
+Two limits. The power of (2) is never a gain, but what a step does is dV/dx_t . (x1 - x0), of which V >= 0 says nothing:
+a step that contracts by e evenly while it turns by theta gains where theta^2 > 3 e, and groups (below) may whose points
+strain much and unevenly: there V may be below 0. And x_t is on the chord, shorter than the way of a turn: with
+share < 1 (midpoint) a body that turns with omega [1/s] is pushed outward across its axis, as if it were squeezed by
+  tau' (1 - share) omega^2 dt/2                                                                                 (2b)
+in both directions. With share = 1 a turn is free.
+
+The first term of (1), 1/2 sum_ab T_ab x_a . x_b, is quadratic, T = c sum w mu F_0^-T grad N_a . F_0^-T grad N_b. The
 stabilisation S of an element has what is not even in the motion since: with g the mean gradients, u_a = F_g^-1 x0_a,
 F_g = sum x0_a g_a^T,
   x_r = x_t (I - g u^T),  V += c/2 fill mu sum_ab S_ab x_r,a . x_r,b                                            (3)
 which vanishes where the element has turned and stretched evenly. A group with one volume ratio J_bar has
 (lambda + 2 mu/3)/2 ln^2 of it, and -2 mu/3 for lambda in (1). The `linear` law has tau' K v, with gradients at rest.
-Points at less than a fifth of their volume when the step begins have no viscosity in it.
+Points at less than a fifth of their volume when the step begins have none of their own in it.
 """
 
 from __future__ import annotations
@@ -209,8 +216,9 @@ def add_viscous_tangents(x, x0, model, tree, work, definite):
                     A, B = 0.0, 0.0
                     if model.linear:
                         A, B = lam, mu
-                    elif J0 >= J_MIN:
-                        s, ds = _slope(mu, lam, J[at], J0)
+                    elif J0 >= J_MIN or not definite:
+                        # a point without viscosity of its own has its group's
+                        s, ds = _slope(mu, lam, J[at], J0) if J0 >= J_MIN else (0.0, 0.0)
                         A, B = _point_factors(mu, s + mean_s, ds, F[at], J[at], work.origin[cell, first + at], definite)
                     _add_point(w * A, w * B, h, K)
                 scatter(K, nodes, tree, cell, work.values)
@@ -218,5 +226,5 @@ def add_viscous_tangents(x, x0, model, tree, work, definite):
                 shared = rule.group_nodes[group]
                 for a in range(n_shared):
                     shared_even[a] = even[shared[a]]
-                add_coupling(none, shared_even, c * total * max(0.0, mean_ds), shared_K)
+                add_coupling(none, shared_even, c * total * (max(0.0, mean_ds) if definite else mean_ds), shared_K)
                 scatter(shared_K, shared, tree, cell, work.values)

@@ -11,7 +11,7 @@ from softseam_services.fem.kernels.cells import gather
 from softseam_services.fem.kernels.mean_volume import volume_gradient
 from softseam_services.fem.kernels.points import point_gradients
 
-_FLAT = 1e-3  # of a mean deformation gradient: below, what is even in an element's motion is not known
+_FLAT = 1e-3  # of a mean deformation gradient: below, what is even in a motion is not known, and S damps nothing
 
 
 @njit(cache=True, error_model="numpy")
@@ -49,11 +49,13 @@ def resist(scheme, dt, share, x0, model, work):
                 _add_product(c * rule.weight[cell, at] * mu, g, g, T)
             if rule.stabilised:
                 S, fill = rule.stabilisation[rule.shape[cell], element], c * rule.fill[cell, element]
+                weight = rule.weight[cell, first : first + n_points]
+                if not (model.linear or _even_motion(weight, gradient[element], F, g, u)):
+                    continue
                 for a in range(m):
                     for b in range(m):
                         T[a, b] += fill * S[a, b]
-                weight = rule.weight[cell, first : first + n_points]
-                if not model.linear and _even_motion(weight, gradient[element], F, g, u):
+                if not model.linear:
                     _subtract_even(fill, work.xe[cell], rule.nodes[element], S, g, u, Y, T)
 
 
