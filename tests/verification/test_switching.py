@@ -116,7 +116,17 @@ def test_saved_state_continues_bit_for_bit() -> None:
 
 @pytest.mark.parametrize(
     "missing",
-    ["regions.idle", "regions.cut", "numbers", "ledger", "trust", "seam.link_x", "seam.flags", "participant.far"],
+    [
+        "regions.idle",
+        "regions.cut",
+        "numbers",
+        "ledger",
+        "begun",
+        "trust",
+        "seam.link_x",
+        "seam.flags",
+        "participant.far",
+    ],
 )
 def test_a_state_that_is_not_whole_changes_nothing(missing: str) -> None:
     """Refused by name, and the simulation goes on as if nobody had asked."""
@@ -171,6 +181,20 @@ def test_a_switch_before_the_first_step_tells_how_much_it_changed() -> None:
     assert 0.05 * kinetic < abs(changes[1]) < 0.15 * kinetic
     np.testing.assert_allclose(changes[2:], [-changes[1], changes[1]], atol=1e-12 * kinetic)
     assert 0.2 < changes[0] / changes[2] < 0.5, "a third of the cube was FEM's"
+    simulation.close()
+
+
+def test_a_state_saved_before_the_first_step_has_the_energies_of_its_cut() -> None:
+    """What a cut changes is told against the one that was loaded, not the one that was there."""
+    coarse = {"pbd": {"coarse": {"boxes": [{"min": [-1, -1, -1], "max": [1, 1, 1]}]}}}
+    scene = Scene.model_validate(spinning_cube().model_dump() | {"models": coarse})
+    simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
+    everywhere, nowhere = np.ones(simulation.body.n_cells, bool), np.zeros(simulation.body.n_cells, bool)
+    simulation.set_near(everywhere)
+    state = simulation.save()
+    change = simulation.set_near(nowhere)
+    simulation.load(state)
+    assert simulation.set_near(nowhere) == pytest.approx(change, rel=1e-9)
     simulation.close()
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.ledger import LedgerState
+from softseam_coupling.ledger import Energies, LedgerState
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.program import Progress
 from softseam_services.orchestrator.sides import FAR, NEAR
@@ -37,6 +37,8 @@ class SavedState:
     """of tools (t, 4)"""
     ledger: LedgerState | None
     """None before the first step"""
+    begun: Energies
+    """with which the body begins, before the first step"""
     drives: Floats
     gripping: NDArray[np.int8]
     """1 for tools that hold particles (t,)"""
@@ -58,6 +60,7 @@ class SavedState:
             "position": self.position,
             "orientation": self.orientation,
             "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
+            "begun": np.array([self.begun.kinetic, self.begun.strain, self.begun.gravity]),
             "drives": self.drives,
             "gripping": self.gripping,
             "trust": self.trust,
@@ -88,6 +91,7 @@ class SavedState:
                 position=entries["position"].astype(np.float64),
                 orientation=entries["orientation"].astype(np.float64),
                 ledger=LedgerState.from_list(ledger) if ledger else None,
+                begun=Energies(*entries["begun"].astype(np.float64).tolist()),
                 drives=entries["drives"].astype(np.float64),
                 gripping=entries["gripping"].astype(np.int8),
                 trust=entries["trust"].astype(np.float64),

@@ -269,6 +269,7 @@ class Simulation:
             position=self._position,
             orientation=self._orientation,
             ledger=self._accounts.ledger,
+            begun=self._accounts.begun,
             drives=self._drives.state,
             gripping=self._gripping,
             trust=self._trust.to_array(),
@@ -302,7 +303,7 @@ class Simulation:
         self._position, self._orientation = position, orientation
         self._drives.state[:] = drives
         self._gripping = gripping
-        self._accounts.ledger = saved.ledger
+        self._accounts.ledger, self._accounts.begun = saved.ledger, saved.begun
         self._forget()
         self._participants.restore(tied, saved.participants)
 
