@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from softseam_coupling.kernels.push import balance, push_far, solve_semidefinite
 from softseam_coupling.mortar import SeamTie, stiffness_of
+from softseam_coupling.seam import SeamSolver
+from softseam_services.orchestrator.seam_loop import SeamLoop
 from softseam_services.orchestrator.settling import Settling
 
 Floats = NDArray[np.float64]
@@ -87,3 +89,16 @@ def test_unknowns_that_others_stand_for_are_zero() -> None:
     solve_semidefinite(matrix.copy(), z)
     np.testing.assert_allclose(matrix @ z, b, atol=1e-9)
     assert z[3] == 0.0
+
+
+def test_after_steps_of_another_length_the_way_of_the_last_is_that_of_a_step() -> None:
+    """The kinetic energy of a settled step is told by dt v: of a last part a quarter as long it was a quarter of it."""
+    x, way = np.random.default_rng(5).standard_normal((2, 3, 3))
+    loop = SeamLoop(SeamSolver(tolerance=1e-6), SeamTie(None, np.zeros((3, 3))), np.ones(9), None, True, 9)
+    loop._change(0.01)
+    loop.begin(x, way)
+    for dt, share in ((0.0025, 0.25), (0.01, 1.0)):
+        loop._change(dt)
+        before, start = loop._link._settling._x[0]
+        np.testing.assert_allclose(start - before, share * way, atol=1e-14)
+        np.testing.assert_array_equal(start, x)

@@ -110,6 +110,20 @@ def test_a_frame_after_a_snapshot_that_failed_is_of_both_sides() -> None:
     assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
 
 
+@pytest.mark.parametrize("reaches_far", [False, True])
+def test_a_stiffness_that_never_arrived_is_told_again(reaches_far: bool) -> None:
+    """The near side forgot it with the snapshot, and says so where it is asked for a step without it."""
+    transport = Failing()
+    failed = falling(transport)
+    failed.save()
+    transport.kind, transport.reaches_far = Advance, reaches_far
+    with pytest.raises(ParticipantLost):
+        failed.step()
+    failed.events.clear()
+    assert failed.step().seam.exchanges == 1
+    assert not [event for event in failed.events if event.kind == "solver"]
+
+
 # ---- steps in parts
 
 

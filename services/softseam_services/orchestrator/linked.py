@@ -219,9 +219,10 @@ class Link:
         if largest(moved) > _SEEN * self._tolerance:
             self._learned.learn(change.reshape(-1), moved.reshape(-1))
 
-    def forget(self) -> None:
-        """Steps are of another length: what rounds taught of the far side is of no use to them."""
+    def change(self, share: float) -> None:
+        """Steps are so many times as long from now on [1]: what rounds taught of the far side is of no use to them."""
         self._learned.forget()
+        self._settling.stretch(share)
 
     def _measure(
         self, replies: Mapping[str, Advanced], x_near: Floats, miss: float, image: Floats, move: float

@@ -106,7 +106,7 @@ class SeamLoop:
             self._turns.wait()
         else:
             self._turns.fresh = True
-        self._link.forget()
+        self._link.change(dt / self._dt if self._dt > 0.0 else 1.0)
         self._dt = dt
 
     def _outdated(self) -> bool:

@@ -109,6 +109,10 @@ class Settling:
         """The cut begins with the seam's nodes at x, moving by `way` in a step (s, 3) [m]."""
         self._x[:, 0], self._x[:, 1], self._n_left = x - way, x, 2
 
+    def stretch(self, share: float) -> None:
+        """Steps are so many times as long from now on: so is what the last one went [1]."""
+        self._x[:, 0] = self._x[:, 1] - share * (self._x[:, 1] - self._x[:, 0])
+
     def leave(self, replies: Mapping[str, Advanced]) -> None:
         """The step ended so."""
         self._n_left = min(self._n_left + 1, 2)
