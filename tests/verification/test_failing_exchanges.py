@@ -11,7 +11,7 @@ import pytest
 
 from softseam.atlas.scenes import press
 from softseam.variants import with_model
-from softseam_protocol.messages import Advance, Advanced, Commit, Reply, Request
+from softseam_protocol.messages import Advance, Advanced, Commit, Configure, Reply, Request, Snapshot
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -122,6 +122,35 @@ def test_a_stiffness_that_never_arrived_is_told_again(reaches_far: bool) -> None
     failed.events.clear()
     assert failed.step().seam.exchanges == 1
     assert not [event for event in failed.events if event.kind == "solver"]
+
+
+def test_a_step_after_which_a_side_is_lost_is_taken_once() -> None:
+    """It is booked and reported, without the fields that were asked for; the next one is the next."""
+    transport = Failing()
+    failed, whole = falling(transport), falling(EmbeddedTransport())
+    transport.kind = Commit
+    for simulation in (failed, whole):
+        simulation.step(fields=True)
+    assert [event.kind for event in failed.events].count("lost") == 1
+    assert failed.time == whole.time and failed.report is not None
+    assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
+    assert failed.save() == whole.save()
+
+
+@pytest.mark.parametrize("kind", [Snapshot, Configure])
+def test_a_switch_that_fails_is_taken_back(kind: type[Request]) -> None:
+    """The sides are those before it, and go on as if it had not been asked for."""
+    transport = Failing()
+    failed, whole = falling(transport), falling(EmbeddedTransport())
+    for simulation in (failed, whole):
+        simulation.save()
+    before = failed.regions.near.mask.copy()
+    transport.kind = kind
+    with pytest.raises(ParticipantLost):
+        failed.set_near(np.roll(before, 1))
+    np.testing.assert_array_equal(failed.regions.near.mask, before)
+    assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
+    np.testing.assert_array_equal(failed.step().momentum, whole.step().momentum)
 
 
 # ---- steps in parts

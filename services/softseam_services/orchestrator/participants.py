@@ -69,9 +69,10 @@ class StepFailed(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept:
-    """What a step began with."""
+class Kept:
+    """What a step or a switch began with."""
 
+    sides: Sides
     seam: dict[str, Floats]
     """see `Participants.seam_arrays`"""
     states: dict[str, bytes]
@@ -105,7 +106,7 @@ class Participants:
         self._n_asked = -1  # exchanges of the tick at hand
         self._under_way = False  # a step is, or was when it failed
         self._settle: dict[str, Floats] = {}  # forces that the last step is to be settled by, not sent yet
-        self._kept: _Kept | None = None  # while a step is taken in parts, and after it failed
+        self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
 
     def configure(self, tied: Tied, state: BodyState | None) -> Energies:
         """Build the sides of another cut in a new epoch: in this state, or to be restored; its energies."""
@@ -207,7 +208,7 @@ class Participants:
         pace, step = self._loop.pace, CutStep(motion, self._clock.dt)
         before = pace.parts
         if before > 1:
-            self._keep()
+            self._kept = self.keep()
         pace.begin()
         while not step.done:
             parts = pace.parts
@@ -218,7 +219,7 @@ class Participants:
                 step.given_up(fault.exchanges)
                 pace.cut()
                 if self._kept is None:
-                    self._keep()
+                    self._kept = self.keep()
         pace.end()
         self._kept = None
         solution = step.solution()
@@ -228,10 +229,14 @@ class Participants:
             solution = replace(solution, note="")
         return solution
 
-    def _keep(self) -> None:
-        """Keep the state before a step, none of whose parts was committed."""
+    def keep(self) -> Kept:
+        """The state between two steps, or before a step none of whose parts was committed."""
         states = self.snapshot()
-        self._kept = _Kept({name: array.copy() for name, array in self.seam_arrays().items()}, states)
+        return Kept(self.sides, {name: array.copy() for name, array in self.seam_arrays().items()}, states)
+
+    def go_back(self, kept: Kept) -> None:
+        """Be as then, from when they are next asked for anything."""
+        self.sides, self._kept = kept.sides, kept
 
     def _take_back(self) -> None:
         """Where a step failed in one of its parts, go back to before it; and again where that fails."""
@@ -240,10 +245,10 @@ class Participants:
             return
         self._kept = None
         try:
-            loop = self._tie(self.sides)
+            loop = self._tie(kept.sides)
             if loop is not None:
                 loop.take(kept.seam)
-            self.restore((self.sides, loop), kept.states)
+            self.restore((kept.sides, loop), kept.states)
         except BaseException:
             self._kept = kept
             raise

@@ -20,7 +20,7 @@ from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.goal_watch import GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
-from softseam_services.orchestrator.participants import Participants, Tied
+from softseam_services.orchestrator.participants import Kept, Participants, Tied
 from softseam_services.orchestrator.seam_answers import SeamScheme
 from softseam_services.orchestrator.seam_schemes import build_scheme, build_seam_solver
 from softseam_services.orchestrator.sides import Sides, cut, merged_state, whole_frame
@@ -84,8 +84,12 @@ class Regions:
         reason = self.near.follow(self.sides, replies, seen, self._blame(replies, motion, seen) if turn else None)
         if not reason:
             return None
-        seam, states = self.participants.seam_arrays(), self.participants.snapshot()
-        done = self.switch()
+        try:
+            kept = self.participants.keep()
+            done = self._switch(kept)
+        except BaseException:
+            self.near.refused()
+            raise
         change = done.total - sum(reply.kinetic + reply.strain + reply.gravity for reply in replies.values())
         share = self._accounts.share_of_switch(change)
         cost = f"{reason}; energy {change:+.2g} J, {100.0 * share:.2g} %"
@@ -94,7 +98,11 @@ class Regions:
             return done
         tried = set(self.sides.names)
         self.near.refused()
-        self.participants.restore(self.tied(seam), states)
+        try:
+            self.participants.restore(self.tied(kept.seam), kept.states)
+        except BaseException:
+            self.participants.go_back(kept)
+            raise
         self.participants.release(tried - set(self.sides.names))
         self._tell("refused", f"{cost} is too much for a switch; it is tried again in {RETRY} steps")
         return None
@@ -135,8 +143,26 @@ class Regions:
             self._watch.take(arrays)
         self.near.take(arrays)
 
-    def switch(self) -> Energies:
-        """Cut the body anew; its energies from now on."""
+    def set_near(self, near: NDArray[np.bool_]) -> Energies:
+        """Cut the body by hand: cells (C,) that are near from now on; its energies."""
+        before = self.near.to_arrays()
+        try:
+            kept = self.participants.keep()
+            self.near.mask = near
+            return self._switch(kept)
+        except BaseException:
+            self.near.take(before)
+            raise
+
+    def _switch(self, kept: Kept) -> Energies:
+        """Cut the body anew; its energies from now on. Where that fails it is cut as it was."""
+        try:
+            return self._cut_anew()
+        except BaseException:
+            self.participants.go_back(kept)
+            raise
+
+    def _cut_anew(self) -> Energies:
         old, fields, body = self.sides, self.participants.observe(), self._body
         assert isinstance(body, Body)  # others are not divided
         state = merged_state(body, old, fields)

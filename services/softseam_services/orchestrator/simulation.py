@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +30,13 @@ from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.sides import resting_state
-from softseam_services.orchestrator.transport import Transport
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.orchestrator.trust import Trust
 from softseam_services.server import build_setup
 from softseam_services.tools.motion import tool_motion
 from softseam_services.tools.travel import beyond_middle
 
+T = TypeVar("T")
 Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
@@ -182,7 +184,8 @@ class Simulation:
         self._follow_lift(command, height)
         frame = None
         if look or (self._wants_fields and self.done):
-            frame = self._regions.frame(replies, self._position, self._orientation, self._wants_indicators)
+            indicators = self._wants_indicators
+            frame = self._told(lambda: self._regions.frame(replies, self._position, self._orientation, indicators))
         self._frame = frame
         quantities = self._quantities.measure(
             replies, grip_force, self._position, self._orientation, frame, height - self._lift_base
@@ -191,12 +194,12 @@ class Simulation:
             if self._probes is not None:
                 quantities |= self._probes.measure(frame, self._regions.near.model, self.scene.regions.default)
         header, sides = self._clock.last_step(), self._regions.sides
-        switched = self._regions.follow(replies, motion)
+        switched = self._told(lambda: self._regions.follow(replies, motion))
         if self._clock.step % _CHECKPOINT_STEPS == 0:
-            self._participants.snapshot()
+            self._told(self._participants.snapshot)
         done, estimate = self.done, None
         if velocities is None and ongoing and (phase_ends or done):
-            estimate = self._judge(replies, done)
+            estimate = self._told(lambda: self._judge(replies, done))
         report = self._accounts.report(
             header=header,
             sides=sides,
@@ -245,8 +248,7 @@ class Simulation:
 
     def set_near(self, near: NDArray[np.bool_]) -> float:
         """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
-        self._regions.near.mask = near
-        energies = self._regions.switch()
+        energies = self._regions.set_near(near)
         self._frame = None
         return self._accounts.switched(energies)
 
@@ -327,6 +329,14 @@ class Simulation:
             if len(value) == 7:
                 gripping[tool] = value[6] != 0.0
         return command, gripping
+
+    def _told(self, act: Callable[[], T]) -> T | None:
+        """What follows a step that is taken: where a participant is lost in it, that is told, and the step counts."""
+        try:
+            return act()
+        except (ParticipantLost, ParticipantFailed) as error:
+            self._event("lost", f"step {self._clock.step - 1} is taken, but what follows it was not done: {error}")
+            return None
 
     def _follow_lift(self, command: Floats, height: float) -> None:
         """The lift is measured from where the body was before a tool first rises; height of this step [m]."""
