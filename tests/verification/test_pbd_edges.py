@@ -205,3 +205,66 @@ def test_the_seam_is_probed_with_points_in_part() -> None:
         force[:] = 0.0
         difference = (ends[0] - ends[1]) / 2e-6
         assert np.linalg.norm(compliance[:, column] - difference) <= 0.01 * np.linalg.norm(difference)
+
+
+def test_sticking_is_as_soft_whatever_the_sweeps() -> None:
+    """A pad within a block, slid by 0.02 mm: each of a substep's projections added the whole slip to the force."""
+    middle = [{"min": (-1.0, -1.0, 0.02), "max": (1.0, 1.0, 0.03)}]
+    pulls = []
+    for sweeps in (1, 2, 4):
+        run = pads(0.3 * BLOCK, 2, fixed=middle, pbd={"sweeps": sweeps, "substeps": 40})
+        squeezed(run, 0.02)
+        run.velocity[:, 0] = 1e-4
+        run.run(0.2)
+        run.velocity[:] = 0.0
+        pulls.append(run.run(0.3)[-1].wrench[1, 0])
+    assert abs(pulls[0]) > 1e-4
+    np.testing.assert_allclose(pulls, pulls[0], rtol=0.02)
+
+
+def test_points_handed_over_inside_a_pad_come_out_slowly() -> None:
+    """Pads that begin 0.5 mm inside move the body as plates do, which cover it; points in part came out in one substep
+    and moved it four times as much."""
+    moving = {}
+    for half in (0.0115, 0.026):
+        run = pads(half)
+        run.position[:, 2] += 5e-4, -5e-4
+        moving[half] = max(run.step().kinetic for _ in range(3))
+    assert moving[0.0115] < 1.5 * moving[0.026]
+
+
+def test_the_share_fades_where_the_surface_rises_past_a_thin_pad() -> None:
+    """Surface beside the edge of a pad of 1 mm rises by 2 mm: what points hold changes without steps."""
+    run = pads(2.5 * BLOCK)
+    model, tool = run.solver.model, 1
+    rest = run.body.x_rest[run.region.nodes]
+    beside = (rest[:, 2] > 0.05 - 1e-9) & (np.abs(rest[:, :2]).max(axis=1) > 2.5 * BLOCK)
+    run.tools.shape[tool, 2] = 5e-4
+    model.tools.shape[tool, 2] = 5e-4
+    place = run.position.copy()
+    place[tool, 2] = 0.05 + 4e-4
+    held = []
+    for rise in np.linspace(0.0, 2e-3, 81):
+        x = rest.copy()
+        x[beside, 2] += rise
+        model.find_shares(x, place, run.tools.orientation)
+        held.append(model.edges.held[:, 0].copy())
+    steps = np.abs(np.diff(held, axis=0)).max()
+    assert steps < 0.1 * np.max(held)
+
+
+def test_a_point_on_a_seam_knows_the_faces_across() -> None:
+    """Solved by the cells on one side, it is as stiff as in the whole body; it knew half of its faces."""
+    whole = pads(2.5 * BLOCK)
+    cells = [np.flatnonzero(whole.body.cell_grid[:, 0] == k).astype(np.int32) for k in range(4)]
+    seam = np.intersect1d(whole.body.cell_nodes[cells[1]], whole.body.cell_nodes[cells[2]]).astype(np.int32)
+    half = PbdRun(whole.scene, cells=np.concatenate(cells[:2]), seam=seam)
+    gives = []
+    for run in (whole, half):
+        run.step()
+        edges = run.solver.model.edges
+        node = run.region.nodes[run.solver.model.node]
+        gives.append({n: g for n, g in zip(node, edges.give[:, 1], strict=True) if n in seam and g > 0.0})
+    assert len(gives[0]) == 2 * 2
+    assert gives[1].keys() == gives[0].keys()
+    assert list(gives[1].values()) == pytest.approx(list(gives[0].values()), rel=1e-6)

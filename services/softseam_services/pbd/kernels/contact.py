@@ -7,8 +7,10 @@ x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                      
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
 g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool covers a part of what a point stands for,
 contact has a compliance alpha (`share`), and
-p = max(0, p_old - (g + alpha p_old)/(c + alpha)),  t as in (1) with c + alpha for c                             (3)
-so that p = -g/alpha at rest. The forces stay in the nodes' accelerations from one substep to the next, so at rest they
+p = max(0, p_old - (g - g_0 + alpha p_old)/(c + alpha)),
+t = t_old - (s + alpha (t_old - t_0))/(c + alpha), cut off as in (1), g_0 = (old gap + alpha p_0)/(1 + h/tau),   (3)
+p_0 and t_0 being the force at the start of the substep, so that p = -g/alpha at rest, and t = t_0 - s/alpha however
+often it is solved. The forces stay in the nodes' accelerations from one substep to the next, so at rest they
 are exact, the gap closes to zero and a sticking point does not creep. On a block every point is one node and (1) is the
 exact local solution.
 """
@@ -33,6 +35,7 @@ from .pairs import (
     FORCE,
     GAP,
     GIVE,
+    HELD,
     HOLD,
     MEAN,
     MOMENT,
@@ -154,15 +157,34 @@ def find_side_gaps(row, rows, group, kind, shape, place, turn):
         row[lane + EIGHT * (GAP + 3)] = nz
 
 
+@lane_kernel
+def _pressed(row, lane):
+    """The normal part of FORCE, by GAP's normal [N]."""
+    p = row[lane + EIGHT * FORCE] * row[lane + EIGHT * (GAP + 1)]
+    p += row[lane + EIGHT * (FORCE + 1)] * row[lane + EIGHT * (GAP + 2)]
+    return max(0.0, p + row[lane + EIGHT * (FORCE + 2)] * row[lane + EIGHT * (GAP + 3)])
+
+
 @batch_kernel
 def solve_softly(row, mu, motion, hh):
     """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
     for lane in range(EIGHT):
         nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
         soft = row[lane + EIGHT * SOFT]
-        old_n = row[lane + EIGHT * FORCE] * nx + row[lane + EIGHT * (FORCE + 1)] * ny
-        old_n = max(0.0, old_n + row[lane + EIGHT * (FORCE + 2)] * nz)
-        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, motion, hh)
+        old_x, old_y = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)]
+        old_z = row[lane + EIGHT * (FORCE + 2)]
+        old_n = _pressed(row, lane)
+        # alpha (t_old - t_0): so much nearer is where the point sticks with what it holds; it is no slip.
+        lag_x = soft * (old_x - row[lane + EIGHT * HELD])
+        lag_y = soft * (old_y - row[lane + EIGHT * (HELD + 1)])
+        lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
+        xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+        nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
+        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh)
+        lag_n = lag_x * nx + lag_y * ny + lag_z * nz
+        row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
+        row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
+        row[lane + EIGHT * (SLIPPED + 2)] -= lag_z - lag_n * nz
         hold = row[lane + EIGHT * HOLD]
         row[lane + EIGHT * HOLD] = hold if soft <= row[lane + EIGHT * GIVE] else 0.0
 
@@ -202,17 +224,22 @@ def project_contacts(
 
 @njit(cache=True, error_model="numpy")
 def begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h, start, rows, pairs):
-    """BEFORE and ALLOWED for a substep h that starts at xw with these poses of the tools."""
+    """BEFORE, HELD and ALLOWED for a substep h that starts at xw with these poses of the tools."""
     for tool in range(len(kind)):
         for group in range(start[tool], start[tool + 1]):
             place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
+            row = pairs[group]
+            if rows[group, EDGED]:
+                for entry in range(3 * EIGHT):
+                    row[EIGHT * HELD + entry] = row[EIGHT * FORCE + entry]
             if rows[group, DEEP]:
                 place_group(group, X, rows, indptr, node, weight, xw, pairs)
-                row = pairs[group]
-                find_gaps(row, kind[tool], shape[tool], three(position, tool), four(orientation, tool))
+                place, turn = three(position, tool), four(orientation, tool)
+                find_side_gaps(row, rows, group, kind[tool], shape[tool], place, turn)
                 for lane in range(EIGHT):
                     if row[lane + EIGHT * DEPTH] > 0.0:
-                        row[lane + EIGHT * ALLOWED] = min(0.0, row[lane + EIGHT * GAP]) / (1.0 + h / RELEASE)
+                        old = row[lane + EIGHT * GAP] + row[lane + EIGHT * SOFT] * _pressed(row, lane)
+                        row[lane + EIGHT * ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
 
 
 @batch_kernel

@@ -14,11 +14,12 @@ SLIP_SINCE  3  slip since the point began to touch [m]
 MEAN        3  force [N], mean over the step so far
 MOMENT      3  torque about the tool's position [N m], mean over the step so far
 WORK        1  work of the tool on the point [J]; friction takes none of it
-DEPTH       1  how deep the point was inside the tool at the start of the step [m]
+DEPTH       1  how much deeper the point was inside the tool at the start of the step than its force tells [m]
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]
 HOLD        1  directions in which the tool holds the point: 0, 1 where it slides, 3 where it sticks
 SOFT        1  compliance of contact where the tool's edge covers a part of what the point stands for, else 0 [m/N]
+HELD        3  FORCE at the start of the substep, in groups with such points [N]
 `rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
 node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (the tool's edge covers some points in part) and
 then SIDE 8 (side of the tool, -1 where contact is exact). Groups start[t] .. start[t + 1] belong to tool t.
@@ -35,8 +36,8 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 17, 20, 23
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT = 26, 27, 28, 32, 35, 36
-N_COLUMNS = 37
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD = 26, 27, 28, 32, 35, 36, 37
+N_COLUMNS = 40
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
 N_ROWS = 27
@@ -125,8 +126,11 @@ def find_pairs(
             edge = side[point, tool]
             if square > reach and not carried and edge < 0:
                 continue
+            due = 0.0
             if edge >= 0:
-                gap = side_gap(edge, tool_shape, place, turn, x)[0]
+                gap, nx, ny, nz = side_gap(edge, tool_shape, place, turn, x)
+                fx, fy, fz = three(force[point], tool)
+                due = soft[point, tool] * max(0.0, fx * nx + fy * ny + fz * nz)
             else:
                 gap = tool_gap(tool_kind, tool_shape, place, turn, x)[0]
             if gap >= margin and not carried:
@@ -157,8 +161,8 @@ def find_pairs(
                 rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
                 pairs[group, EIGHT * SOFT + lane] = soft[point, tool]
                 pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / (give + soft[point, tool]) if give > 0.0 else 0.0
-            elif gap < -DEEPEST_ROUNDOFF:
-                pairs[group, EIGHT * DEPTH + lane] = -gap
+            if gap + due < -DEEPEST_ROUNDOFF:
+                pairs[group, EIGHT * DEPTH + lane] = -gap - due
                 rows[group, DEEP] = 1
             for c in range(3):
                 pairs[group, EIGHT * (FORCE + c) + lane] = force[point, tool, c]

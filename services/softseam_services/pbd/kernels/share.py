@@ -45,14 +45,14 @@ def find_shares(x, shape, position, orientation, edges):
             continue
         for face in range(len(faces)):
             _see(x, faces, face, position[tool], orientation[tool], corner)
-            stiffness = edges.stiffness[face] * _facing(corner, pressing)
+            stiffness = edges.stiffness[face] * _facing(corner, pressing, shape[tool])
             if stiffness > 0.0:
                 _add_face(corner, pressing, shape[tool], stiffness, edges.point[face], held)
         for point in range(len(held)):
             covered, k = held[point, 0], held[point, 1]
             if ROUNDOFF * k < covered < (1.0 - ROUNDOFF) * k:
                 side[point] = pressing
-                edges.give[point, tool] = 1.0 / covered - 1.0 / k  # eq. (1)
+                edges.give[point, tool] = (1.0 / covered - 1.0 / k) / edges.whole[point]  # eq. (1)
 
 
 @njit(cache=True, error_model="numpy")
@@ -79,15 +79,17 @@ def _vote(corner, shape, edge, stiffness, votes):
 
 
 @njit(cache=True, error_model="numpy")
-def _facing(corner, side):
+def _facing(corner, side, shape):
     """Cosine between a face's inward normal and a side's outward one; 0 where it looks away, or lies on the far half
-    of the box, where the surface of the body is not what this side presses."""
+    of the box, where the surface of the body is not what this side presses. Over a quarter of the box before that it
+    fades: beside the edge of a thin box the surface rises so far."""
     n, axis = _normal(corner), side % 3
     sign = 1.0 if side >= 3 else -1.0
     middle = corner[0, axis] + corner[1, axis] + corner[2, axis] + corner[3, axis]
     if sign * n[axis] >= 0.0 or sign * middle <= 0.0:
         return 0.0
-    return abs(n[axis]) / np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    near = min(1.0, 0.5 * sign * middle / shape[axis])
+    return near * abs(n[axis]) / np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
 
 
 @njit(cache=True, error_model="numpy")
