@@ -92,4 +92,5 @@ def _areas(body: Body, region: Region) -> Floats:
     x = body.x_rest[nodes[:, _WHOLE]]
     area = 0.5 * np.linalg.norm(np.cross(x[:, 3] - x[:, 0], x[:, 1] - x[:, 2]), axis=1)
     parts = np.repeat([4.0, 2.0, 1.0], [1, 4, 4]) / 16.0
-    return np.bincount(nodes.ravel(), (area[:, None] * parts).ravel(), minlength=body.n_nodes)
+    total = np.bincount(nodes.ravel(), (area[:, None] * parts).ravel(), minlength=body.n_nodes)
+    return total.astype(np.float64, copy=False)
