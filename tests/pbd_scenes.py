@@ -9,6 +9,7 @@ from pbd_run import PbdRun, block_scene, cantilever
 from rich.console import Console
 from rich.table import Table
 
+from softseam.chart.measure import measure
 from softseam_services.pbd.kernels.lanes import LANES
 from softseam_services.pbd.pair import Pair
 
@@ -16,6 +17,8 @@ TIP = -0.1504
 """lowest tip of scene A [m], two independent codes"""
 HOLD = 13.1
 """force per plate of scene B at 15 % in the hold [N], three independent codes, +- 0.1 N"""
+HELD = (1.2, 1.42)
+"""when tofu_grasp's plates have closed and not yet lifted [s]"""
 PLATE = {"kind": "box", "size": (0.01, 0.06, 0.06), "friction": 0.6}
 
 
@@ -156,5 +159,25 @@ def scene_b(console: Console) -> None:
             f"{hold:.2f}",
             f"{hold / HOLD - 1.0:+.1%}",
             f"{1.0 / spent:.0f}",
+        )
+    console.print(table)
+
+
+def scene_b_in_the_product(console: Console) -> None:
+    """The whole motion of scene tofu_grasp by XPBD alone, embedded: grip force of the hold, and processor time."""
+    table = Table("tofu_grasp, cells", "blocks", "step [ms]", "hold [N]", "error", "RTF")
+    for counts, step in (((2, 2, 2), 0.06), ((3, 2, 2), 0.06), ((4, 2, 2), 0.04), ((4, 2, 2), 0.01)):
+        cell = [0.05 / n for n in counts]
+        settings = (f"body.cell={cell}", f"step={step}", "models.pbd={hourglass: fitted}", "regions={default: pbd}")
+        found = measure("tofu_grasp", settings, ("grip_force",), runs=5)
+        assert found.series is not None, found.reason
+        held = float(np.median(found.series.at("grip_force", np.linspace(*HELD, 9))))
+        table.add_row(
+            "{} x {} x {}".format(*counts),
+            str(8 * found.n_cells),
+            f"{1e3 * step:.0f}",
+            f"{held:.2f}",
+            f"{held / HOLD - 1.0:+.1%}",
+            f"{found.simulated / found.cpu:.0f}",
         )
     console.print(table)

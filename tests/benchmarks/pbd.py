@@ -14,7 +14,7 @@ from numba import njit
 from numba.core.runtime.nrt import rtsys
 from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
-from pbd_scenes import scene_a, scene_b, two_threads
+from pbd_scenes import scene_a, scene_b, scene_b_in_the_product, two_threads
 from rich.console import Console
 from rich.table import Table
 from timing import least
@@ -203,6 +203,7 @@ def main() -> None:
     two_threads(console)
     scene_a(console)
     scene_b(console)
+    scene_b_in_the_product(console)
 
 
 if __name__ == "__main__":
