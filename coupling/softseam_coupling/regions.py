@@ -199,6 +199,8 @@ class RegionRule:
         """The greatest urgency of each cell (C,); not above 1 where others are raised first: those beside near cells,
         so that patches grow before islands come up, and then the most urgent."""
         urgent = np.zeros(grid.n_cells)
+        if not urgency:
+            return urgent
         for measure in urgency.values():
             np.maximum(urgent, measure, out=urgent)
         asked = np.flatnonzero((urgent > 1.0) & ~state.near & ~grid.pinned & ~(ahead < self.within))

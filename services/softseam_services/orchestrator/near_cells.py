@@ -126,7 +126,9 @@ class NearCells:
         for name, cells in sides.cells.items():
             distance[cells] = replies[name].cell_distance
         with np.errstate(invalid="ignore"):
-            approach = np.nan_to_num(self._horizon * (self._distance - distance))  # no tool, no distance: inf - inf
+            approach = self._horizon * (self._distance - distance)
+        if not np.isfinite(approach).all():
+            approach = np.nan_to_num(approach)  # no tool, no distance: inf - inf
         self._distance = distance
         if blame is not None:
             self._urgency.blame(blame)
