@@ -20,7 +20,8 @@ from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
 from softseam_services.fem.kernels.elements import add_cell_tangents, strain_energy, subtract_forces
 from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
 from softseam_services.fem.kernels.viscous_start import resist
-from softseam_services.fem.model import build_model, build_work
+from softseam_services.fem.model import build_model
+from softseam_services.fem.work import build_work
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

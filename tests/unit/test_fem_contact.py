@@ -22,7 +22,9 @@ from softseam_services.fem.kernels.contact import (
     hold_what_stuck,
     lets_go,
 )
-from softseam_services.fem.model import FemModel, Tools, Work
+from softseam_services.fem.model import FemModel
+from softseam_services.fem.tool_motion import Tools
+from softseam_services.fem.work import Work
 from softseam_services.tools.kernels import tool_gap
 from softseam_services.tools.tool_set import PLANE
 

@@ -14,7 +14,8 @@ from softseam_services.fem.dissection import Tree
 from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal, seam_inverse, solve
 from softseam_services.fem.kernels.pair import factor
-from softseam_services.fem.model import FemModel, Work, build_model, build_work
+from softseam_services.fem.model import FemModel, build_model
+from softseam_services.fem.work import Work, build_work
 
 CASES = ["one_cell", "clamped", "two_columns", "ring", "wide", "slab"]
 """wide and slab: panels beyond NARROW columns, and a seam as wide"""

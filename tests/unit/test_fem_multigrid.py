@@ -24,7 +24,8 @@ from softseam_services.fem.kernels.multigrid import (
     prepare,
 )
 from softseam_services.fem.kernels.sparse import product
-from softseam_services.fem.model import FemModel, Work, build_model, build_work
+from softseam_services.fem.model import FemModel, build_model
+from softseam_services.fem.work import Work, build_work
 
 Matrix = NDArray[np.float64]
 

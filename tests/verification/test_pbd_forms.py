@@ -19,7 +19,8 @@ from softseam_services.body.lattice import LOCAL
 from softseam_services.body.materials import point
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.model import build_model, build_work
+from softseam_services.fem.model import build_model
+from softseam_services.fem.work import build_work
 from softseam_services.orchestrator.sides import FAR, NEAR, cut
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.pbd.forms import MODES, mean_slopes

@@ -19,7 +19,8 @@ from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.calibration.measure import Bench
 from softseam_services.calibration.modes import CELL_REACH
 from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.model import build_model, build_work
+from softseam_services.fem.model import build_model
+from softseam_services.fem.work import build_work
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.sides import FAR, NEAR, cut
 from softseam_services.orchestrator.simulation import Simulation

@@ -22,7 +22,8 @@ from softseam_protocol.scene_regions import RegionsSpec
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.model import build_model, build_work
+from softseam_services.fem.model import build_model
+from softseam_services.fem.work import build_work
 from softseam_services.pbd.blocks import build_blocks
 from softseam_services.pbd.model_error import ModelError
 

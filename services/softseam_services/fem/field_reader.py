@@ -11,8 +11,9 @@ from softseam_services.body.body import Body, Floats, Region
 from softseam_services.fem.face_forces import gathered_at_nodes, gathering
 from softseam_services.fem.kernels.elements import cauchy_stress, strain_energy
 from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.model import FemModel, Work
+from softseam_services.fem.model import FemModel
 from softseam_services.fem.state import FemState
+from softseam_services.fem.work import Work
 from softseam_services.pbd.model_error import ModelError
 
 

@@ -28,10 +28,11 @@ from softseam_services.fem.kernels.newton import (
     STALLED,
 )
 from softseam_services.fem.kernels.settle import settle
-from softseam_services.fem.model import Tools, build_model, build_work
+from softseam_services.fem.model import build_model
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
-from softseam_services.fem.tool_motion import at_rest, moved, part_of
+from softseam_services.fem.tool_motion import Tools, at_rest, moved, part_of
+from softseam_services.fem.work import build_work
 from softseam_services.request_check import problem_of, problem_of_anchor
 from softseam_services.tools.tool_set import ToolSet
 

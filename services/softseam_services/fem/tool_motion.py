@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_protocol.messages import ToolMotion
-from softseam_services.fem.model import Tools
+from softseam_services.body.body import Floats, Ints
+from softseam_services.by_reference import by_reference
 from softseam_services.tools.tool_set import ToolSet
+
+
+@by_reference
+class Tools(NamedTuple):
+    """Tools over one step (t tools), for the kernels."""
+
+    kind: Ints
+    shape: Floats
+    friction: Floats
+    near: NDArray[np.bool_]
+    position: Floats
+    orientation: Floats
+    position_next: Floats
+    orientation_next: Floats
 
 
 def at_rest(tools: ToolSet) -> Tools:

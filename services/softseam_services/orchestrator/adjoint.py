@@ -28,8 +28,9 @@ from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import CONVERGED, N_MEMO
-from softseam_services.fem.model import FemModel, Work, build_model, build_work
+from softseam_services.fem.model import FemModel, build_model
 from softseam_services.fem.tool_motion import at_rest, moved
+from softseam_services.fem.work import Work, build_work
 from softseam_services.tools.tool_set import ToolSet
 
 _CROSSINGS = 1e3

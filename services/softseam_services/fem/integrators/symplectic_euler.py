@@ -3,7 +3,7 @@
 v1 = v0 + h M^-1 F(x0),  x1 = x0 + h v1                                                                        (1)
 It is leapfrog with velocities half a step behind, so first order, and second where a motion starts without force.
 Stable for h < 2/w, w the highest frequency of M^-1 K; a step is made of as many substeps as that asks for
-(`longest_substep`, measured at rest; a crushed body is stiffer, so a share SAFETY of it is used). It solves no
+(`table.longest_substep`, measured at rest; a crushed body is stiffer, so a share SAFETY of it is used). It solves no
 equations and so cannot close contacts or a seam: an oracle for the implicit ones, and quick on small soft bodies.
 """
 
@@ -14,17 +14,10 @@ import numpy as np
 from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.kernels.newton import CONVERGED, LEAST_J, NOT_FINITE, WORST_CELL
-from softseam_services.fem.model import FemModel, Work
 
 SAFETY = 0.6
 _ROUNDS = 60
 _SHAKE = 1e-6
-
-
-def longest_substep(model: FemModel, work: Work) -> float:
-    """SAFETY 2/w [s]."""
-    frequency: float = highest_frequency(model, work)
-    return SAFETY * 2.0 / frequency
 
 
 @njit(cache=True, error_model="numpy")

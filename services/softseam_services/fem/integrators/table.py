@@ -15,8 +15,9 @@ from softseam_services.fem.integrators.scheme import (
     SYMPLECTIC_EULER,
     Scheme,
 )
-from softseam_services.fem.integrators.symplectic_euler import longest_substep
-from softseam_services.fem.model import FemModel, Work
+from softseam_services.fem.integrators.symplectic_euler import SAFETY, highest_frequency
+from softseam_services.fem.model import FemModel
+from softseam_services.fem.work import Work
 
 # Where tools touch, oscillations of the held points must die out within a few steps; elsewhere they should live.
 _RADIUS = {"midpoint": (1.0, 0.5), "generalised_alpha": (0.8, 0.0)}
@@ -37,6 +38,12 @@ def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool, reta
     if name == "midpoint":
         return Scheme(MIDPOINT, np.array([midpoint.theta(radius)]), 0, retardation_time)
     return Scheme(GENERALISED_ALPHA, generalised_alpha.parameters(radius), generalised_alpha.N_HISTORY)
+
+
+def longest_substep(model: FemModel, work: Work) -> float:
+    """Of symplectic Euler: SAFETY 2/w [s]."""
+    frequency: float = highest_frequency(model, work)
+    return SAFETY * 2.0 / frequency
 
 
 def order(scheme: Scheme) -> int:

@@ -1,0 +1,143 @@
+"""What a region's FEM works in: arrays that kernels write, of the sizes that its model asks for."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_services.body.body import Floats, Ints
+from softseam_services.by_reference import by_reference
+from softseam_services.fem.coarse import Grid, build_grid, no_grid
+from softseam_services.fem.dissection import Factoring, Tree, scratch
+from softseam_services.fem.kernels.cells import LANES
+from softseam_services.fem.kernels.contact import N_COLUMNS
+from softseam_services.fem.model import FemModel
+
+MEMORY = 12
+"""columns of Anderson acceleration"""
+
+
+@by_reference
+class Work(NamedTuple):
+    """Scratch of one solver; nothing in it outlives a step but the factor, and `snapshot` drops that."""
+
+    part: Floats
+    """how much of each cell `rule` or the fast path makes up (c,)"""
+    full: Floats
+    """how much of it `full` makes up (c,)"""
+    mixed: Ints
+    """how many cells `full` has a part of (1,)"""
+    energy: Floats
+    """of each cell (c,) [J]"""
+    xe: Floats
+    F: Floats
+    P: Floats
+    fe: Floats
+    both: Floats
+    """P and x of a cell that is cut, side by side (3, 24 + 27)"""
+    h: Floats
+    row: Floats
+    ints: Ints
+    values: Floats
+    """the panels: matrix, then its factor"""
+    factoring: Factoring
+    grid: Grid
+    """of conjugate gradients, where the matrix is not factored"""
+    r: Floats
+    d: Floats
+    d_last: Floats
+    dx: Floats
+    q: Floats
+    s: Floats
+    pair: Ints
+    start: Floats
+    multiplier: Floats
+    contact: Floats
+    hold: Floats
+    """per pair: stiffness along the normal [N/m], the part of the normal force that is carried over, the gap that is
+    left [m], stiffness across [N/m]"""
+    side: NDArray[np.int8]
+    """per pair: side of the box that covers the point, -1 where the tool's gap counts"""
+    state: NDArray[np.int8]
+    factored_state: NDArray[np.int8]
+    """contact states that the factor holds (p, t)"""
+    x_hat: Floats
+    inside: Floats
+    """where internal forces are taken (n, 3) [m]"""
+    force: Floats
+    viscous: Floats
+    """c of kernels/viscosity.py (1,)"""
+    resistance: Floats
+    """its T of each element (c, b, m, m) [N/m]"""
+    origin: Floats
+    """of each of its points F^-T at the start of the step (c, b q, 3, 3)"""
+    volume: Floats
+    """and det F there (c, b q)"""
+    node_gap: Floats
+    seam_block: Floats
+    seam_coupled: Ints
+    """1 where the other side's stiffness acts on the seam (1,)"""
+    seam_stiffness: Floats
+    """(3s, 3s) [N/m]"""
+    seam_anchor: Floats
+    """(s, 3) [m]"""
+    seam_away: Floats
+    """anchor - x (3s, 1) [m]"""
+    seam_actual: Floats
+    """force on the seam nodes at the end of the step (s, 3) [N]"""
+
+
+def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
+    """Scratch arrays of the right sizes."""
+    n_cells, n_nodes = model.cell_nodes.shape[0], len(model.mass)
+    n_free = int(np.count_nonzero(tree.position >= 0))
+    n_pairs = int(np.count_nonzero(model.point_stiffness)) * n_tools
+    n_viscous = n_cells if model.resists else 0
+    n_elements, n_points, _, n_places = model.viscous.gradient.shape[1:]
+    return Work(
+        part=np.ones(n_cells),
+        full=np.zeros(n_cells),
+        mixed=np.zeros(1, dtype=np.int32),
+        energy=np.zeros(n_cells),
+        xe=np.empty((n_cells, 3, 27)),
+        F=np.empty((n_cells, 3, 24)),
+        P=np.empty((n_cells, 3, 24)),
+        fe=np.empty((n_cells, 3, 27)),
+        both=np.empty((3, 51)),
+        h=np.zeros(24 * LANES),
+        row=np.zeros(9 * LANES),
+        ints=np.zeros(8, dtype=np.int32),
+        values=np.zeros(tree.n_values),
+        factoring=scratch(tree),
+        grid=build_grid(model.cell_nodes, model.cell_grid, tree, model.seam) if tree.kind else no_grid(),
+        r=np.zeros(3 * n_free),
+        d=np.zeros(3 * n_free),
+        d_last=np.zeros(3 * n_free),
+        dx=np.zeros(3 * n_free),
+        q=np.zeros((MEMORY, 3 * n_free)),
+        s=np.zeros((MEMORY, 3 * n_free)),
+        pair=np.zeros((n_pairs, 2), dtype=np.int32),
+        start=np.zeros((n_pairs, 3)),
+        multiplier=np.zeros((n_pairs, 3)),
+        contact=np.zeros((n_pairs, N_COLUMNS)),
+        hold=np.zeros((n_pairs, 4)),
+        side=np.zeros(n_pairs, dtype=np.int8),
+        state=np.zeros(n_pairs, dtype=np.int8),
+        factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),
+        x_hat=np.zeros((n_nodes, 3)),
+        inside=np.zeros((n_nodes, 3)),
+        force=np.zeros((n_nodes, 3)),
+        viscous=np.zeros(1),
+        resistance=np.zeros((n_viscous, n_elements, n_places, n_places)),
+        origin=np.zeros((n_viscous, n_elements * n_points, 3, 3)),
+        volume=np.zeros((n_viscous, n_elements * n_points)),
+        node_gap=np.zeros(n_nodes),
+        seam_block=np.empty((2, 9 * len(model.seam) ** 2)),
+        seam_coupled=np.zeros(1, dtype=np.int32),
+        seam_stiffness=np.zeros((3 * len(model.seam), 3 * len(model.seam))),
+        seam_anchor=np.zeros((len(model.seam), 3)),
+        seam_away=np.zeros((3 * len(model.seam), 1)),
+        seam_actual=np.zeros((len(model.seam), 3)),
+    )
