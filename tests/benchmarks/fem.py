@@ -23,7 +23,6 @@ from fem_run import CLOSE, FemRun, tofu
 from timing import least
 
 from softseam_services.fem import model as fem_model
-from softseam_services.fem.dissection import Factoring
 from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts, find_candidates
 from softseam_services.fem.kernels.elements import add_cell_tangents
 from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, solve
@@ -39,6 +38,7 @@ from softseam_services.fem.kernels.newton import residual
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import product
 from softseam_services.fem.tool_motion import moved
+from softseam_services.fem.tree import Factoring
 
 SIZES = ((4, 1, 1), (2, 2, 2), (3, 3, 3), (4, 4, 4), (5, 5, 5), (7, 7, 7), (12, 12, 12), (20, 20, 20))
 MOST_FACTORED = 60_000

@@ -14,11 +14,11 @@ from softseam_services.body.build import build_body
 from softseam_services.body.filled import FILL_FLOOR
 from softseam_services.body.materials import point
 from softseam_services.body.region import build_region
-from softseam_services.fem.dissection import Tree
 from softseam_services.fem.elements.hex27_box import cell_tables
 from softseam_services.fem.kernels.elements import add_cell_tangents, cauchy_stress, strain_energy, subtract_forces
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.model import FemModel, build_model
+from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work, build_work
 
 FILLS = ["full", "partial", "two materials"]

@@ -8,7 +8,6 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
-from softseam_services.fem.dissection import Tree
 from softseam_services.fem.kernels.contact import (
     HELD,
     OPEN,
@@ -24,6 +23,7 @@ from softseam_services.fem.kernels.contact import (
 )
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.tool_motion import Tools
+from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work
 from softseam_services.tools.kernels import tool_gap
 from softseam_services.tools.tool_set import PLANE

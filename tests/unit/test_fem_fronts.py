@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem import dissection
-from softseam_services.fem.dissection import Tree
 from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal, seam_inverse, solve
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.model import FemModel, build_model
+from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work, build_work
 
 CASES = ["one_cell", "clamped", "two_columns", "ring", "wide", "slab"]

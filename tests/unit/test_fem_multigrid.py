@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem import model as fem_model
-from softseam_services.fem.dissection import Tree
 from softseam_services.fem.kernels.elements import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal
 from softseam_services.fem.kernels.multigrid import (
@@ -25,6 +24,7 @@ from softseam_services.fem.kernels.multigrid import (
 )
 from softseam_services.fem.kernels.sparse import product
 from softseam_services.fem.model import FemModel, build_model
+from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work, build_work
 
 Matrix = NDArray[np.float64]

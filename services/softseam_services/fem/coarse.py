@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
 from softseam_services.by_reference import by_reference
-from softseam_services.fem.dissection import Factoring, Ints, Tree, dissect, scratch
+from softseam_services.fem.dissection import dissect
+from softseam_services.fem.tree import Factoring, Ints, Tree, scratch
 
 _CORNERS = np.array([0, 2, 6, 8, 18, 20, 24, 26])
 

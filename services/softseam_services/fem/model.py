@@ -13,7 +13,7 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import FUNCTIONS, point_weights
 from softseam_services.by_reference import by_reference
-from softseam_services.fem.dissection import Tree, dissect
+from softseam_services.fem.dissection import dissect
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.cut import with_cut_cells
 from softseam_services.fem.elements.hex27 import SHARES
@@ -24,6 +24,7 @@ from softseam_services.fem.kernels.contact import ALONE
 from softseam_services.fem.kernels.multigrid import MULTIGRID, NONE
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.fem.sparse import sparse_tree
+from softseam_services.fem.tree import Tree
 from softseam_services.tools.tool_set import ToolSet
 
 # Contact penalty r = PENALTY E A / h at a surface point, h half an edge of the cells there: softer lets points sink in

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.fem.dissection import Ints, Tree, cell_places
+from softseam_services.fem.tree import Ints, Tree, cell_places
 
 
 def sparse_tree(kind: int, cell_nodes: Ints, fixed: NDArray[np.bool_]) -> Tree:
