@@ -92,8 +92,8 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
     fem_model.MOST_FACTORED = 10**9 if kind == NONE else 0
     run = FemRun(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2])))
     build = time.process_time() - began
-    solver = run.solver
-    model, tree, work, memo = solver._model, solver._tree._replace(kind=kind), solver._work, solver._memo
+    solver, stepper = run.solver, run.solver._stepper
+    model, tree, work, memo = solver._model, stepper._tree._replace(kind=kind), stepper.work, stepper.memo
     tools = moved(solver._whole, run.request().tools)
     x, none = model.x_rest.copy(), np.zeros(0, dtype=np.int32)
     n = 3 * int(np.count_nonzero(tree.position >= 0))
@@ -162,7 +162,7 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
         )  # fmt: skip
     row.residual = least(lambda: residual(x, x, model, tools, 0, 1.0 / STEP**2, 1.0, work, memo))
     row.contact = least(touch)
-    row.megabytes = 1e-6 * _size((model, solver._tree, work))
+    row.megabytes = 1e-6 * _size((model, tree, work))
     row.cells = len(model.cell_nodes)
     if kind == NONE and n < 20_000:
         row.newton = steps(run)
@@ -173,7 +173,8 @@ def steps(run: FemRun) -> dict[str, float]:
     """Newton iterations of a squeeze: how many and how many factors a step, ms an iteration, share of Python."""
     solver = run.solver
     inner = [0.0]
-    advance = solver._advance
+    stepper = solver._stepper
+    advance = stepper._advance
 
     def timed(*args: Any, **keys: Any) -> int:
         began = time.process_time()
@@ -182,7 +183,7 @@ def steps(run: FemRun) -> dict[str, float]:
         return status
 
     run.step(CLOSE)
-    solver._advance = timed  # type: ignore[method-assign]
+    stepper._advance = timed  # type: ignore[method-assign]
     factors, began = solver.factorisations, time.process_time()
     n_steps = 40 if len(run.region.nodes) < 1000 else 12
     iterations = sum(run.step(CLOSE).iterations for _ in range(n_steps))

@@ -101,7 +101,8 @@ class Case:
         self.run = FemRun(tofu(cell=0.05 / n, step=step))
         solver = self.run.solver
         self.step = step
-        self.model, self.tree, self.work, self.memo = solver._model, solver._tree, solver._work, solver._memo
+        stepper = solver._stepper
+        self.model, self.tree, self.work, self.memo = solver._model, stepper._tree, stepper.work, stepper.memo
 
     def assemble(self, x: Floats, contact: Floats, tools: object) -> None:
         """Matrix at x (n, 3), its contacts included."""

@@ -38,7 +38,7 @@ def _problem(
     """A cube whose lower face is 10 um below the ground; every point there carries the multiplier."""
     run = FemRun(block(tools={"ground": {"kind": "plane", "friction": friction}}))
     solver = run.solver
-    model, tree, work = solver._model, solver._tree, solver._work
+    model, tree, work = solver._model, solver._stepper._tree, solver._stepper.work
     pose = (run.position, run.orientation, run.position, run.orientation)
     tools = Tools(run.tools.kind, run.tools.shape, run.tools.friction, run.tools.near, *pose)
     x = model.x_rest - np.array([0.0, 0.0, 1e-5])

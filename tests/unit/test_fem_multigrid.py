@@ -150,7 +150,7 @@ def test_a_squeeze_is_the_same_either_way(seam: bool, monkeypatch: pytest.Monkey
     factored, one = squeeze()
     monkeypatch.setattr(fem_model, "MOST_FACTORED", 0)
     iterated, two = squeeze()
-    assert iterated.solver._tree.kind == MULTIGRID and factored.solver._tree.kind == 0
+    assert iterated.solver._stepper._tree.kind == MULTIGRID and factored.solver._stepper._tree.kind == 0
     np.testing.assert_allclose(iterated.x, factored.x, atol=1e-6 * 0.025)
     np.testing.assert_allclose(two.wrench, one.wrench, atol=2e-3 * np.abs(one.wrench).max())
     if seam:

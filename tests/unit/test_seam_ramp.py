@@ -106,9 +106,9 @@ def test_every_substep_of_pbd_feels_its_own_force() -> None:
 @pytest.mark.parametrize("name", ["bdf2", "newmark"])
 def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A step that is too hard at once is taken in parts."""
-    monkeypatch.setattr("softseam_services.fem.solver._CAREFUL_ITERATIONS", 4)
+    monkeypatch.setattr("softseam_services.fem.step._CAREFUL_ITERATIONS", 4)
     hard, parts = fem(name), fem(name)
-    hard.solver._spec = hard.solver._spec.model_copy(update={"iterations": 4})
+    hard.solver._stepper._spec = hard.solver._stepper._spec.model_copy(update={"iterations": 4})
     start, end = 300.0 * forces(hard, 3), 300.0 * forces(hard, 4)
     reply = hard.solver.advance(ramped(hard, start, end))
     n = reply.n_substeps
@@ -129,7 +129,7 @@ def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monk
 )
 def test_where_a_ramp_acts_and_works(name: str, acts: float, works: float) -> None:
     run = fem(name)
-    scheme = build_scheme(run.scene.models.fem, run.solver._model, run.solver._work, False)
+    scheme = build_scheme(run.scene.models.fem, run.solver._model, run.solver._stepper.work, False)
     assert (forces_at(scheme, DT), works_at(scheme, DT)) == (acts, works)
     first = 0.5 if name != "implicit_euler" else 1.0  # without a history a step of midpoint
     assert forces_at(scheme, 0.0) == first

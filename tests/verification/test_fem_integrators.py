@@ -47,7 +47,7 @@ def energies(run: FemRun, time: float, dt: float) -> NDArray[np.float64]:
     """Kinetic + strain energy after each step, over the initial one."""
     v = run.solver.state.v
     kinetic = 0.5 * float((run.solver._model.mass[:, None] * v**2).sum())
-    start = kinetic + float(strain_energy(run.x, run.solver._model, run.solver._work))
+    start = kinetic + float(strain_energy(run.x, run.solver._model, run.solver._stepper.work))
     return np.array([r.kinetic + r.strain for r in run.run(time, dt=dt)]) / start
 
 
@@ -119,7 +119,7 @@ def test_symplectic_euler_divides_steps_beyond_its_limit() -> None:
     """A step of 10 ms, six times the longest stable one: energy stays bounded."""
     run = kicked("symplectic_euler")
     energy = energies(run, 2.0, 0.01)
-    assert 0.01 > 2.0 * run.solver._scheme.parameters[1] / SAFETY
+    assert 0.01 > 2.0 * run.solver._stepper.scheme.parameters[1] / SAFETY
     assert 0.85 < energy.min() < energy.max() < 1.1
 
 
@@ -231,7 +231,7 @@ def test_a_great_load_is_raised_in_parts(monkeypatch: pytest.MonkeyPatch) -> Non
     scene = with_integrator(cantilever(20e3), "static")
     run = FemRun(scene)
     patient = run.step()
-    monkeypatch.setattr("softseam_services.fem.solver._CAREFUL_ITERATIONS", 5)
+    monkeypatch.setattr("softseam_services.fem.step._CAREFUL_ITERATIONS", 5)
     fem = scene.models.fem.model_copy(update={"iterations": 20})
     hasty = FemRun(scene.model_copy(update={"models": scene.models.model_copy(update={"fem": fem})}))
     assert hasty.step().iterations > 2 * patient.iterations

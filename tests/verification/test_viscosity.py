@@ -57,7 +57,7 @@ def clamped(time: float, integrator: IntegratorKind = "implicit_euler") -> Scene
 def modes() -> tuple[Floats, Floats]:
     """Frequencies [rad/s], ascending, and modes (k, n, 3) of the clamped cube of one cell, by differences of forces."""
     run = FemRun(clamped(0.0))
-    model, work, h = run.solver._model, run.solver._work, 1e-7
+    model, work, h = run.solver._model, run.solver._stepper.work, 1e-7
     free = np.flatnonzero(model.order >= 0)
     places = (3 * model.order[free][:, None] + np.arange(3)).ravel()
     K = np.zeros((len(places), len(places)))
