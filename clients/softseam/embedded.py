@@ -64,12 +64,19 @@ class EmbeddedBackend:
         return self._observation(fields=True)
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
+        from softseam_services.orchestrator.client_view import counted
+        from softseam_services.orchestrator.participants import StepFailed
+        from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
+
         recording = self._recorder is not None
         command = None if velocities is None else {name: velocity.tolist() for name, velocity in velocities.items()}
         with translated():
             for remaining in range(count, 0, -1):
-                self._last = self.simulation.step(command, fields=recording or (fields and remaining == 1))
-        return self._observation(fields)
+                try:
+                    self._last = self.simulation.step(command, fields=recording or (fields and remaining == 1))
+                except (StepFailed, ParticipantFailed, ParticipantLost) as error:
+                    raise counted(error, count - remaining, count) from None
+        return self._observation(fields, taken=True)
 
     def follow(self, most: int | None) -> list[Observation]:
         return [self.step(1, None, fields=False)]
@@ -99,12 +106,11 @@ class EmbeddedBackend:
         if self._record is not None and self.recorded is None:
             self.unrecorded = "the session ended before it was reset"
 
-    def _observation(self, fields: bool) -> Observation:
+    def _observation(self, fields: bool, taken: bool = False) -> Observation:
         from softseam_services.orchestrator.client_view import observation
 
-        events, self._events = self._events, []
         with translated():
-            return observation(self.simulation, self._last, fields=fields, events=events)
+            return observation(self.simulation, self._last, fields=fields, taken=taken, events=self._events)
 
     def _emit(self, message: Message) -> None:
         if isinstance(message, Event):

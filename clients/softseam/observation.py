@@ -187,6 +187,9 @@ class Observation:
 
     def _fields(self) -> Frame:
         if self.frame is None:
+            for event in self.events:
+                if event.kind == "lost" and event.message.startswith(f"step {self.step - 1} "):
+                    raise FieldsNotObserved(event.message)
             raise FieldsNotObserved("this observation was taken without fields: take the step with fields=True")
         return self.frame
 

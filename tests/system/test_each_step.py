@@ -1,4 +1,4 @@
-"""A request for the observations of several steps: nothing that was simulated is lost where a step fails."""
+"""Requests for steps: nothing that was simulated is lost, or simulated twice, where a participant is lost meanwhile."""
 
 from __future__ import annotations
 
@@ -7,13 +7,27 @@ from collections.abc import Iterator, Mapping
 import pytest
 from real_services import free_port, squeezed_bar
 
+from softseam.errors import FieldsNotObserved
+from softseam.observation import observation_from
 from softseam_protocol.bus import Bus, Router
-from softseam_protocol.messages import SCHEMA_VERSION, Advance, Header, Observation, Observations, Reply, Request, Step
+from softseam_protocol.messages import (
+    SCHEMA_VERSION,
+    Advance,
+    Commit,
+    Header,
+    Observation,
+    Observations,
+    Observe,
+    Reply,
+    Request,
+    Step,
+)
 from softseam_protocol.scene_file import bundle_scene
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator import desk
 from softseam_services.orchestrator.bus_transport import BusTimes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.transport import ParticipantLost
 
 LAST = 3
@@ -21,7 +35,11 @@ LAST = 3
 
 
 class Losing(EmbeddedTransport):
-    """Loses its participants for good once they have taken LAST steps."""
+    """Loses its participants for good once they have taken LAST steps, where they are asked for a kind of request."""
+
+    kinds: tuple[type[Request], ...] = (Advance,)
+    waits = 0
+    """how often anybody waited for a participant to come back"""
 
     def __init__(self, bus: Bus, keys: Keys) -> None:
         super().__init__()
@@ -29,12 +47,19 @@ class Losing(EmbeddedTransport):
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         for name, request in requests.items():
-            if isinstance(request, Advance) and request.header.step >= LAST:
+            if isinstance(request, self.kinds) and request.header.step >= LAST:
                 raise ParticipantLost(name, "the cable was cut")
         return super().exchange(requests)
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
+        Losing.waits += 1
         return False
+
+
+class LosingFields(Losing):
+    """Its participants take steps, and are lost for good where they are asked for fields after LAST of them."""
+
+    kinds = (Commit, Observe)
 
 
 @pytest.fixture
@@ -44,15 +69,20 @@ def bus() -> Iterator[Bus]:
         yield opened
 
 
-def request(count: int, *, each: bool) -> Step:
-    return Step(Header(SCHEMA_VERSION, "s", "", 0, 0, 1, 0.0), count, True, {}, fields=False, each=each)
+def request(count: int, *, each: bool = False, fields: bool = False) -> Step:
+    return Step(Header(SCHEMA_VERSION, "s", "", 0, 0, 1, 0.0), count, True, {}, fields=fields, each=each)
+
+
+def opened(bus: Bus) -> desk.Desk:
+    one = desk.Desk(bus, Keys("each"), "s", lambda: False)
+    one.open(bundle_scene(squeezed_bar()), record=False)
+    return one
 
 
 def test_a_failure_is_told_after_the_steps_before_it(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first answer has the steps that were taken, the next is the failure; after a reset all is as before."""
     monkeypatch.setattr(desk, "BusTransport", Losing)
-    one = desk.Desk(bus, Keys("each"), "s", lambda: False)
-    one.open(bundle_scene(squeezed_bar()), record=False)
+    one = opened(bus)
     for _ in range(2):
         taken: list[Observation] = []
         with pytest.raises(ParticipantLost, match="come back"):
@@ -63,5 +93,48 @@ def test_a_failure_is_told_after_the_steps_before_it(bus: Bus, monkeypatch: pyte
         assert [observation.header.step for observation in taken] == [1, 2, 3]
         assert all(observation.frame is None for observation in taken)
         one.reset(0)
-    plain = one.step(request(LAST, each=False))
+    plain = one.step(request(LAST))
     assert isinstance(plain, Observation) and plain.header.step == LAST
+
+
+def test_a_step_whose_fields_are_lost_is_taken_once(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is answered without them, and says why; they are waited for once. The next request is for the next step."""
+    monkeypatch.setattr(desk, "BusTransport", LosingFields)
+    one = opened(bus)
+    one.step(request(LAST - 1))
+    assert one.save()
+    monkeypatch.setattr(Losing, "waits", 0)
+    for taken in (LAST, LAST + 1):
+        answer = one.step(request(1, fields=True))
+        assert isinstance(answer, Observation) and answer.frame is None
+        assert answer.header.step == taken and answer.report.header.step == taken - 1
+        assert [event.message for event in answer.events if event.kind == "lost"] == [
+            f"step {taken - 1} is taken, but what follows it was not done: participant 'near' is lost: it did not come "
+            "back within 60 s: is its service running and supervised?"
+        ]
+        assert Losing.waits == taken - LAST + 1
+    with pytest.raises(FieldsNotObserved, match=f"step {LAST} is taken, but"):
+        assert isinstance(answer, Observation) and observation_from(answer, ("left", "right")).positions
+    monkeypatch.setattr(LosingFields, "kinds", ())
+    whole = one.step(request(1, fields=True))
+    assert isinstance(whole, Observation) and whole.frame is not None and whole.header.step == LAST + 2
+
+
+def test_steps_before_one_that_fails_are_counted(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who asks for several at once is told how many were taken."""
+    monkeypatch.setattr(desk, "BusTransport", Losing)
+    one = opened(bus)
+    with pytest.raises(StepFailed, match=rf"come back .* \({LAST} of the 10 steps asked for were taken\)"):
+        one.step(request(10))
+    with pytest.raises(ParticipantLost, match=r"supervised\?$"):
+        one.step(request(10))
+
+
+def test_a_session_that_cannot_be_seen_is_not_open(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may be opened again under its name."""
+    monkeypatch.setattr(desk, "BusTransport", LosingFields)
+    monkeypatch.setattr("test_each_step.LAST", -1)
+    one = desk.Desk(bus, Keys("each"), "s", lambda: False)
+    with pytest.raises(ParticipantLost):
+        one.open(bundle_scene(squeezed_bar()), record=False)
+    assert not one.opened

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import softseam
 from softseam.atlas.scenes import press
 from softseam.variants import with_model
 from softseam_protocol.messages import Advance, Advanced, Commit, Configure, Reply, Request, Snapshot
@@ -27,14 +28,18 @@ class Failing(EmbeddedTransport):
 
     kind: type[Request] | None = None
     reaches_far: bool = False
+    from_step = 0
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
-        if self.kind is not None and isinstance(requests.get("near"), self.kind):
+        if self._meant(requests.get("near")):
             self.kind = None
             if self.reaches_far:
                 super().exchange({"far": requests["far"]})
             raise ParticipantLost("near", "the cable was cut")
         return super().exchange(requests)
+
+    def _meant(self, request: Request | None) -> bool:
+        return self.kind is not None and isinstance(request, self.kind) and request.header.step >= self.from_step
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
         return False
@@ -135,6 +140,29 @@ def test_a_step_after_which_a_side_is_lost_is_taken_once() -> None:
     assert failed.time == whole.time and failed.report is not None
     assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
     assert failed.save() == whole.save()
+
+
+def test_a_client_is_told_of_steps_that_were_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without fields where a side is lost while they are asked for; with their number where a later one fails."""
+    monkeypatch.setattr("softseam_services.orchestrator.embedded.EmbeddedTransport", Failing)
+    with softseam.open(CANTILEVER, model="hybrid") as session:
+        session.reset()
+        session.step(count=12, fields=False)
+        monkeypatch.setattr(Failing, "kind", Commit)
+        seen = session.step()
+        assert seen.step == 13 and seen.frame is None
+        assert [event.kind for event in seen.events].count("lost") == 1
+        with pytest.raises(softseam.FieldsNotObserved, match=r"step 12 is taken, but .* come back"):
+            assert seen.positions
+        seen = session.step()
+        assert seen.step == 14 and seen.frame is not None
+    monkeypatch.setattr(Failing, "from_step", 2)
+    with softseam.open(CANTILEVER, model="hybrid") as session:
+        session.reset()
+        monkeypatch.setattr(Failing, "kind", Advance)
+        with pytest.raises(softseam.SimulationFailed, match=r"\(2 of the 10 steps asked for were taken\)"):
+            session.step(count=10)
+        assert session.step().step == 3
 
 
 @pytest.mark.parametrize("kind", [Snapshot, Configure])

@@ -9,6 +9,7 @@ import numpy as np
 from softseam_protocol import codec
 from softseam_protocol.messages import SCHEMA_VERSION, Event, Header, Observation, SeamReport, StepReport
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
+from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 
 AT_REST = ("grip_force", "lift_height", "slip", "sag")
@@ -16,17 +17,34 @@ AT_REST = ("grip_force", "lift_height", "slip", "sag")
 
 
 def observation(
-    simulation: Simulation, last: StepReport | None, *, fields: bool, events: list[Event], session: str = "local"
+    simulation: Simulation,
+    last: StepReport | None,
+    *,
+    fields: bool,
+    taken: bool,
+    events: list[Event],
+    session: str = "local",
 ) -> Observation:
     """The answer to Open, Reset, Step and Load; its header has the number of steps taken and the time reached.
 
     last    report of the last step taken, None at the start of the scene
-    events  what happened since the observation before
+    events  what happened since the observation before; emptied
+    Of a step that was taken there is always an answer, without fields where a participant was lost meanwhile. The start
+    and a state that was loaded can be asked for again: there ParticipantLost and ParticipantFailed are raised.
     """
+    frame = None
+    if fields:
+        frame = simulation.seen() if taken else simulation.frame()
+    told, events[:] = list(events), []
     steps = round(simulation.time / simulation.scene.step)
     header = Header(SCHEMA_VERSION, session, "", 0, steps, 0, simulation.time)
     report = resting_report(simulation, header) if last is None else last
-    return Observation(header, report, simulation.frame() if fields else None, events)
+    return Observation(header, report, frame, told)
+
+
+def counted(error: Exception, taken: int, asked: int) -> Exception:
+    """The error of a step, which says also how many of those asked for were taken before it."""
+    return StepFailed(f"{error} ({taken} of the {asked} steps asked for were taken)") if taken else error
 
 
 def resting_report(simulation: Simulation, header: Header) -> StepReport:

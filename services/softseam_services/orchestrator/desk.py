@@ -25,7 +25,7 @@ from softseam_protocol.messages import (
 )
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.bus_transport import BusTransport
-from softseam_services.orchestrator.client_view import observation, restore, snapshot
+from softseam_services.orchestrator.client_view import counted, observation, restore, snapshot
 from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.recorder_feed import RecorderFeed
 from softseam_services.orchestrator.simulation import Simulation
@@ -87,12 +87,14 @@ class Desk:
         self._feed = RecorderFeed(self._bus, self._keys, self._session, record=record, warn=self._warn)
         try:
             self._simulation = Simulation(bundle, self._transport, session=self._session, emit=self._emit)
-        except BaseException:  # nothing is kept back: whatever ends this leaves no feed behind
+            self._seed = self._simulation.scene.seed
+            self._frame_every = max(1, round(FRAME_PERIOD / self._simulation.scene.step))
+            return self._observe(fields=True)
+        except BaseException:  # nothing is kept back: whatever ends this leaves no session, feed or asker behind
+            self._simulation = None
             self._feed.close()
+            self._transport.close()
             raise
-        self._seed = self._simulation.scene.seed
-        self._frame_every = max(1, round(FRAME_PERIOD / self._simulation.scene.step))
-        return self._observe(fields=True)
 
     def reset(self, seed: int) -> Observation:
         self._feed.end("reset")
@@ -112,9 +114,12 @@ class Desk:
     def _steps(self, request: Step) -> Observation:
         commands = _commands(request)
         for remaining in range(request.count, 0, -1):
-            if not self._step(commands, fields=request.fields and remaining == 1):
-                break
-        return self._observe(request.fields)
+            try:
+                if not self._step(commands, fields=request.fields and remaining == 1):
+                    break
+            except (StepFailed, ParticipantFailed, ParticipantLost) as error:
+                raise counted(error, request.count - remaining, request.count) from None
+        return self._observe(request.fields, taken=True)
 
     def _each(self, request: Step) -> Observations:
         """Take as many steps as fit into a turn, one at least."""
@@ -130,8 +135,8 @@ class Desk:
                     raise
                 self._trouble = error
                 break
-            taken.append(self._observe(request.fields))
-        return Observations(request.header, taken or [self._observe(request.fields)])
+            taken.append(self._observe(request.fields, taken=True))
+        return Observations(request.header, taken or [self._observe(request.fields, taken=True)])
 
     def _step(self, commands: dict[str, list[float]] | None, fields: bool) -> bool:
         """Take a step with these velocities; None follows the scene's motion, unless that is over."""
@@ -173,9 +178,9 @@ class Desk:
     def _begin(self) -> Begin:
         return begin(self._bundle, self.simulation.body, self.simulation.tools, self._session, self._seed)
 
-    def _observe(self, fields: bool) -> Observation:
-        events, self._events = self._events, []
-        return observation(self.simulation, self._last, fields=fields, events=events, session=self._session)
+    def _observe(self, fields: bool, taken: bool = False) -> Observation:
+        simulation, events = self.simulation, self._events
+        return observation(simulation, self._last, fields=fields, taken=taken, events=events, session=self._session)
 
     def _emit(self, message: StepReport | Frame | Event) -> None:
         if isinstance(message, Event):

@@ -139,6 +139,7 @@ class Simulation:
         self._alarmed: set[str] = set()
         self._report: StepReport | None = None
         self._frame: Frame | None = None
+        self._unseen = False  # its fields were asked for, and lost
 
     # ---- stepping
 
@@ -183,10 +184,11 @@ class Simulation:
         height = self._quantities.height(replies)
         self._follow_lift(command, height)
         frame = None
-        if look or (self._wants_fields and self.done):
+        asked = look or (self._wants_fields and self.done)
+        if asked:
             indicators = self._wants_indicators
             frame = self._told(lambda: self._regions.frame(replies, self._position, self._orientation, indicators))
-        self._frame = frame
+        self._frame, self._unseen = frame, asked and frame is None
         quantities = self._quantities.measure(
             replies, grip_force, self._position, self._orientation, frame, height - self._lift_base
         )
@@ -237,6 +239,13 @@ class Simulation:
         if self._frame is None:
             self._frame = self._regions.frame({}, self._position, self._orientation, self._wants_indicators)
         return self._frame
+
+    def seen(self) -> Frame | None:
+        """The whole body after the last step; None, and told, where a participant is lost: the step counts nevertheless.
+
+        What the step itself waited for in vain is not waited for again.
+        """
+        return None if self._unseen and self._frame is None else self._told(self.frame)
 
     def estimate(self) -> ErrorEstimate | None:
         """How far the answer may be off as the body stands; None of a body of particles."""
