@@ -53,6 +53,7 @@ Floats = NDArray[np.float64]
 __all__ = ["Outcome", "SeamRound", "SeamSolver", "SeamState"]
 
 
+_LINEAR = len(INERTIA) * NAMES.index("linear")
 _UNSEEN = 0.005
 """gap, in tolerances, below which a change of the multiplier teaches its prediction nothing [1]"""
 
@@ -301,6 +302,14 @@ class SeamSolver:
             state.moments, _UNSEEN * self.tolerance,
         )  # fmt: skip
         state.n_tried = 0
+
+    def go_on(self, state: SeamState, way: Floats) -> None:
+        """Know of the only step committed so far what moves on by `way` (s, 3) a step: it is predicted to do so again.
+
+        Nothing was scored yet, and of what moves none but the constant way to predict could be.
+        """
+        state.history[1] = state.history[0] - way.reshape(-1)
+        state.n_history, state.errors[_LINEAR] = 2, 0.0
 
 
 def _invert(h: Floats, truncation: float, out: Floats) -> int:

@@ -126,6 +126,30 @@ def test_linear_sides_need_one_exchange_and_move_as_one_body() -> None:
     np.testing.assert_allclose(np.stack([sides[NEAR].x[1], sides[FAR].x[0], sides[FAR].x[1]]), whole, atol=1e-9)
 
 
+def test_after_a_cut_of_what_moves_the_far_side_is_foretold_to_move_on() -> None:
+    """From the second step on; it was foretold to stand still up to the third, a whole way off, and kinetic energy with
+    it, which is reckoned with the force that makes up for that."""
+    v = np.array([1.0, -0.5, 0.2])
+    sides = {name: Side(spring, v=np.tile(v, (2, 1))) for name, spring in ((NEAR, 4e3), (FAR, 2e3))}
+    loop, way = _loop(), DT * v
+    loop.begin(np.zeros((1, 3)), way[None])
+    missed = []
+
+    def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+        replies = {name: sides[name].advance(side) for name, side in wanted.items()}
+        if replies.keys() == sides.keys():
+            assert wanted[NEAR].anchor is not None
+            missed.append(np.abs(wanted[NEAR].anchor - replies[FAR].seam_x).max())
+        return replies
+
+    for step in range(5):
+        sides[FAR].load = np.array([0.2 * step, 0.0, 0.0])
+        solution = loop.solve(ask, DT)
+        for name, side in sides.items():
+            side.commit(solution.settle.get(name))
+    assert len(missed) >= 4 and max(missed[:2]) < 0.02 * np.abs(way).max()
+
+
 def test_replies_are_those_of_the_settled_step() -> None:
     """Seam and momentum exactly, the energy to first order; the seam's work of both sides cancels."""
     sides = {NEAR: Side(4e3), FAR: Side(2e3)}

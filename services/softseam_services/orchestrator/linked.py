@@ -123,7 +123,15 @@ class Link:
         self._can = self._can or replies[FAR].settles
         if self._settling.known:
             line = (self._learned.h @ _flat(lambda_)).reshape(self._shape) + self._tie.image(replies[FAR].seam_x)
-            self._predictor.commit(self._line, line)
+            self._remember(line)
+
+    def _remember(self, line: Floats) -> None:
+        """The step that was left last had this line (s, 3) [m]. A cut's first one goes on as the seam does: where the
+        body moves, it would be foretold where it was, and the steps up to the third be a whole way off."""
+        first = self._line.n_history == 0
+        self._predictor.commit(self._line, line)
+        if first and self._settling.moves:
+            self._predictor.go_on(self._line, self._settling.last_way())
 
     def hear(self, near: Advanced) -> None:
         """Every answer of the near side beside a stiffness, because what it told once it does not tell again."""
@@ -201,10 +209,10 @@ class Link:
         self._patience = 0
         self._rough = 0 if exchanges <= _SMOOTH else self._rough
         self._age += 1
-        self._predictor.commit(self._line, line)
         solved = {NEAR: near.seam_force, FAR: told_far}
         moves, final = {NEAR: moved, FAR: far_moved}, {NEAR: found, FAR: tie.far_force(found)}
         replies = self._settling.replies({NEAR: near, FAR: far}, solved, moves, final, dt)
+        self._remember(line)
         settle = {NEAR: push, FAR: bent}
         return SeamSolution(replies, found, gap, before + exchanges, "", settle=settle)
 

@@ -119,6 +119,16 @@ class Settling:
         self._x[:, 0] = self._x[:, 1]
         self._x[0, 1], self._x[1, 1] = replies[NEAR].seam_x, replies[FAR].seam_x
 
+    @property
+    def moves(self) -> bool:
+        """Whether it is known where the last step began."""
+        return self._n_left > 1
+
+    def last_way(self) -> Floats:
+        """What the near side's nodes moved by in the last step (s, 3) [m]."""
+        way: Floats = self._x[0, 1] - self._x[0, 0]
+        return way
+
     def to_arrays(self) -> dict[str, Floats]:
         """What evolves but the compliance."""
         return {"link_x": self._x.copy(), "link_n_left": np.array([self._n_left], dtype=np.float64)}

@@ -241,7 +241,7 @@ class Simulation:
         return self._frame
 
     def seen(self) -> Frame | None:
-        """The whole body after the last step; None, and told, where a participant is lost: the step counts nevertheless.
+        """The whole body after the last step; None, and told, where a participant is lost: the step counts then, too.
 
         What the step itself waited for in vain is not waited for again.
         """
