@@ -17,7 +17,8 @@ from softseam.embedded import translated
 from softseam.errors import missing_extra
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
-from softseam_protocol.scene import BodySpec, Scene
+from softseam_protocol.material_borders import material_borders
+from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 
 _SWIFT = 4.0
@@ -68,7 +69,8 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     table.add_row("size", " x ".join(f"{1e3 * side:.4g}" for side in body.size) + " mm")
     table.add_row("volume, mass", f"{1e6 * body.volume:.4g} cm^3, {1e3 * body.mass:.4g} g")
     edges = " x ".join(f"{1e3 * edge:.4g}" for edge in body.edges)
-    own = f"{body.n_cells} hexahedra of the file, shortest edge {1e3 * body.edges[0]:.3g} mm"
+    whose = "in the block" if isinstance(scene.body.shape, BlockShape) else "of the file"
+    own = f"{body.n_cells} hexahedra {whose}, shortest edge {1e3 * body.edges[0]:.3g} mm"
     table.add_row("cells", f"{body.n_cells} of {edges} mm" if body.boxes else own)
     table.add_row("filled", f"{body.full_cells} cells wholly; the emptiest to {100.0 * body.smallest_fill:.3g} %")
     table.add_row(
@@ -91,7 +93,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     console.print(table)
     for warning in doubts:
         console.print(Text(f"warning: {warning}", style="yellow"))
-    for note in _hidden_viscosity(scene):
+    for note in (*_hidden_viscosity(scene), *_cut_by_borders(scene.body, built)):
         console.print(Text(f"note: {note}", style="dim"))
     console.print(Text("the scene can be simulated", style="green"))
 
@@ -160,6 +162,28 @@ def _hidden_viscosity(scene: Scene) -> list[str]:
         return []
     return [
         f"in fem the step itself damps more than the material: take step < {1e3 * time:.3g} ms, its retardation_time"
+    ]
+
+
+def _cut_by_borders(spec: BodySpec, body: Body) -> list[str]:
+    """That materials meet inside cells, where a block's cells could end there."""
+    if not isinstance(spec.shape, BlockShape):
+        return []
+    lower = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * spec.shape.size
+    ends = body.x_rest[body.cell_nodes[:, [0, 26]]].reshape(-1, 3) - lower
+    inside = [
+        f"{axis} {1e3 * (plane + start):.4g}"
+        for axis, planes, start, at in zip(
+            "xyz", material_borders(spec.shape.size, spec.position, spec.inclusions), lower, ends.T, strict=True
+        )
+        for plane in planes
+        if np.abs(at - plane).min() > 1e-6 * np.ptp(at)
+    ]
+    if not inside:
+        return []
+    return [
+        f"materials meet inside cells, at {', '.join(inside)} mm, where stress is smeared and the border moves by up "
+        "to a quarter of a cell: choose `cell` so that cells end there, or say body.shape.borders: materials"
     ]
 
 

@@ -81,11 +81,16 @@ class BlockShape(Spec):
         description="boxes among the tools: cells end where the edges of these come to lie on the block, and are "
         "thinner towards them and towards the faces that they press, instead of towards all faces",
     )
+    borders: Literal["even", "materials"] = Field(
+        default="even",
+        description="even: wherever materials meet; materials: cells end in the planes of inclusions that are boxes, "
+        "continued through the block, and are equal between them",
+    )
 
     @property
     def graded(self) -> bool:
         """Whether cells are of more than one size."""
-        return self.grading != 1.0 or bool(self.towards)
+        return self.grading != 1.0 or bool(self.towards) or self.borders != "even"
 
     @model_validator(mode="after")
     def _plausible(self) -> BlockShape:
@@ -298,7 +303,12 @@ class Scene(Spec):
         if (own or (isinstance(body.shape, BlockShape) and body.shape.graded)) and "pbd" in models:
             said = "the model error of pbd is measured on boxes of one size"
             if near and near.error is not None:
-                raise wrong(f"{said}: leave out regions.near.error, or body.shape.grading", "regions", "near", "error")
+                raise wrong(
+                    f"{said}: leave out regions.near.error, or body.shape.grading, towards and borders",
+                    "regions",
+                    "near",
+                    "error",
+                )
             if "model_error" in self.quantities:
                 place = ("quantities", self.quantities.index("model_error"))
                 raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)

@@ -6,10 +6,10 @@ axis. It presses the face there, and the four sides of its own face, continued t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from softseam_protocol.material_borders import half_edges
 from softseam_protocol.scene_tools import BoxTool, ToolSpec
 from softseam_protocol.spec import Vector, wrong
 
@@ -38,7 +38,7 @@ def tool_borders(
         tool = tools[name]
         if not isinstance(tool, BoxTool):
             raise wrong(f"{name} is a {tool.kind}: cells are graded towards edges of boxes only, leave it out", *_AT, i)
-        half = _half_edges(tool)
+        half = half_edges(tool.size, tool.rotation)
         if half is None:
             raise wrong(f"{name} stands askew to the block: leave it out, or turn it by quarters alone", *_AT, i)
         middle = (position[0], position[1], position[2] + 0.5 * size[2])
@@ -57,15 +57,3 @@ def tool_borders(
                     faces[axis][side] = True
     x, y, z = (Line(tuple(sorted(p)), (f[0], f[1])) for p, f in zip(planes, faces, strict=True))
     return x, y, z
-
-
-def _half_edges(tool: BoxTool) -> Vector | None:
-    """Half edges of a box along x, y and z, turned by quarters; None where it is turned otherwise."""
-    x, y, z = (0.5 * edge for edge in tool.size)
-    turns = [angle / (0.5 * math.pi) for angle in tool.rotation]
-    about = [axis for axis in range(3) if abs(turns[axis]) > _ROUNDING]
-    if len(about) > 1 or any(abs(turn - round(turn)) > 1e-6 for turn in turns):
-        return None
-    if not about or round(turns[about[0]]) % 2 == 0:
-        return x, y, z
-    return ((x, z, y), (z, y, x), (y, x, z))[about[0]]

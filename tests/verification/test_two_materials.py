@@ -19,6 +19,7 @@ import softseam
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_regions import RegionsSpec
+from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.mesh_error import MeshError
@@ -83,6 +84,27 @@ def test_layers_in_series_are_exact(element: ElementKind, border: float) -> None
     )
     f = case.forces(_layered(case.x_rest, border, below, beyond))
     _in_balance(f, case.x_rest, 0.03, stress)
+
+
+@pytest.mark.parametrize("element", ["hex27", "hex27_reduced", "hex8", "tet10"])
+def test_cells_that_end_at_a_border_are_exact_where_others_are_not(element: ElementKind) -> None:
+    """The same squeezed bar of two layers, in equilibrium, with the border at 13 of 30 mm. Where cells of 10 mm do not
+    end at it, the bar is that of another border, at 15 mm; and quadratic cells hold a kink that they cannot follow."""
+    below, beyond, stress = _in_series(0.3, 0.03, 0.013)
+    errors = []
+    for borders in ("materials", "even"):
+        body = _end(0.013) | {"shape": {"kind": "block", "size": (SIDE, SIDE, 0.03), "borders": borders}}
+        scene = block_scene((SIDE, SIDE, 0.03), 0.01, young=SOFT, poisson=0.3, body=body)
+        case = Statics(build_body(scene, {}), element)
+        held = np.ones((len(case.x_rest), 3), dtype=np.bool_)
+        z = case.x_rest[:, 2]
+        held[(z > 1e-9) & (z < 0.03 - 1e-9), 2] = False
+        x = case.solve(case.x_rest * (1.0, 1.0, 0.9), held)
+        force = case.forces(x)[z > 0.03 - 1e-9, 2].sum()
+        errors.append(abs(force / (stress * SIDE**2) - 1.0))
+        if borders == "materials":
+            np.testing.assert_allclose(x, _layered(case.x_rest, 0.013, below, beyond), atol=1e-9)
+    assert errors[0] < 1e-8 and errors[1] > 0.05, errors
 
 
 def _layered(x_rest: Floats, border: float, below: float, beyond: float) -> Floats:

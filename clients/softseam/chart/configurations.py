@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from softseam.duration import expected_duration
 from softseam.errors import SceneRefused
 from softseam.session import open_as_given
+from softseam_protocol.material_borders import Planes, are_equal, cells_along, material_borders, wanted_for
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_tools import BoxTool
 from softseam_protocol.spec import Vector
@@ -31,6 +32,8 @@ OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
 TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
 """cells across whose borders lie at tools' edges, how thin they are there, and the multiple of the scene's step"""
+SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125)), (3, (0.25,)))
+"""cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
 UNKNOWN_LENGTH = 3.0
 """for estimates, where the length of the motion is not known before [s]"""
 
@@ -62,14 +65,37 @@ class Frame:
         return expected_duration(self.scene) or UNKNOWN_LENGTH
 
     def across(self, count: int) -> Counts:
-        """Nearly cubic cells, `count` of them along the body's shortest edge."""
-        return self._counts(self.extent.min() / count)
+        """Nearly cubic cells, `count` of them along the body's shortest edge, that end where its materials meet."""
+        return self._to_borders(self._counts(self.extent.min() / count))
+
+    def _to_borders(self, counts: Counts) -> Counts:
+        """About as many cells that end where materials meet."""
+        lines = zip(self.extent.tolist(), counts, self.borders, strict=True)
+        x, y, z = (cells_along(edge, edge / count, planes) for edge, count, planes in lines)
+        return x, y, z
+
+    @property
+    def borders(self) -> tuple[Planes, Planes, Planes]:
+        """Planes in which materials meet, along x, y and z [m]; none in what is no block."""
+        body = self.scene.body
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+            return (), (), ()
+        return material_borders(body.shape.size, body.position, body.inclusions)
+
+    def refines(self, counts: Counts, first: Counts) -> bool:
+        """Whether every cell of `first` is divided alike, so that borders of materials stay where they are."""
+        along = {n / before for n, before in zip(counts, first, strict=True)}
+        return not any(self.borders) or (len(along) == 1 and along.pop().is_integer())
 
     @property
     def own(self) -> Counts | None:
         """The scene's own cells; None where it leaves them to the solver."""
-        cell = self.scene.body.cell if isinstance(self.scene.body, BodySpec) else None
-        return None if cell is None else self._counts(np.array(cell))
+        body = self.scene.body
+        if not isinstance(body, BodySpec) or body.cell is None:
+            return None
+        counts = self._counts(np.array(body.cell))
+        to_borders = isinstance(body.shape, BlockShape) and body.shape.borders == "materials"
+        return self._to_borders(counts) if to_borders else counts
 
     def _counts(self, edge: Floats | float) -> Counts:
         along = np.maximum(1, np.floor(self.extent / edge + 0.5))
@@ -86,14 +112,26 @@ class Frame:
 
     def cells(self, counts: Counts, grading: float = 1.0, towards: tuple[str, ...] = ()) -> tuple[str, ...]:
         """The settings that ask for these cells."""
-        cell = f"body.cell={json.dumps((self.extent / np.array(counts)).tolist())}"
         own = self.scene.body.shape if isinstance(self.scene.body, BodySpec) else None
-        found = [cell]
+        edges, asked = (self.extent / np.array(counts)).tolist(), False
+        wanted = self._wanted_to_borders(counts)
+        if wanted is not None:
+            uneven = not all(map(are_equal, self.extent.tolist(), wanted, self.borders))
+            edges, asked = (wanted, True) if uneven or grading != 1.0 or towards else (edges, False)
+        found = [f"body.cell={json.dumps(edges)}"]
+        if isinstance(own, BlockShape) and asked != (own.borders == "materials"):
+            found.append(f"body.shape.borders={'materials' if asked else 'even'}")
         if isinstance(own, BlockShape) and grading != own.grading:
             found.append(f"body.shape.grading={grading:g}")
         if isinstance(own, BlockShape) and towards != own.towards:
             found.append(f"body.shape.towards={json.dumps(towards)}")
         return tuple(found)
+
+    def _wanted_to_borders(self, counts: Counts) -> list[float] | None:
+        """Wanted edges that lead to these cells where they end where materials meet [m]; None where nothing does."""
+        found = [wanted_for(*each) for each in zip(self.extent.tolist(), counts, self.borders, strict=True)]
+        known = [edge for edge in found if edge is not None]
+        return known if len(known) == 3 and any(self.borders) else None
 
     def size(self, counts: Counts) -> float:
         """Edge of a cube of a cell's volume [m]."""
@@ -110,7 +148,12 @@ def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> boo
 
 def is_viscous(scene: Scene) -> bool:
     """Whether the body's material has a retardation time, which not every integrator knows."""
-    return isinstance(scene.body, BodySpec) and scene.body.material.retardation_time > 0.0
+    return retardation_time(scene) > 0.0
+
+
+def retardation_time(scene: Scene) -> float:
+    """Of the body's material, 0 where it has none [s]."""
+    return scene.body.material.retardation_time if isinstance(scene.body, BodySpec) else 0.0
 
 
 def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:
@@ -162,6 +205,11 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     for counts, factors in _cells_and_factors(frame, cubic, (4, 2, 1, 0.5)):
         for factor in factors:
             yield fem_one(frame, counts, factor * step)
+    if 0.0 < retardation_time(frame.scene) <= step:
+        # a longer step damps more than the material
+        for across, factors in SHORTER:
+            for factor in factors:
+                yield fem_one(frame, frame.across(across), factor * step)
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
     for counts, factors in _cells_and_factors(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:

@@ -233,19 +233,20 @@ def climb(
         return outcome.status == "done"
 
     cells: list[int] = []
-    for across in ACROSS:
+    for across in levels_of(frame):
         # what the steps will need is kept back
         if not take(across, step, 0.85):
             enough = False
-            if cells and across in BETWEEN and take(BETWEEN[across], step, 0.85):
-                cells.append(BETWEEN[across])
+            between = BETWEEN.get(across, 0)
+            if cells and between and refines(frame, between) and take(between, step, 0.85):
+                cells.append(between)
             break
         cells.append(across)
         if len(cells) > 2 and fine(_limits(ladder, frame, [(a, step) for a in cells]), target, len(cells)):
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
-    at = min(steps_at(frame), cells[-1])
+    at = max((across for across in cells if across <= steps_at(frame)), default=cells[0])
     steps = [step]
     for halving in range(1, HALVINGS + 1):
         if not take(at, step / 2**halving, 1.0):
@@ -255,6 +256,22 @@ def climb(
         if len(steps) > 2 and fine(_limits(ladder, frame, [(at, s) for s in steps]), target, len(steps)):
             break
     return assemble(ladder, frame, [(a, step) for a in cells], [(at, s) for s in steps], enough, target, known)
+
+
+def levels_of(frame: Frame) -> tuple[int, ...]:
+    """Cells across the coarsest level and finer ones, no two of which are the same cells.
+
+    Where materials meet in planes, every level divides the coarsest's cells alike, as far as four levels do: others
+    would have other shapes on either side of a border, and levels would jump back and forth.
+    """
+    different = tuple({frame.across(across): across for across in ACROSS}.values())
+    alike = tuple(across for across in different if refines(frame, across))
+    return alike if len(alike) > 3 else different
+
+
+def refines(frame: Frame, across: int) -> bool:
+    """Whether this level divides the coarsest's cells alike."""
+    return frame.refines(frame.across(across), frame.across(ACROSS[0]))
 
 
 def steps_at(frame: Frame) -> int:

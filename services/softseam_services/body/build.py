@@ -9,10 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.material_borders import material_borders
 from softseam_protocol.particle_bodies import TetMeshBody
 from softseam_protocol.scene import BlockShape, BodySpec, MeshShape, Scene
 from softseam_protocol.spec import BoxRegion
-from softseam_protocol.tool_borders import tool_borders
+from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.embed import embed, read_solid
@@ -54,16 +55,16 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     if isinstance(spec.shape, BlockShape):
         if spec.shape.graded:
             return _graded(scene, spec, spec.shape)
-        return _block(scene, spec, spec.shape)
+        return _block(scene, spec, spec.shape, cell_edges(spec))
     if spec.shape.path not in files:
         raise MeshError(f"{spec.shape.path}: the file is missing; give its path relative to the scene file")
     build = _own if spec.shape.cells == "own" else _embedded
     return build(scene, spec, spec.shape, files[spec.shape.path])
 
 
-def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
+def _block(scene: Scene, spec: BodySpec, shape: BlockShape, cell: Floats | None) -> Body:
     size = np.array(shape.size)
-    counts, edges = divide(size, cell_edges(spec))
+    counts, edges = divide(size, cell)
     cell_grid, cell_nodes, node_grid = number_nodes(np.ones(counts, dtype=np.bool_))
     corner = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * size
     x_rest = corner + size * (node_grid / (2.0 * counts))
@@ -84,15 +85,38 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
 
 def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     counts, wanted = divide(np.array(shape.size), cell_edges(spec))
-    if shape.towards:
-        borders = tool_borders(shape.size, spec.position, scene.tools, shape.towards)
-        pieces = zip(shape.size, wanted, borders, strict=True)
-        lines = [bordered_line(edge, cell, shape.grading, line) for edge, cell, line in pieces]
+    if shape.towards or shape.borders == "materials":
+        borders = _borders(scene, spec, shape)
+        lines = [
+            bordered_line(edge, cell, shape.grading, line)
+            for edge, cell, line in zip(shape.size, wanted, borders, strict=True)
+        ]
     else:
         lines = [edge * graded_line(int(n), shape.grading) for edge, n in zip(shape.size, counts, strict=True)]
     counts = np.array([len(line) - 1 for line in lines], dtype=np.int32)
+    if shape.grading == 1.0 and not shape.towards and all(_even(line) for line in lines):
+        return _block(scene, spec, shape, np.array(shape.size) / counts)
     body = _of_hexahedra(scene, spec, "block", graded_block(lines), 1.0, "z")
     return replace(body, cell_grid=number_nodes(np.ones(counts, dtype=np.bool_))[0])
+
+
+def _even(line: Floats) -> bool:
+    """Whether cells that end there are of one length, up to rounding: those of the fast kernels."""
+    return bool(np.ptp(np.diff(line)) <= 1e-9 * line[-1])
+
+
+def _borders(scene: Scene, spec: BodySpec, shape: BlockShape) -> tuple[Line, Line, Line]:
+    """Planes that cells end in, of tools and of materials."""
+    x, y, z = tool_borders(shape.size, spec.position, scene.tools, shape.towards)
+    if not shape.towards:
+        x = y = z = Line((), (True, True))
+    if shape.borders == "materials":
+        met = material_borders(shape.size, spec.position, spec.inclusions)
+        x, y, z = (
+            replace(line, planes=tuple(sorted({*line.planes, *planes})))
+            for line, planes in zip((x, y, z), met, strict=True)
+        )
+    return x, y, z
 
 
 def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:

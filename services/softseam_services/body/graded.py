@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
+from softseam_protocol.material_borders import pieces
 from softseam_protocol.tool_borders import Line
 from softseam_services.body.body import Floats
 from softseam_services.body.hexahedra import CORNERS
 from softseam_services.body.lattice import LOCAL, number_nodes
 from softseam_services.body.mesh_io import RawHexahedra
-
-_APART = 0.1
-"""planes that are closer than that to another, or to a face, are left out [wanted cell edges]"""
 
 
 def graded_block(lines: Sequence[Floats]) -> RawHexahedra:
@@ -44,14 +41,9 @@ def bordered_line(edge: float, wanted: float, grading: float, line: Line) -> Flo
 
     Each piece between planes has about `wanted` [m] long cells, one at least.
     """
-    planes = [0.0]
-    for plane in line.planes:
-        if min(plane - planes[-1], edge - plane) > _APART * wanted:
-            planes.append(plane)
-    planes.append(edge)
-    ends = [line.faces[0], *[True] * (len(planes) - 2), line.faces[1]]
+    cut = pieces(edge, wanted, line.planes)
+    ends = [line.faces[0], *[True] * (len(cut) - 1), line.faces[1]]
     found = [np.zeros(1)]
-    for i, (low, high) in enumerate(pairwise(planes)):
-        count = max(1, round((high - low) / wanted))
+    for i, (low, high, count) in enumerate(cut):
         found.append(low + (high - low) * graded_line(count, grading, (ends[i], ends[i + 1]))[1:])
     return np.concatenate(found)
