@@ -36,7 +36,8 @@ class NearSpec(Spec):
     split: Literal["when_cheaper", "always"] = Field(
         default="when_cheaper",
         description="when_cheaper: where fem on the whole body costs no more than the cut that `within` asks for, all "
-        "cells are near while any is; always: cut as asked",
+        "cells are near while any is, and always where that costs no more than the default model either; "
+        "always: cut as asked",
     )
 
     @model_validator(mode="after")

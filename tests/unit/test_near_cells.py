@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from softseam.variants import with_settings
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import Advanced
 from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import load_scene, parse_scene
+from softseam_protocol.scene_file import bundle_scene, load_scene, parse_scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
-from softseam_services.orchestrator.cost import DEARER, substeps
+from softseam_services.orchestrator.cost import DEARER, one_is_enough, substeps
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.pbd.model import build_model
@@ -26,6 +27,10 @@ from softseam_services.server import build_setup
 from softseam_services.tools.build import build_tools
 
 SCENES = Path(__file__).parents[2] / "scenes"
+CHEAP = {"pbd": {"substeps": 8}}
+"""pbd that costs less than fem while no tool is near"""
+FAR_ALONE = Sides({"far": "pbd"}, {"far": np.arange(3, dtype=np.int32)}, {"far": 63}, np.zeros(0, dtype=np.int32))
+TOUCHED = np.array([0.0, 0.01, 0.02])
 SMALL, FEW, MIDDLING, LONG = (3, 1, 1), (4, 2, 2), (8, 4, 2), (64, 4, 2)
 
 
@@ -100,15 +105,79 @@ def test_what_the_models_are_told_to_do_has_its_price(
 
 
 def test_all_cells_are_lowered_once_the_tool_has_left() -> None:
-    near, sides = _near(SMALL, "when_cheaper")
-    assert near.mask.all()
+    near, sides = _near(SMALL, "when_cheaper", CHEAP)
+    assert near.mask.all() and not near.enough
     gone = np.ones(3)
     assert _follow(near, sides, gone) == "" != _follow(near, sides, gone)
     assert not near.mask.any()
-    sides = Sides({"far": "pbd"}, {"far": np.arange(3, dtype=np.int32)}, {"far": 63}, np.zeros(0, dtype=np.int32))
-    touched = np.array([0.0, 0.01, 0.02])
-    assert "one model is enough: fem on all 3 cells" in _follow(near, sides, touched)
+    assert "one model is enough: fem on all 3 cells" in _follow(near, FAR_ALONE, TOUCHED)
     assert near.mask.all()
+
+
+def test_a_small_body_has_one_model_whatever_tools_do() -> None:
+    """Also where they never come: fem on three cells costs no more than pbd."""
+    near, sides = _near(SMALL, "when_cheaper")
+    assert "fem on all 3 cells costs 0.68 of pbd at rest" in near.enough and near.mask.all()
+    for _ in range(5):
+        assert _follow(near, sides, np.ones(3)) == ""
+    assert near.mask.all() and near.looks_for == (False, False)
+    near.mask = np.zeros(3, dtype=np.bool_)  # by hand: the tool is followed from here on, and was not far away before
+    assert near.enough == "" == _follow(near, FAR_ALONE, np.ones(3))
+    assert "one model is enough" in _follow(near, FAR_ALONE, TOUCHED) and near.mask.all()
+    near.mask = np.array([True, False, False])
+    with_far = cut(near._body, near.mask, "fem", "pbd")
+    assert [bool(_follow(near, with_far, np.ones(3))) for _ in range(2)] == [False, True]
+    assert near.mask.all() and near.enough  # let go of by the tool
+
+
+def test_a_body_saved_before_a_tool_came_goes_on_as_it_was() -> None:
+    """As versions saved it that had pbd until then."""
+    near, _ = _near(SMALL, "when_cheaper")
+    arrays = near.to_arrays() | {"cut": np.zeros(3, dtype=np.int32), "near": np.zeros(3, dtype=np.int32)}
+    near.take(arrays | {"distance": np.ones(3)})
+    assert not near.mask.any()
+    assert _follow(near, FAR_ALONE, np.ones(3)) == "" and not near.mask.any()
+    assert "one model is enough" in _follow(near, FAR_ALONE, TOUCHED) and near.mask.all()
+
+
+@pytest.mark.parametrize(
+    ("cells", "models"),
+    [(SMALL, {}), (FEW, {}), ((3, 3, 2), {"pbd": {"sweeps": 4}}), (MIDDLING, {"pbd": {"substeps": 40}})],
+)
+def test_where_one_model_is_enough_no_cut_is_cheaper(cells: tuple[int, int, int], models: dict[str, Any]) -> None:
+    """None of fifty, each of one patch about a cell."""
+    near, _ = _near(cells, "when_cheaper", models)
+    assert near.enough
+    body, rng = near._body, np.random.default_rng(1)
+    alone = near._cost(np.ones(body.n_cells, dtype=np.bool_))
+    for _ in range(50):
+        middle = body.cell_grid[rng.integers(body.n_cells)]
+        chosen = np.abs(body.cell_grid - middle).max(axis=1) <= rng.integers(3)
+        if not chosen.all():
+            assert near._cost(chosen) > alone
+    assert one_is_enough(body, near._models, 0.01, True) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "enough"),
+    [
+        ("tofu_grasp", [], True),
+        ("tofu_grasp", ["regions.near.split=always"], False),
+        ("tofu_grasp", ["regions.near.tools=[]"], False),
+        ("tofu_grasp", ["regions.near.within=null", "regions.near.stress=4e3"], False),
+        ("tofu_grasp", ["models.pbd.coarse.beyond=0.01"], False),
+        ("tofu_grasp", ["body.cell=0.0125"], False),
+        ("tofu_drop", [], False),
+        ("sausage", [], False),
+        ("tofu_slab", [], False),
+    ],
+)
+def test_one_model_is_enough_where_tools_would_ask_for_it(name: str, keys: list[str], enough: bool) -> None:
+    """Not where no tool makes cells near, where a cut or coarse blocks are asked for, or where the body rolls."""
+    loaded = load_scene(SCENES / f"{name}.yaml")
+    setup = build_setup(bundle_scene(with_settings(loaded.scene, keys), loaded.bundle.files))
+    assert isinstance(setup.body, Body)
+    assert bool(NearCells(setup.scene, setup.body, setup.tools).enough) == enough
 
 
 def test_a_cut_made_by_hand_and_a_spared_one_survive_a_snapshot() -> None:

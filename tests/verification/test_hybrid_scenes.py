@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -62,6 +64,39 @@ def test_hybrid_agrees_with_fem(scene: str, quantities: tuple[str, ...]) -> None
         assert difference(series(hybrid, quantity), series(fem, quantity)) < 0.03, quantity
     assert max(report.seam.gap for report in hybrid) < 1e-3 * edge
     assert np.mean([report.seam.exchanges for report in hybrid]) <= 4.0
+
+
+def test_where_one_model_is_enough_the_scene_is_that_model() -> None:
+    """tofu_grasp as it is and by FEM alone: the same numbers from the same requests, in every step."""
+    scene = load_scene(SCENES / "tofu_grasp.yaml").scene
+    as_is, _ = simulate(scene)
+    fem, _ = run("tofu_grasp", "fem")
+    assert len(as_is) == len(fem)
+    for one, other in zip(as_is, fem, strict=True):
+        (mine,), (alone,) = one.regions.values(), other.regions.values()
+        assert replace(mine, seconds=0.0) == replace(alone, seconds=0.0)
+        assert (one.quantities, one.energy, one.seam) == (other.quantities, other.energy, other.seam)
+        assert np.array_equal(one.wrench, other.wrench)
+
+
+@pytest.mark.slow
+def test_a_scene_that_one_model_is_enough_for_costs_what_that_model_does() -> None:
+    """tofu_grasp as it is against FEM alone, by turns: processor time, the least of six runs of each step, to 5 %."""
+    scene = load_scene(SCENES / "tofu_grasp.yaml").scene
+    both = [Simulation(bundle_scene(each, {}), EmbeddedTransport()) for each in (scene, with_model(scene, "fem"))]
+    spent: list[list[list[float]]] = [[], []]
+    for _ in range(7):
+        for simulation, runs in zip(both, spent, strict=True):
+            simulation.reset()
+            runs.append([])
+            while not simulation.done:
+                began = process_time()
+                simulation.step()
+                runs[-1].append(process_time() - began)
+    as_is, alone = (np.min(runs[1:], axis=0).sum() for runs in spent)
+    for simulation in both:
+        simulation.close()
+    assert as_is <= 1.05 * alone
 
 
 def test_tofu_is_lifted() -> None:

@@ -8,8 +8,11 @@ most of a run's time goes:
         front of the seam's unknowns
   PBD   eight blocks a cell, or one of coarse ones, in each sweep of each substep
 
-and CALL for a call of either. The choice must be the same on every machine and in every replay: so nothing is timed
-while a simulation runs, and the constants were measured once (docs/decisions/0029).
+and CALL for a call of either. While no tool is near, FEM takes RESTING iterations with the factor that it has, unless
+the body is round; PBD takes what it always does.
+
+The choice must be the same on every machine and in every replay: so nothing is timed while a simulation runs, and the
+constants were measured once (docs/decisions/0029, 0129).
 """
 
 from __future__ import annotations
@@ -31,6 +34,9 @@ EXCHANGES = 2.0
 """solves of both sides in a step of a cut; fitted to the headline scenes"""
 ITERATIONS, ITERATION = 5.0, 4.4
 """Newton iterations an exchange; one costs so much a cell [us]"""
+RESTING = 2.0
+"""Newton iterations of a step while no tool is near: 1.5 of boxes of 8 to 125 cells that settle on the ground, 1.9 in
+their first 60 steps, 2.3 of one that is dropped on it. A round body comes to lie on other points: 4.8, as in a grip"""
 FACTORS, ASSEMBLY = 0.45, 9.4
 """factorisations an exchange; the matrix costs so much a cell [us]"""
 DEARER: dict[ElementKind, tuple[float, float]] = {
@@ -76,6 +82,25 @@ def step_cost(
             count = substeps(body, models.pbd, dt, touched, n_coarse == n_cells)
             cost += (8 * n_cells - 7 * n_coarse) * BLOCK * models.pbd.sweeps * count
     return cost * (EXCHANGES if len(sides.models) > 1 else 1.0)
+
+
+def one_is_enough(body: Body, models: ModelsSpec, dt: float, touched: bool) -> float:
+    """What FEM alone costs of XPBD alone while no tool is near, where FEM alone is never dearer than any cut that tools
+    may ask for; inf where it may be [1].
+
+    See `step_cost`. Of what a cut costs, all but the cells' own share is more than nothing, and that share is linear in
+    the number of FEM's cells: so no cut costs less than one with but one of them, or all but one, and no seam.
+    """
+    n_cells, spec = body.n_cells, models.pbd
+    force, matrix = DEARER[models.fem.element]
+    fem = ITERATIONS * (ITERATION + force) + FACTORS * (ASSEMBLY + matrix)
+    pbd = 8 * BLOCK * spec.sweeps * substeps(body, spec, dt, touched)
+    alone = CALL + n_cells * fem + FACTORS * FACTOR * (3 * body.n_nodes) ** 1.95
+    if alone > EXCHANGES * (2.0 * CALL + min(fem + (n_cells - 1) * pbd, (n_cells - 1) * fem + pbd)):
+        return math.inf
+    round_one = bool((body.fill < 1.0).any())
+    resting = alone if round_one else CALL + n_cells * RESTING * (ITERATION + force)
+    return resting / (CALL + n_cells * pbd)
 
 
 def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool, whole: bool = False) -> int:

@@ -2,7 +2,9 @@
 
 Distances to tools come with every step; stresses and model errors are looked at every few steps, where the scene has a
 bound for them. Where the near model on the whole body costs no more than the cut that the rule asks for, the body is
-not cut: all of it is near as long as any cell is. That is as accurate as the near model, and has no seam.
+not cut: all of it is near as long as any cell is. That is as accurate as the near model, and has no seam. Where it also
+costs no more than the far model while no tool is near, and than any cut, there is nothing to choose: all cells are near
+from the start, and the rule does not look.
 """
 
 from __future__ import annotations
@@ -17,8 +19,8 @@ from softseam_protocol.messages import Advanced, Fields
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_regions import NearSpec
 from softseam_services.body.body import Body
-from softseam_services.orchestrator.cost import step_cost
-from softseam_services.orchestrator.sides import Sides, cut
+from softseam_services.orchestrator.cost import one_is_enough, step_cost
+from softseam_services.orchestrator.sides import NEAR, Sides, cut
 from softseam_services.orchestrator.urgency import Urgency
 from softseam_services.pbd.levels import coarse_cells
 from softseam_services.tools.kernels import cell_distances
@@ -57,6 +59,7 @@ class NearCells:
         self._spares = self._spares and (self.model, self._far_model) == ("fem", "pbd")
         self._coarse = coarse_cells(body, scene.models.pbd.coarse, tools)
         self._alone = self._cost(np.ones(body.n_cells, dtype=np.bool_)) if self._spares else 0.0
+        self._why = self._enough(near) if self._spares else ""
         self.reset()
 
     @property
@@ -76,14 +79,19 @@ class NearCells:
         self._cut = self._state.near
 
     @property
+    def enough(self) -> str:
+        """Why all cells are near whatever tools do, so that the rule does not look; '' where it does."""
+        return self._why if self._why and self._cut.all() else ""
+
+    @property
     def looks_for(self) -> tuple[bool, bool]:
         """Whether the rule wants to look at the fields every `LOOK_EVERY` steps, and at their indicators."""
-        return self._urgency.wanted, self._urgency.wants_errors
+        return (False, False) if self.enough else (self._urgency.wanted, self._urgency.wants_errors)
 
     @property
     def looks_for_goal(self) -> bool:
         """Whether the rule wants to know which cells the goal blames, every `LOOK_EVERY` steps."""
-        return self._urgency.wants_goal
+        return self._urgency.wants_goal and not self.enough
 
     def reset(self) -> None:
         """The cells that are near at the start."""
@@ -122,6 +130,9 @@ class NearCells:
         """
         if self._fixed:
             return ""
+        if self.enough:
+            self._distance = replies[NEAR].cell_distance.copy()
+            return ""
         distance = np.empty(self._body.n_cells)
         for name, cells in sides.cells.items():
             distance[cells] = replies[name].cell_distance
@@ -157,14 +168,26 @@ class NearCells:
 
     def _spare(self, near: Mask) -> tuple[Mask, str]:
         """The cut to make where the rule asks for `near` (C,), and why it is another."""
-        if not self._spares or near.all() or not near.any():
+        if not self._spares or near.all():
             return near, ""
+        if not near.any():
+            return (np.ones_like(near), self._why) if self._why else (near, "")
         split = self._cost(near)
         if self._alone > split:
             return near, ""
         cells = f"{self.model} on all {len(near)} cells"
         why = f"one model is enough: {cells} costs {self._alone / split:.2g} of a cut at {int(near.sum())}"
         return np.ones_like(near), why
+
+    def _enough(self, near: NearSpec | None) -> str:
+        """Why all cells may as well be near always; '' where that may cost more than to follow the tools."""
+        if near is None or near.within is None or not self._tools.near.any() or self._coarse.any():
+            return ""  # no tool ever asks for near cells; or the scene wants coarse blocks where no tool is
+        share = one_is_enough(self._body, self._models, self._dt, True)
+        if share > 1.0:
+            return ""
+        cells = f"{self.model} on all {self._body.n_cells} cells"
+        return f"one model is enough: {cells} costs {share:.2g} of {self._far_model} at rest, and less than a cut"
 
     def _cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""

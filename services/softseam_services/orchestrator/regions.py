@@ -78,6 +78,8 @@ class Regions:
 
         A switch that would change the energy by more than its share is taken back, bit for bit, and tried again later.
         """
+        if self._clock.step == 1 and self.near.enough:
+            self._tell("regions", self.near.enough)
         looks, errors = self.near.looks_for
         turn = self._clock.step % LOOK_EVERY == 0
         seen = self.participants.observe(errors) if looks and turn else None

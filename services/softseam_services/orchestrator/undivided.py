@@ -17,6 +17,7 @@ class Undivided:
     model = "pbd"
     looks_for = (False, False)
     looks_for_goal = False
+    enough = ""
     neighbours: NDArray[np.int32] = np.zeros((0, 6), dtype=np.int32)
 
     def __init__(self) -> None:
