@@ -36,12 +36,12 @@ def two_threads(console: Console) -> None:
             pbd={"substeps": 20},
         )
         runs = PbdRun(scene), PbdRun(scene)
-        if not runs[1].solver._pair.possible:
+        if not runs[1].solver._stepper.pair.possible:
             continue
         least = [np.inf, np.inf]
         for _ in range(7):
             for two, run in enumerate(runs):
-                _force(run.solver._pair, two > 0)
+                _force(run.solver._stepper.pair, two > 0)
                 request = run.request()
                 began = perf_counter()
                 run.solver.advance(request)
@@ -49,11 +49,18 @@ def two_threads(console: Console) -> None:
                 run.solver.commit()
         solver = runs[0].solver
         blocks = solver.model.blocks
-        arrays = blocks.nodes, blocks.volume, blocks.octant, solver.model.softness, solver._figures, solver._xw
+        arrays = (
+            blocks.nodes,
+            blocks.volume,
+            blocks.octant,
+            solver.model.softness,
+            solver._stepper.figures,
+            solver._stepper.xw,
+        )
         used = sum(each.nbytes for each in arrays) + 2 * solver._work.buffer.nbytes
         used += sum(
             each.nbytes
-            for record in (solver._scratch, solver._contacts)
+            for record in (solver._stepper._scratch, solver._stepper.contacts)
             for each in vars(record).values()
             if isinstance(each, np.ndarray)
         )

@@ -154,10 +154,10 @@ def _allocated() -> int:
 
 def _allocations(solver: PbdSolver, request: Advance, substeps: int) -> int:
     """What numba allocates in a step; handing an array over counts, too, so only differences mean something."""
-    solver._planned = substeps
+    solver._stepper.planned = substeps
     before = _allocated()
-    solver._try(request, 0)
-    solver._planned = 11
+    solver._stepper.attempt(solver._committed, solver._work, request, 0)
+    solver._stepper.planned = 11
     return _allocated() - before
 
 
@@ -189,7 +189,8 @@ def small_body(console: Console) -> None:
         allocations = _allocations(solver, request, 22) - _allocations(solver, request, 11)
         name = f"{reply.n_contacts} points touch" if touching else "free"
         whole = least(functools.partial(solver.advance, request))
-        inside = least(functools.partial(solver._try, request, 0))
+        states = solver._committed, solver._work
+        inside = least(functools.partial(solver._stepper.attempt, *states, request, 0))
         table.add_row(name, f"{1e6 * whole:.1f}", f"{1e6 * inside:.1f}", str(allocations))
     console.print(table)
 

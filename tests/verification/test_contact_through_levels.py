@@ -124,7 +124,7 @@ def test_bounds_of_a_step_that_is_settled() -> None:
     run = PbdRun(scene, cells=far, seam=shared_nodes(whole, near, far))
     run.solver.advance(run.request(compliance=True))
     run.solver.settle(np.tile([0.3, 0.0, 0.0], (len(run.region.seam), 1)))
-    bounds = run.solver._result[BOUNDS : BOUNDS + 6].reshape(2, 3)
+    bounds = run.solver._stepper.result[BOUNDS : BOUNDS + 6].reshape(2, 3)
     run.solver.commit()
     x = run.solver.positions
     assert x[run.region.seam, 0].min() > whole.x_rest[run.region.nodes, 0].min() + 5e-3
@@ -168,6 +168,6 @@ def test_a_point_with_forces_of_two_tools_shares_out_what_it_has() -> None:
     tool = np.where(below, 0, np.where(beside, 1, -1)).astype(np.int32)
     body = run.body
     run = standing(ALL, BodyState(body.x_rest.copy(), np.zeros_like(body.x_rest), force, tool), wall=wall)
-    run.solver._share_out(run.request())
+    run.solver._stepper.share_out(run.solver._committed, run.request().tools)
     shared = run.solver._committed.force.sum(axis=0)
     np.testing.assert_allclose(shared, [[0.0, 0.0, 1e-3 * below.sum()], [1e-3 * beside.sum(), 0.0, 0.0]], atol=1e-15)

@@ -134,7 +134,7 @@ def test_what_tools_feel_is_what_the_body_feels() -> None:
         np.testing.assert_allclose(change, -reply.wrench[:, :3].sum(axis=0), atol=1e-9)
         np.testing.assert_allclose(run.fields().contact_force.sum(axis=0), -reply.wrench[:, :3].sum(axis=0), atol=1e-12)
         before = reply
-    assert reply.wrench[1, 2] > 0.5 and (run.solver._contacts.rows[:, EDGED] > 0).any()
+    assert reply.wrench[1, 2] > 0.5 and (run.solver._stepper.contacts.rows[:, EDGED] > 0).any()
 
 
 def test_compliance_of_a_point_is_what_its_share_says() -> None:
@@ -155,8 +155,8 @@ def test_compliance_of_a_point_is_what_its_share_says() -> None:
     for place in (0.0, BLOCK, 4.0 * BLOCK):
         (point,) = np.flatnonzero(line & (np.abs(x[:, 0] - place) < 1e-9))
         assert edges.side[point, tool] == -1
-    n_groups = run.solver._contacts.start[-1]
-    rows, pairs = run.solver._contacts.rows[:n_groups], run.solver._contacts.pairs[:n_groups]
+    n_groups = run.solver._stepper.contacts.start[-1]
+    rows, pairs = run.solver._stepper.contacts.rows[:n_groups], run.solver._stepper.contacts.pairs[:n_groups]
     used = (rows[:, POINT : POINT + 8] >= 0) & (rows[:, SIDE : SIDE + 8] >= 0)
     assert used.any() and (pairs[:, 8 * ALPHA : 8 * ALPHA + 8][used] > 0.0).all()
 
@@ -165,7 +165,7 @@ def test_a_body_under_larger_plates_has_no_edges() -> None:
     run = pads(0.026)
     squeezed(run, 0.05)
     assert len(run.solver.model.edges.faces) == 0
-    assert not run.solver._contacts.rows[:, EDGED].any()
+    assert not run.solver._stepper.contacts.rows[:, EDGED].any()
 
 
 def test_a_state_that_is_handed_over_goes_on() -> None:
@@ -194,7 +194,7 @@ def test_the_seam_is_probed_with_points_in_part() -> None:
     run.run(0.3)
     run.velocity[:] = 0.0
     run.run(0.3)
-    assert (run.solver._contacts.rows[:, EDGED] > 0).any()
+    assert (run.solver._stepper.contacts.rows[:, EDGED] > 0).any()
     compliance = run.solver.advance(run.request(compliance=True)).compliance
     force = np.zeros((len(seam), 3))
     for column in range(0, force.size, 7):

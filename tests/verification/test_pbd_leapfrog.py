@@ -89,12 +89,12 @@ def test_it_is_stable_up_to_two_and_not_beyond() -> None:
     for reach in (1.999, 2.01):
         run = kicked(scene_of(step=reach / highest, substeps=2), share=1e-4)
         solver, request = run.solver, run.request()
-        solver._planned = 1  # behind the back of what would refuse or repeat it
+        solver._stepper.planned = 1  # behind the back of what would refuse or repeat it
         for _ in range(400):
-            solver._try(request, 0)
+            solver._stepper.attempt(solver._committed, solver._work, request, 0)
             solver._tentative = True
             solver.commit()
-        energy.append(solver._result[k.KINETIC])
+        energy.append(solver._stepper.result[k.KINETIC])
     assert energy[1] > 1e6 * energy[0]
 
 

@@ -55,7 +55,7 @@ def _spectral_radius(run: PbdRun, turn: float) -> float:
     solver, work = run.solver, run.solver._work
     h = turn / solver.model.frequency
     request = dataclasses.replace(run.request(), dt=h)
-    solver._dt, solver._planned = h, 1
+    solver._stepper.dt, solver._stepper.planned = h, 1
     state = solver._committed
     buffer = state.buffer
     force = np.abs(state.force) > 1e-6 * np.abs(state.force).max()
@@ -78,7 +78,7 @@ def _spectral_radius(run: PbdRun, turn: float) -> float:
         for sign in (1.0, -1.0):
             buffer[:] = start
             buffer[i] += sign * size[i]
-            solver._try(request, 0)
+            solver._stepper.attempt(state, work, request, 0)
             ends.append(work.buffer[at].copy())
         columns.append(0.5 * (ends[0] - ends[1]) / size[at])
     buffer[:] = start
