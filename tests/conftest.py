@@ -41,7 +41,9 @@ def _viewer() -> str | None:
 
 
 def _cost(item: pytest.Item) -> int:
-    return max((ORDER.index(mark.name) + 1 for mark in item.iter_markers() if mark.name in ORDER), default=0)
+    cost = max((ORDER.index(mark.name) + 1 for mark in item.iter_markers() if mark.name in ORDER), default=0)
+    # a file's services are started once: its fast tests come with its slow ones
+    return max(cost, 1) if "services" in getattr(item, "fixturenames", ()) else cost
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     every.add_argument("client", nargs="*", help="a command to run once all services are ready")
 
     warm = commands.add_parser("warm", help="compile every kernel into numba's cache")
-    warm.add_argument("what", nargs="+", choices=("fem", "pbd", "orchestrator"))
+    warm.add_argument("what", nargs="+", choices=("fem", "pbd", "particles", "orchestrator"))
 
     health = commands.add_parser("health", help="say which services are well; 0 if all are")
     _add_bus(health)
@@ -57,12 +57,14 @@ def _bus(args: argparse.Namespace) -> BusOptions:
 
 
 def _warm(what: Sequence[str]) -> int:
-    from softseam_services.warm_up import WarmUpFailed, warm_orchestrator, warm_participant
+    from softseam_services.warm_up import WarmUpFailed, warm_orchestrator, warm_participant, warm_particles
 
     for name in what:
         try:
             if name == "orchestrator":
                 warm_orchestrator()
+            elif name == "particles":
+                warm_particles()
             else:
                 warm_participant(name, mesh=True)
         except WarmUpFailed as error:

@@ -155,17 +155,31 @@ def settle() -> None:
 
 def warm_orchestrator() -> None:
     """Run a few coupled steps in this process: coupling, regions, hand-over and read-out."""
+    with compiling("pbd"):
+        _warm_link()
+        _take_steps(warm_scene("pbd"))
+
+
+def warm_particles() -> None:
+    """Run a few steps of a sheet above a plane: what moves it moves ropes and meshes of tetrahedra, too."""
+    sheet = {"kind": "sheet", "size": [0.04, 0.04], "divisions": [4, 4], "density": 0.2, "stretch": 100.0}
+    scene = {"softseam": 1, "name": SESSION, "duration": 0.05, "step": 0.005, "body": sheet}
+    ground = {"ground": {"kind": "plane", "point": [0.0, 0.0, -0.01], "friction": 0.5}}
+    with compiling("particles"):
+        _take_steps(Scene.model_validate(scene | {"tools": ground}))
+
+
+def _take_steps(scene: Scene) -> None:
+    """All that an orchestrator does with a simulation, in this process."""
     from softseam_services.orchestrator.embedded import EmbeddedTransport
     from softseam_services.orchestrator.simulation import Simulation
 
-    bundle = Bundle(warm_scene("pbd").model_dump_json(), {})
-    with compiling("pbd"):
-        _warm_link()
-        simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
-        for _ in range(3):
-            simulation.step(None, fields=True)
-        simulation.load(simulation.save())
-        simulation.close()
+    bundle = Bundle(scene.model_dump_json(), {})
+    simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
+    for _ in range(3):
+        simulation.step(None, fields=True)
+    simulation.load(simulation.save())
+    simulation.close()
 
 
 def _warm_link() -> None:

@@ -39,7 +39,7 @@ def environment(folder: Path) -> dict[str, str]:
     return os.environ | {"XDG_CACHE_HOME": str(folder / "cache"), "COLUMNS": "200"}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")  # a test that draws comes long after the others of this file
 def charted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, set[str], str]:
     """A chart whose first attempt was killed outright; the folder, what that attempt had finished, and the output."""
     folder = tmp_path_factory.mktemp("chart")
