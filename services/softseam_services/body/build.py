@@ -22,10 +22,11 @@ from softseam_services.body.graded import bordered_line, graded_block, graded_li
 from softseam_services.body.hexahedra import own_cells
 from softseam_services.body.inclusions import materials_at, octant_centres
 from softseam_services.body.lattice import divide, number_nodes
+from softseam_services.body.lattices import build_particles
 from softseam_services.body.mass import lump_full
 from softseam_services.body.materials import build_material
 from softseam_services.body.mesh_io import RawHexahedra, read_hexahedra
-from softseam_services.body.particles import ParticleBody, build_particles
+from softseam_services.body.particles import ParticleBody
 from softseam_services.body.tet_mesh import build_tet_mesh
 
 _CLAMP_TOLERANCE = 1e-9
