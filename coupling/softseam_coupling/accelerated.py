@@ -14,7 +14,8 @@ import numpy as np
 from softseam_coupling.accelerations.iqn_ils import IqnIls
 from softseam_coupling.accelerations.memory import Acceleration, Floats
 from softseam_coupling.kernels.quasi_newton import largest_node
-from softseam_coupling.seam import Outcome, SeamRound, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamRound, SeamSolver
+from softseam_coupling.seam_state import SeamState
 
 __all__ = ["AcceleratedSeam"]
 

@@ -12,7 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from softseam_coupling.kernels.extrapolate import NAMES, WEIGHTS
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamSolver
+from softseam_coupling.seam_state import SeamState
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,8 @@ from softseam_coupling.accelerations.constant import Constant
 from softseam_coupling.accelerations.iqn_ils import IqnIls
 from softseam_coupling.accelerations.memory import Acceleration
 from softseam_coupling.schemes.split import Split
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamSolver
+from softseam_coupling.seam_state import SeamState
 from softseam_protocol.messages import StepReport
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -11,7 +11,8 @@ from softseam_coupling.schemes.constant_multiplier import answer, march
 from softseam_coupling.schemes.integrators import LinearSide, propagate
 from softseam_coupling.schemes.position_constant import PositionConstant
 from softseam_coupling.schemes.split import Split, SplitState, run
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamSolver
+from softseam_coupling.seam_state import SeamState
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.mortar import SeamTie
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamSolver
+from softseam_coupling.seam_state import SeamState
 from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.far_stiffness import FarStiffness
 from softseam_services.orchestrator.seam_answers import (

@@ -30,7 +30,8 @@ from softseam_coupling.kernels.learned_line import multiply_one
 from softseam_coupling.kernels.link import foretell, link_round
 from softseam_coupling.learned_line import LearnedLine
 from softseam_coupling.mortar import SeamTie
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamSolver
+from softseam_coupling.seam_state import SeamState
 from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.seam_answers import Ask, SeamDiverged, SeamSolution, SideRequest, largest
 from softseam_services.orchestrator.settling import Settling

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from softseam_coupling.accelerated import AcceleratedSeam
 from softseam_coupling.mortar import SeamTie
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamSolver
+from softseam_coupling.seam_state import SeamState
 from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import (

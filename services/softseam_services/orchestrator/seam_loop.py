@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from softseam_coupling.accelerated import AcceleratedSeam
 from softseam_coupling.mortar import SeamTie
-from softseam_coupling.seam import SeamSolver, SeamState
+from softseam_coupling.seam import SeamSolver
+from softseam_coupling.seam_state import SeamState
 from softseam_protocol.messages import Advanced
 from softseam_services.orchestrator.condensed import CondensedRounds
 from softseam_services.orchestrator.direct import DirectRounds

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.mortar import SeamTie
-from softseam_coupling.seam import Outcome, SeamSolver, SeamState
+from softseam_coupling.seam import Outcome, SeamSolver
+from softseam_coupling.seam_state import SeamState
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import Ask, SeamDiverged, SeamSolution, SideRequest, largest
 from softseam_services.orchestrator.sides import FAR, NEAR
