@@ -13,9 +13,10 @@ from pathlib import Path
 
 from softseam_protocol.errors import BusError, ProtocolError
 from softseam_services.bus_options import BusOptions
+from softseam_services.child import Service, service_argv
 from softseam_services.lifeline import Lifeline
 from softseam_services.recorder.whole_file import RecordError
-from softseam_services.supervisor import WRONG_SET_UP, Limits, Service, Supervisor, service_argv
+from softseam_services.supervisor import WRONG_SET_UP, Limits, Supervisor
 
 ROLES = ("router", "fem", "pbd", "orchestrator", "recorder")
 _GRACE = {"recorder": 30.0, "orchestrator": 15.0}

@@ -7,21 +7,18 @@ exits with 2 was set up wrongly: restarting would not help, so the supervisor st
 
 from __future__ import annotations
 
-import json
 import os
 import selectors
 import signal
-import subprocess
-import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import TracebackType
 
-from softseam_services.lifeline import BEAT_VARIABLE, STOPPING, heard_elsewhere
+from softseam_services.child import Child, Service, ending
+from softseam_services.lifeline import STOPPING, heard_elsewhere
 
 WRONG_SET_UP = 2
 """exit code of a service that no restart would help"""
@@ -31,18 +28,6 @@ _STARTING = 30.0
 run, on a busy machine [s]"""
 _GOOD_RUN = 20.0
 """a child that lived this long starts its count of failures anew [s]"""
-
-
-@dataclass(frozen=True)
-class Service:
-    """One child process.
-
-    grace    time it gets to finish after SIGTERM [s]
-    """
-
-    name: str
-    argv: tuple[str, ...]
-    grace: float = 5.0
 
 
 @dataclass(frozen=True)
@@ -58,35 +43,13 @@ class Limits:
     """failures in a row before giving up"""
 
 
-@dataclass
-class _Child:
-    service: Service
-    process: subprocess.Popen[bytes] | None = None
-    beats: int = -1
-    """read end of the lifeline"""
-    log: int = -1
-    """read end of stdout and stderr"""
-    state: str = "down"
-    heard: float = 0.0
-    """last beat, or the deadline of the first one"""
-    busy: float = 0.0
-    born: float = 0.0
-    start_at: float | None = 0.0
-    """when to start it; None: not"""
-    failures: int = 0
-    partial: dict[int, bytes] = field(default_factory=dict)
-    tail: deque[str] = field(default_factory=lambda: deque(maxlen=20))
-    why: str = ""
-    """why the supervisor killed it"""
-
-
 class Supervisor:
     """Owns the children of one machine. One thread runs the loop; a context manager starts and stops it."""
 
     def __init__(
         self, services: Sequence[Service], report: Callable[[str], None], limits: Limits | None = None
     ) -> None:
-        self._children = {service.name: _Child(service) for service in services}
+        self._children = {service.name: Child(service) for service in services}
         self._report = report
         self._limits = limits or Limits()
         self._selector = selectors.DefaultSelector()
@@ -206,28 +169,8 @@ class Supervisor:
             if not self._router_was_ready:
                 return
 
-    def _start(self, child: _Child, now: float) -> None:
-        beats, beats_write = os.pipe()
-        os.set_blocking(beats, False)
-        child.process = subprocess.Popen(
-            child.service.argv,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            pass_fds=(beats_write,),
-            env=os.environ | {BEAT_VARIABLE: str(beats_write), "PYTHONUNBUFFERED": "1"},
-            start_new_session=True,  # Ctrl-C reaches the supervisor alone, which stops the children in order
-        )
-        os.close(beats_write)
-        assert child.process.stdout is not None
-        child.beats, child.log = beats, child.process.stdout.fileno()
-        os.set_blocking(child.log, False)
-        self._selector.register(beats, selectors.EVENT_READ, child)
-        self._selector.register(child.log, selectors.EVENT_READ, child)
-        child.born = child.heard = now
-        child.busy, child.start_at, child.why = 0.0, None, ""
-        child.partial.clear()
-        child.tail.clear()
+    def _start(self, child: Child, now: float) -> None:
+        child.start(self._selector, now)
         self._enter(child, "starting")
 
     def _read(self, key: selectors.SelectorKey) -> None:
@@ -235,40 +178,14 @@ class Supervisor:
             if not STOPPING.isdisjoint(os.read(self._wake_read, 4096)):
                 self._stopping = True
             return
-        self._drain(key.data, key.fd)
+        self._told(key.data, key.data.drain(self._selector, key.fd, self._report))
 
-    def _drain(self, child: _Child, fd: int) -> None:
-        """Take what came on one of a child's pipes; unregister it at its end."""
-        try:
-            data = os.read(fd, 1 << 16)
-        except BlockingIOError:
-            return
-        if not data:
-            if fd in self._selector.get_map():
-                self._selector.unregister(fd)
-            return
-        *lines, rest = (child.partial.get(fd, b"") + data).split(b"\n")
-        child.partial[fd] = rest[-4096:]
-        for line in lines:
-            text = line.decode(errors="replace").rstrip()
-            if fd == child.log:
-                child.tail.append(text)
-                if text:
-                    self._report(f"[{child.service.name}] {text}")
-            else:
-                self._heard(child, text)
+    def _told(self, child: Child, states: list[str]) -> None:
+        for state in states:
+            if state != child.state:
+                self._enter(child, state)
 
-    def _heard(self, child: _Child, text: str) -> None:
-        try:
-            beat = json.loads(text)
-            state, busy = str(beat["state"]), float(beat["busy"])
-        except (ValueError, KeyError, TypeError):
-            return  # a line cut by the child's death
-        child.heard, child.busy = time.monotonic(), busy
-        if state != child.state:
-            self._enter(child, state)
-
-    def _enter(self, child: _Child, state: str) -> None:
+    def _enter(self, child: Child, state: str) -> None:
         name, now = child.service.name, time.monotonic()
         if state == "ready":
             assert child.process is not None
@@ -278,7 +195,7 @@ class Supervisor:
             child.state = state
             self._changed.notify_all()
 
-    def _look_after(self, child: _Child, now: float) -> None:
+    def _look_after(self, child: Child, now: float) -> None:
         process = child.process
         if process is None:
             return
@@ -294,11 +211,10 @@ class Supervisor:
             if child.why:
                 process.kill()
 
-    def _ended(self, child: _Child, code: int, now: float) -> None:
+    def _ended(self, child: Child, code: int, now: float) -> None:
         """A child has exited: say so, and plan its restart."""
         name = child.service.name
         self._forget(child)
-        self._enter(child, "down")
         if code == WRONG_SET_UP:
             said = next((line for line in reversed(child.tail) if line), "it did not say why")
             self._give_up(f"{name} cannot run: {said}", WRONG_SET_UP)
@@ -311,24 +227,16 @@ class Supervisor:
         if child.failures > 1:
             pause = min(self._limits.longest_pause, self._limits.pause * 2.0 ** (child.failures - 2))
         child.start_at = now + pause
-        how = child.why or _ending(code)
+        how = child.why or ending(code)
         self._report(f"{name} {how}: restarting" + (f" in {pause:g} s" if pause else ""))
 
     def _give_up(self, why: str, code: int) -> None:
         self.failure, self.exit_code, self._stopping = why, code, True
 
-    def _forget(self, child: _Child) -> None:
-        """Read the rest of an ended child's pipes and close them."""
-        assert child.process is not None and child.process.stdout is not None
-        for fd in (child.log, child.beats):
-            while fd in self._selector.get_map():
-                before = child.partial.get(fd)
-                self._drain(child, fd)
-                if child.partial.get(fd) == before and fd in self._selector.get_map():
-                    self._selector.unregister(fd)  # a grandchild holds it open
-        os.close(child.beats)
-        child.process.stdout.close()
-        child.process = None
+    def _forget(self, child: Child) -> None:
+        self._told(child, child.rest(self._selector, self._report))
+        child.close()
+        self._enter(child, "down")
 
     def _stop_all(self) -> None:
         """SIGTERM, the last started first; SIGKILL for those that outstay their grace."""
@@ -346,15 +254,3 @@ class Supervisor:
                 process.kill()
                 process.wait()
             self._forget(child)
-            self._enter(child, "down")
-
-
-def _ending(code: int) -> str:
-    if code < 0:
-        return f"was ended by {signal.Signals(-code).name}"
-    return f"exited with code {code}"
-
-
-def service_argv(role: str, *options: str) -> tuple[str, ...]:
-    """Command line of one service of this installation."""
-    return (sys.executable, "-m", "softseam_services", "serve", role, *options)

@@ -12,7 +12,8 @@ from collections.abc import Callable
 
 import pytest
 
-from softseam_services.supervisor import Limits, Service, Supervisor
+from softseam_services.child import Service
+from softseam_services.supervisor import Limits, Supervisor
 
 QUICK = Limits(patience=1.5, stall=1.0, pause=0.05, longest_pause=0.2, attempts=3)
 WAIT = 30.0
@@ -172,7 +173,8 @@ def test_children_do_not_outlive_their_supervisor() -> None:
     """A supervisor that is killed takes its children along: they see the pipe close."""
     code = f"""
 import sys, threading
-from softseam_services.supervisor import Service, Supervisor
+from softseam_services.child import Service
+from softseam_services.supervisor import Supervisor
 def report(line):
     print(line, flush=True)
 with Supervisor([Service("one", (sys.executable, "-c", {WELL!r}))], report):
