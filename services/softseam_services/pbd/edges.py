@@ -45,6 +45,8 @@ class Edges(NamedTuple):
     """side of the tool that covers a part of what the point stands for, -1 where it covers all or nothing (p, t)"""
     give: Floats
     """compliance of contact there (p, t) [m/N]"""
+    patches: Ints
+    """which patches of a face the tool covers, as bits (f, t)"""
     held: Floats
     """scratch: of each point the stiffness that a tool covers, and that of all faces that look at it (p, 2) [N/m]"""
 
@@ -81,6 +83,7 @@ def build_edges(body: Body, region: Region, tools: ToolSet, levels: Levels) -> E
         whole=whole,
         side=np.full((p, t), -1, dtype=np.int32),
         give=np.zeros((p, t)),
+        patches=np.zeros((len(faces), t), dtype=np.int32),
         held=np.zeros((p, 2)),
     )
 

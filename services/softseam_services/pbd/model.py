@@ -18,7 +18,7 @@ from .edges import Edges, build_edges
 from .kernels.block import new_workspace
 from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
 from .kernels.frequency import highest_frequency
-from .kernels.share import find_shares
+from .kernels.share import find_shares, slip_of_patches
 from .levels import Levels, build_levels, coarse_cells
 
 KAPPA = 0.5
@@ -106,6 +106,10 @@ class PbdModel:
         """What tools with edges cover of points, where the nodes are at x (n, 3): `edges` updated in place."""
         if len(self.edges.faces):
             find_shares(x, self.tools.shape, position, orientation, self.edges)
+
+    def slip_at_edges(self, force: Floats, slip: Floats) -> float:
+        """Largest slip under tools with edges where points are covered in part [m]; force, slip (p, t, 3)."""
+        return float(slip_of_patches(self.edges, self.tools.near, force, slip)) if len(self.edges.faces) else 0.0
 
     def seam_force(self, force: Floats) -> Floats:
         """Forces (s, 3) [N] on the region's seam as forces on the nodes that it follows (m, 3); (0, 3) stays."""

@@ -184,6 +184,7 @@ class Stepper:
             *(self.wrench, self.distance, self.result),
             *(request.dt, n_substeps, n_sweeps, KAPPA, self._margin),
         )
+        self.result[k.SLIP] = max(self.result[k.SLIP], self._model.slip_at_edges(work.force, work.slip))
         return n_substeps, n_sweeps
 
     def _swept(self, n_substeps: int, n_sweeps: int) -> tuple[int, int]:

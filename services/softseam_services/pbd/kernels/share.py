@@ -19,13 +19,15 @@ from softseam_services.tools.kernels import overlap, rotate_back
 
 PATCHES = 4
 """along each edge of a face"""
+ALL_PATCHES = (1 << PATCHES**2) - 1
 ROUNDOFF = 1e-9
 """of a covered share"""
 
 
 @njit(cache=True, error_model="numpy")
 def find_shares(x, shape, position, orientation, edges):
-    """Sides that cover points in part, and compliances, where body and tools stand: edges.side and give in place.
+    """Sides that cover points in part, compliances and covered patches, where body and tools stand: edges.side,
+    give and patches in place.
 
     x (n, 3) positions of the nodes [m]; shape (t, w), position (t, 3) and orientation (t, 4) as in `tool_gap`
     """
@@ -37,6 +39,7 @@ def find_shares(x, shape, position, orientation, edges):
         held[:] = 0.0
         side, votes[:] = edges.side[:, tool], 0.0
         side[:] = -1
+        edges.patches[:, tool] = 0
         for face in range(len(faces)):
             _see(x, faces, face, position[tool], orientation[tool], corner)
             _vote(corner, shape[tool], edges.edge[face], edges.stiffness[face], votes)
@@ -45,9 +48,12 @@ def find_shares(x, shape, position, orientation, edges):
             continue
         for face in range(len(faces)):
             _see(x, faces, face, position[tool], orientation[tool], corner)
-            stiffness = edges.stiffness[face] * _facing(corner, pressing, shape[tool])
+            stiffness = edges.stiffness[face] * _facing(corner, pressing)
             if stiffness > 0.0:
-                _add_face(corner, pressing, shape[tool], stiffness, edges.point[face], held)
+                above = _above(corner, pressing, shape[tool], edges.edge[face])
+                edges.patches[face, tool] = _add_face(
+                    corner, pressing, shape[tool], stiffness, above, edges.point[face], held
+                )
         for point in range(len(held)):
             covered, k = held[point, 0], held[point, 1]
             if ROUNDOFF * k < covered < (1.0 - ROUNDOFF) * k:
@@ -70,26 +76,36 @@ def _vote(corner, shape, edge, stiffness, votes):
     """Add a face to the votes (6,) of the side that it looks at most, where it is within an edge of that side."""
     n = _normal(corner)
     axis = 0 if abs(n[0]) >= max(abs(n[1]), abs(n[2])) else 1 if abs(n[1]) >= abs(n[2]) else 2
+    pressing = axis if n[axis] > 0.0 else axis + 3
     for a in range(3):
-        middle = 0.25 * (corner[0, a] + corner[1, a] + corner[2, a] + corner[3, a])
-        beyond = abs(middle) - shape[a]
-        if beyond > edge or (a == axis and (beyond < -edge or middle * n[a] > 0.0)):
+        beyond = abs(0.25 * (corner[0, a] + corner[1, a] + corner[2, a] + corner[3, a])) - shape[a]
+        if beyond > edge or (a == axis and (beyond < -edge or _above(corner, pressing, shape, edge) == 0.0)):
             return
-    votes[axis if n[axis] > 0.0 else axis + 3] += stiffness
+    votes[pressing] += stiffness
 
 
 @njit(cache=True, error_model="numpy")
-def _facing(corner, side, shape):
-    """Cosine between a face's inward normal and a side's outward one; 0 where it looks away, or lies on the far half
-    of the box, where the surface of the body is not what this side presses. Over a quarter of the box before that it
-    fades: beside the edge of a thin box the surface rises so far."""
-    n, axis = _normal(corner), side % 3
-    sign = 1.0 if side >= 3 else -1.0
-    middle = corner[0, axis] + corner[1, axis] + corner[2, axis] + corner[3, axis]
-    if sign * n[axis] >= 0.0 or sign * middle <= 0.0:
-        return 0.0
-    near = min(1.0, 0.5 * sign * middle / shape[axis])
-    return near * abs(n[axis]) / np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+def _facing(corner, side):
+    """Cosine between a face's inward normal and a side's outward one; 0 where it looks away."""
+    n = _normal(corner)
+    along = n[side % 3] if side < 3 else -n[side % 3]
+    return max(0.0, along) / np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+
+
+@njit(cache=True, error_model="numpy")
+def _above(corner, side, shape, edge):
+    """1 where a face may be what this side presses, 0 where all of it lies deeper than half the box, or, in thinner
+    boxes, than an edge [m] of its block; over half of that depth it fades.
+
+    The highest corner decides: a face that hangs over the edge of a thin box is deep at the corners outside, while
+    those inside rest on the side. A point that is covered in part sinks in: at a pad smaller than a block by half an
+    edge.
+    """
+    axis, sign = side % 3, 1.0 if side >= 3 else -1.0
+    highest = max(
+        max(sign * corner[0, axis], sign * corner[1, axis]), max(sign * corner[2, axis], sign * corner[3, axis])
+    )
+    return min(1.0, max(0.0, 2.0 - 2.0 * (shape[axis] - highest) / max(shape[axis], edge)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -119,16 +135,20 @@ def _within(corner, axis, half):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_face(corner, side, shape, stiffness, point, held):
-    """Add a face of this stiffness [N/m] to what its points (4,) hold; held (p, 2) in place."""
+def _add_face(corner, side, shape, stiffness, above, point, held):
+    """Add a face of this stiffness [N/m], of which what is covered counts with `_above`, to what its points (4,) hold;
+    held (p, 2) in place.
+
+    Returns which of its patches are covered, at least in part, as bits.
+    """
     i, j = (side + 1) % 3, (side + 2) % 3
     whole = _within(corner, i, shape[i]) * _within(corner, j, shape[j])
     if whole == 0.0 or whole == 1.0:
         for c in range(4):
-            _hold(point[c], 0.25 * stiffness * whole, 0.25 * stiffness, held)
-        return
+            _hold(point[c], 0.25 * stiffness * whole, 0.25 * stiffness, above, held)
+        return ALL_PATCHES if whole == 1.0 else 0
     per, k = 1.0 / PATCHES, stiffness / PATCHES**2
-    k0, k1, k2, k3 = 0.0, 0.0, 0.0, 0.0
+    k0, k1, k2, k3, bits = 0.0, 0.0, 0.0, 0.0, 0
     for m in range(PATCHES):
         s = (2 * m + 1) * per - 1.0
         for n in range(PATCHES):
@@ -141,13 +161,66 @@ def _add_face(corner, side, shape, stiffness, point, held):
                 u = 0.25 * ((1.0 - t) * (corner[2, a] - corner[0, a]) + (1.0 + t) * (corner[3, a] - corner[1, a]))
                 v = 0.25 * ((1.0 - s) * (corner[1, a] - corner[0, a]) + (1.0 + s) * (corner[3, a] - corner[2, a]))
                 share *= overlap(middle, per * (abs(u) + abs(v)), shape[a])
+            bits += (share > 0.0) << (PATCHES * m + n)
             k0, k1, k2, k3 = k0 + share * w0, k1 + share * w1, k2 + share * w2, k3 + share * w3
     for c in range(4):
-        _hold(point[c], k0 if c == 0 else k1 if c == 1 else k2 if c == 2 else k3, 0.25 * stiffness, held)
+        _hold(point[c], k0 if c == 0 else k1 if c == 1 else k2 if c == 2 else k3, 0.25 * stiffness, above, held)
+    return bits
 
 
 @njit(cache=True, error_model="numpy")
-def _hold(point, covered, all_of_it, held):
+def _hold(point, covered, all_of_it, above, held):
+    """What is covered and does not count stands for nothing: what is covered beside it is no smaller share for that."""
     if point >= 0:
-        held[point, 0] += covered
-        held[point, 1] += all_of_it
+        held[point, 0] += above * covered
+        held[point, 1] += all_of_it - (1.0 - above) * covered
+
+
+@njit(cache=True, error_model="numpy")
+def slip_of_patches(edges, near, force, slip):
+    """Largest slip of a covered patch on a tool that is near [m], each between the corners of its face that touch.
+
+    A corner beside the tool slips by more than anything that the tool holds. near (t,); force and slip (p, t, 3)
+    """
+    largest = 0.0
+    s = np.empty((4, 3))
+    touches = np.empty(4)
+    for tool in range(len(near)):
+        if not (near[tool] and edges.edged[tool]):
+            continue
+        for face in range(len(edges.faces)):
+            bits = edges.patches[face, tool]
+            if bits == 0:
+                continue
+            soft = False
+            for c in range(4):
+                point = edges.point[face, c]
+                touches[c] = 0.0
+                s[c] = 0.0
+                if point >= 0 and (force[point, tool] != 0.0).any():
+                    touches[c] = 1.0
+                    s[c] = slip[point, tool]
+                soft = soft or (point >= 0 and edges.side[point, tool] >= 0)
+            if soft:
+                largest = max(largest, _patches_slip(bits, touches, s))
+    return np.sqrt(largest)
+
+
+@njit(cache=True, error_model="numpy")
+def _patches_slip(bits, touches, s):
+    """Square of the largest slip of a face's covered patches [m^2], s (4, 3) being that of its corners."""
+    largest = 0.0
+    for m in range(PATCHES):
+        u = (m + 0.5) / PATCHES
+        for n in range(PATCHES):
+            if not bits >> (PATCHES * m + n) & 1:
+                continue
+            v = (n + 0.5) / PATCHES
+            w0, w1 = touches[0] * (1.0 - u) * (1.0 - v), touches[1] * (1.0 - u) * v
+            w2, w3 = touches[2] * u * (1.0 - v), touches[3] * u * v
+            total, square = w0 + w1 + w2 + w3, 0.0
+            for a in range(3):
+                square += (w0 * s[0, a] + w1 * s[1, a] + w2 * s[2, a] + w3 * s[3, a]) ** 2
+            if total > 0.0:
+                largest = max(largest, square / (total * total))
+    return largest
