@@ -249,8 +249,8 @@ def test_a_thin_pad_presses_as_a_thick_one(half: float) -> None:
 
 
 def test_faces_count_while_a_corner_rests_on_a_thin_pad() -> None:
-    """On a pad of 1 mm: where the surface beside its edge rises past it shares change by its tilt; where all of it does,
-    what points hold fades without steps, to nothing."""
+    """On a pad of 1 mm: where the surface beside its edge rises past it shares change by its tilt; where all of it does
+    so, what points hold fades without steps, to nothing."""
     run = pads(2.5 * BLOCK)
     model, tool = run.solver.model, 1
     rest = run.body.x_rest[run.region.nodes]
