@@ -111,6 +111,22 @@ def test_a_sweep_ends_cells_at_edges_inside_faces() -> None:
     assert not Frame(load_scene("dumpling"), np.full(3, 0.05)).edged
 
 
+def test_cells_are_longer_along_what_only_cylinders_press() -> None:
+    """The fingers of sausage_bend reach across it; one that ends inside, or stands askew, presses it unevenly."""
+    scene, extent = load_scene("sausage_bend"), np.array([0.12, 0.02, 0.02])
+    frame = Frame(scene, extent)
+    assert frame.even == 2 and frame.across(4) == (24, 4, 2) and frame.across(8) == (48, 8, 4)
+    assert frame.size(frame.across(3)) == pytest.approx(0.02 / 3) == frame.size((18, 3, 1))
+    labels = {c.label for c in configurations(frame)}
+    assert {"FEM 18x3x1, 10 ms", "FEM 24x4x1, 10 ms", "FEM 24x4x2, 10 ms"} <= labels
+    for setting in ("tools.middle.length=0.019", "tools.middle.axis=[0, 0.1, 1]", "tools.middle.position=[0, 0.02, 0]"):
+        assert Frame(with_settings(scene, (setting,)), extent).even is None
+    core = "body.inclusions=[{shape: {kind: box, position: [0, 0, 0], size: [0.1, 0.1, 0.02]}, material: {young: 1e5}}]"
+    assert Frame(with_settings(scene, (core,)), extent).even is None
+    assert Frame(load_scene("tofu_grasp"), np.full(3, 0.05)).even is None
+    assert Frame(load_scene("cantilever"), np.full(3, 0.05)).even is None
+
+
 def test_plain_cells_do_not_end_at_edges_where_a_scene_asks_for_that() -> None:
     """Nor do the reference's, which are plain ones."""
     scene = with_settings(load_scene("tofu_pads"), ("body.shape.towards=[left, right]",))

@@ -9,7 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam.chart.errors import Error, Truth, errors, is_nothing, not_counted, rms, scale_of, sure, worst
+from softseam.chart.errors import (
+    Error,
+    Truth,
+    errors,
+    is_nothing,
+    largest_stress,
+    not_counted,
+    rms,
+    scale_of,
+    sure,
+    worst,
+)
 from softseam.chart.pareto import pareto_front
 from softseam.chart.reference import fine
 from softseam.chart.richardson import FASTEST, SLOWEST, Limit, limit, observed_order
@@ -165,6 +176,17 @@ def test_slip_is_measured_by_the_tools_way() -> None:
     assert scale_of("slip", slip, travel, TIME) == pytest.approx(0.05)
     assert scale_of("sag", slip, travel, TIME) == pytest.approx(1e-3)
     assert is_nothing("sag", 1e-8) and not is_nothing("sag", 1e-4)
+
+
+def test_a_stress_far_below_the_others_is_nothing() -> None:
+    """As beyond the last finger, where half of it may be an error that nobody would ask about."""
+    norms = {"middle.von_mises": 14e3, "end.von_mises": 50.0, "end.displacement": 0.014, "grip_force": 1e6}
+    stress = largest_stress(norms)
+    assert stress == 14e3 and largest_stress({"sag": 1.0}) == 0.0
+    assert [name for name, norm in norms.items() if is_nothing(name, norm, stress)] == ["end.von_mises"]
+    assert not is_nothing("end.von_mises", 50.0) and not is_nothing("end.von_mises", 150.0, stress)
+    finer = {"middle.von_mises": Limit(14e3 * TRUE, 1.0, 1.0, True), "end.von_mises": Limit(TRUE, 1e2, 1.0, True)}
+    assert fine(finer, 0.01, 5) and not fine({"end.von_mises": finer["end.von_mises"]}, 0.01, 5)
 
 
 def test_front_of_a_few_points() -> None:

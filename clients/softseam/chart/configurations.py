@@ -16,7 +16,7 @@ from softseam.errors import SceneRefused
 from softseam.session import open_as_given
 from softseam_protocol.material_borders import Planes, are_equal, cells_along, material_borders, wanted_for
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
-from softseam_protocol.scene_tools import BoxTool
+from softseam_protocol.scene_tools import BoxTool, CylinderTool
 from softseam_protocol.spec import Vector
 from softseam_protocol.tool_borders import tool_borders
 
@@ -34,6 +34,8 @@ TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
 """cells across whose borders lie at tools' edges, how thin they are there, and the multiple of the scene's step"""
 SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125)), (3, (0.25,)))
 """cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
+LONGER = 2.0
+"""cells are this many times as long as they are wide along an axis that little changes along [1]"""
 UNKNOWN_LENGTH = 3.0
 """for estimates, where the length of the motion is not known before [s]"""
 
@@ -65,8 +67,12 @@ class Frame:
         return expected_duration(self.scene) or UNKNOWN_LENGTH
 
     def across(self, count: int) -> Counts:
-        """Nearly cubic cells, `count` of them along the body's shortest edge, that end where its materials meet."""
-        return self._to_borders(self._counts(self.extent.min() / count))
+        """Nearly cubic cells, `count` of them along the body's shortest edge, that end where its materials meet; longer
+        ones along `even`."""
+        edges = np.full(3, self.extent.min() / count)
+        if self.even is not None:
+            edges[self.even] *= LONGER
+        return self._to_borders(self._counts(edges))
 
     def _to_borders(self, counts: Counts) -> Counts:
         """About as many cells that end where materials meet."""
@@ -86,6 +92,19 @@ class Frame:
         """Whether every cell of `first` is divided alike, so that borders of materials stay where they are."""
         along = {n / before for n, before in zip(counts, first, strict=True)}
         return not any(self.borders) or (len(along) == 1 and along.pop().is_integer())
+
+    @property
+    def even(self) -> int | None:
+        """The axis of a block of one material that every tool is a cylinder along, from beyond one face to beyond the
+        other: what these do changes little along it."""
+        body, tools = self.scene.body, list(self.scene.tools.values())
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and tools) or body.inclusions:
+            return None
+        middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * body.shape.size[2]])
+        for axis, edge in enumerate(body.shape.size):
+            if all(isinstance(tool, CylinderTool) and _reaches(tool, axis, middle[axis], edge) for tool in tools):
+                return axis
+        return None
 
     @property
     def own(self) -> Counts | None:
@@ -134,8 +153,17 @@ class Frame:
         return known if len(known) == 3 and any(self.borders) else None
 
     def size(self, counts: Counts) -> float:
-        """Edge of a cube of a cell's volume [m]."""
-        return float(np.cbrt(np.prod(self.extent / np.array(counts))))
+        """Edge of a cube of a cell's volume [m]; along `even`, of a square of its cross-section."""
+        edges = self.extent / np.array(counts)
+        if self.even is not None:
+            edges = np.delete(edges, self.even)
+        return float(np.prod(edges) ** (1.0 / len(edges)))
+
+
+def _reaches(tool: CylinderTool, axis: int, middle: float, edge: float) -> bool:
+    """Whether a cylinder along this axis covers all of a block's edge."""
+    along = abs(tool.axis[axis]) >= (1.0 - 1e-9) * float(np.linalg.norm(tool.axis))
+    return along and abs(tool.position[axis] - middle) + 0.5 * edge <= 0.5 * tool.length
 
 
 def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> bool:
@@ -210,6 +238,11 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
         for across, factors in SHORTER:
             for factor in factors:
                 yield fem_one(frame, frame.across(across), factor * step)
+    if frame.even is not None:
+        for across in (2, 3, 4):
+            x, y, z = (1 if axis == frame.even else n for axis, n in enumerate(frame.across(across)))
+            for factor in (2, 1):
+                yield fem_one(frame, (x, y, z), factor * step)
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
     for counts, factors in _cells_and_factors(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.chart.configurations import Configuration, Frame, fem_one, fem_seconds, fem_settings, is_viscous
-from softseam.chart.errors import KNOWN, Truth, is_nothing, rms, scale_of
+from softseam.chart.errors import KNOWN, Truth, is_nothing, largest_stress, rms, scale_of
 from softseam.chart.measure import Outcome, Told, measure
 from softseam.chart.richardson import Limit, limit
 from softseam.chart.series import Series
@@ -298,12 +298,13 @@ def assemble(
     travel = np.interp(time, finest.time, finest.travel)
     truth: dict[str, Truth] = {}
     parts: dict[str, Part] = {}
+    stress = largest_stress({name: rms(by_cell.value, time) for name, by_cell in cells.items()})
     for name, by_cell in cells.items():
         by_step = steps[name]
         # relative uncertainties so far; the limit's own norm is the scale
         values = by_cell.value + (by_step.value - _series(ladder, by_steps[0]).at(name, time))
         scale = scale_of(name, values, travel, time)
-        if is_nothing(name, scale):
+        if is_nothing(name, scale, stress):
             continue
         part = Part(
             by_cell.uncertainty / scale,
@@ -349,9 +350,11 @@ def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
 
     Slip is not waited for: its scale, the tools' way, is not known here, and it hardly ever decides.
     """
+    sizes = {name: float(np.sqrt(np.mean(found.value**2))) for name, found in limits.items()}
+    stress = largest_stress(sizes)
     for name, found in limits.items():
-        size = float(np.sqrt(np.mean(found.value**2)))
-        waited = name != "slip" and not is_nothing(name, size) and (found.converges or n_levels < CLEAR)
+        size = sizes[name]
+        waited = name != "slip" and not is_nothing(name, size, stress) and (found.converges or n_levels < CLEAR)
         if waited and found.uncertainty > target * size:
             return False
     return True
