@@ -195,14 +195,17 @@ def slip_of_patches(edges, near, force, slip):
             soft = False
             for c in range(4):
                 point = edges.point[face, c]
-                touches[c] = 0.0
-                s[c] = 0.0
-                if point >= 0 and (force[point, tool] != 0.0).any():
-                    touches[c] = 1.0
-                    s[c] = slip[point, tool]
                 soft = soft or (point >= 0 and edges.side[point, tool] >= 0)
-            if soft:
-                largest = max(largest, _patches_slip(bits, touches, s))
+            if not soft:
+                continue
+            for c in range(4):
+                point = edges.point[face, c]
+                touches[c] = 0.0
+                for a in range(3):
+                    s[c, a] = slip[point, tool, a] if point >= 0 else 0.0
+                    if point >= 0 and force[point, tool, a] != 0.0:
+                        touches[c] = 1.0
+            largest = max(largest, _patches_slip(bits, touches, s))
     return np.sqrt(largest)
 
 
