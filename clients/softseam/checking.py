@@ -14,8 +14,8 @@ from rich.text import Text
 
 from softseam.duration import expected_duration
 from softseam.embedded import translated
-from softseam.errors import missing_extra
-from softseam.scenes import bundle_of
+from softseam.errors import SceneRefused, missing_extra
+from softseam.scenes import bundle_of, located
 from softseam.variants import with_settings
 from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
@@ -39,6 +39,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     try:
         from softseam_services.body.body import Body
         from softseam_services.body.check import check_body
+        from softseam_services.body.errors import SettingError
         from softseam_services.body.particles import ParticleBody
         from softseam_services.orchestrator.goal import Goal
         from softseam_services.orchestrator.probes import Probes
@@ -46,19 +47,22 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         from softseam_services.server import build_setup
     except ImportError as error:
         raise missing_extra(error, "checking a mesh") from error
-    with translated():
-        setup = build_setup(bundle)
-        built = setup.body
-        if isinstance(built, Body):
-            Probes(built, scene.probes)
-            if scene.regions.goal is not None:
-                Goal(scene, built, setup.tools)
+    try:
+        with translated():
+            setup = build_setup(bundle)
+            built = setup.body
+            if isinstance(built, Body):
+                Probes(built, scene.probes)
+                if scene.regions.goal is not None:
+                    Goal(scene, built, setup.tools)
+    except SceneRefused as error:
+        raise SceneRefused(located(str(error), name, settings)) from None
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_row("scene", f"{scene.name}  (hash {scene_hash(bundle)[:12]})")
     if isinstance(built, ParticleBody):
-        for name, value in built.facts().items():
-            table.add_row(name, value)
+        for fact, value in built.facts().items():
+            table.add_row(fact, value)
         table.add_row("models", _models(scene))
         table.add_row("steps", _steps(scene))
         console.print(table)
@@ -83,7 +87,11 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
-    doubts = [*body.warnings, *_stiff_for_pbd(scene, built)]
+    doubts = [*body.warnings, *_locks(scene), *_stiff_for_pbd(scene, built), *_leaps(scene, built, setup.tools)]
+    try:
+        doubts += _few_substeps(scene, built, setup.tools)
+    except SettingError as error:
+        raise SceneRefused(located(str(error), name, settings)) from None
     if scene.models.pbd.coarse is not None:
         coarse = coarse_cells(built, scene.models.pbd.coarse, setup.tools)
         blocks = f"{int(coarse.sum())} of {body.n_cells} cells are one block where pbd has them, not eight"
@@ -92,7 +100,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     table.add_row("steps", _steps(scene))
     console.print(table)
     for warning in doubts:
-        console.print(Text(f"warning: {warning}", style="yellow"))
+        console.print(Text(f"warning: {located(warning, name, settings)}", style="yellow"))
     for note in (*_hidden_viscosity(scene), *_cut_by_borders(scene.body, built)):
         console.print(Text(f"note: {note}", style="dim"))
     console.print(Text("the scene can be simulated", style="green"))
@@ -104,22 +112,74 @@ def _inclusion(kind: str, part: Part) -> str:
     return f"{kind}: {size}; E {1e-3 * part.young:.4g} kPa, nu {part.poisson:.3g}"
 
 
-def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
-    """That substeps follow an inclusion, where PBD has cells of one in which waves are much faster than around it."""
+def _left_to_pbd(scene: Scene, body: Body) -> NDArray[np.bool_]:
+    """Cells that PBD has, or may have (C,)."""
     near, default = scene.regions.near, scene.regions.default
-    fast = np.array([material.wave_speed for material in body.materials]) / body.material.wave_speed
-    swift = (fast > _SWIFT)[body.octant_material].any(axis=1)
     left = np.full(body.n_cells, "pbd" in (default, near.model if near else default))
     if near is not None and near.model == "fem" and default == "pbd":
         middle = body.x_rest[body.cell_nodes[:, 13]]
         for box in near.boxes:
             left &= ~((middle >= box.min) & (middle <= box.max)).all(axis=1)
-    if not (swift & left).any():
+    return left
+
+
+def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
+    """That substeps follow an inclusion, where PBD has cells of one in which waves are much faster than around it."""
+    fast = np.array([material.wave_speed for material in body.materials]) / body.material.wave_speed
+    swift = (fast > _SWIFT)[body.octant_material].any(axis=1)
+    if not (swift & _left_to_pbd(scene, body)).any():
         return []
     return [
         f"waves in an inclusion are {fast.max():.0f} times as fast as around it: where PBD has it, a step takes about "
         "as many times more substeps; give it to fem by regions.near.boxes, or all cells by regions.default"
     ]
+
+
+def _locks(scene: Scene) -> list[str]:
+    """That FEM's element is too stiff for the scene's material."""
+    from softseam_services.orchestrator.simulation import locking
+
+    found = locking(scene)
+    return [f"models.fem.element: {found}"] if found else []
+
+
+def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
+    """That a fixed number of PBD's substeps is fewer than is stable. Raises SettingError where that is certain."""
+    from softseam_services.body.region import build_region
+    from softseam_services.pbd.model import build_model
+
+    left = _left_to_pbd(scene, body)
+    if scene.models.pbd.substeps == "auto" or not left.any():
+        return []
+    region = build_region(body, np.flatnonzero(left).astype(np.int32), np.zeros(0, dtype=np.int32))
+    model = build_model(scene, body, region, tools)
+    given, stable = model.substeps(scene.step), model.stable_substeps(scene.step)
+    if given >= stable:
+        return []
+    return [
+        f"models.pbd.substeps: {given} in a step of {1e3 * scene.step:g} ms are fewer than the {stable} that are "
+        "stable: blocks may gain energy, and points chatter on tools; leave it out for so many, or shorten `step`"
+    ]
+
+
+def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
+    """Tools that a phase of the motion takes half through themselves in a step, as it begins."""
+    from softseam_services.orchestrator.grip import grips_by_phase
+    from softseam_services.orchestrator.program import Program, Progress
+    from softseam_services.tools.motion import tool_motion
+    from softseam_services.tools.travel import beyond_middle
+
+    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, body.x_rest))
+    found = []
+    for phase in range(len(scene.motion)):
+        command, _ = program.step(Progress(phase, 0.0), tools.position, tools.orientation)
+        motion = tool_motion(tools, tools.position, tools.orientation, command, scene.step)
+        found += [
+            f"motion.{phase}: {name} moves half its thickness in a step of {1e3 * scene.step:g} ms: the body may come "
+            "out behind it; shorten `step`, or move it more slowly"
+            for name in beyond_middle(tools, motion)
+        ]
+    return found
 
 
 def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: ToolSet) -> list[str]:

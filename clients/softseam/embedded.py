@@ -49,7 +49,7 @@ class EmbeddedBackend:
         self._last: StepReport | None = None
         self.recorded: Recorded | None = None
         self.unrecorded = ""
-        with translated():
+        with translated(opening=True):
             compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
@@ -217,26 +217,33 @@ def solver_digest() -> str:
 
 
 class translated:  # reads as the function that it is used as
-    """A context that turns what the services raise into the client's errors."""
+    """A context that turns what the services raise into the client's errors.
+
+    opening  what a participant finds wrong is the scene's
+    """
+
+    def __init__(self, opening: bool = False) -> None:
+        self._opening = opening
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if error is not None:
-            _translate(error)
+            _translate(error, self._opening)
 
 
-def _translate(error: BaseException) -> None:
+def _translate(error: BaseException, opening: bool) -> None:
     """Raise the client's error for one of the services; return for any other."""
-    from softseam_services.body.errors import MeshError
+    from softseam_services.body.errors import MeshError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.participants import StepFailed
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
     from softseam_services.recorder.whole_file import RecordError
     from softseam_services.tools.errors import ToolError
 
-    if isinstance(error, SceneError | MeshError | ToolError):
+    refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == "invalid"
+    if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
     if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import difflib
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from softseam.errors import SceneRefused
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import SceneError, bundle_scene, files_of
+from softseam_protocol.scene_file import SceneError, bundle_scene, files_of, place_of
 from softseam_protocol.scene_file import load_scene as _load
 
+_NAMED = re.compile(rf"(?:^|: )((?:{'|'.join(Scene.model_fields)})(?:\.[\w-]+)*): ")
 _CHECKOUT = Path(__file__).parents[2] / "scenes"
 _INSTALLED = Path(__file__).parents[1] / "softseam_scenes"
 
@@ -52,6 +55,37 @@ def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
     except SceneError as error:
         raise SceneRefused(str(error)) from None
     return loaded.scene, loaded.bundle
+
+
+def located(text: str, scene: str | Path | Scene, settings: Sequence[str] = ()) -> str:
+    """A refusal, from the key on that it names, and where that stands: in a setting, or in file, line and column.
+
+    Whoever builds a body or a solver knows the scene, not the file that it was read from.
+    """
+    found = _NAMED.search(text)
+    if found is not None:
+        key, text = found[1], text[found.start(1) :]
+    elif isinstance(scene, Scene):
+        return text
+    else:
+        # what is wrong in a mesh begins with its file
+        named = [_dotted(at) for at, path in files_of(load_scene(scene)) if text.startswith(f"{path}: ")]
+        if not named:
+            return text
+        key, text = named[0], f"{named[0]}: {text}"
+    for setting in reversed(settings):
+        given = setting.partition("=")[0].strip()
+        if f"{key}.".startswith(f"{given}."):
+            return f"--set {setting}: {text}"
+    if isinstance(scene, Scene):
+        return text
+    path = scene_path(scene)
+    line, column = place_of(path, key)
+    return f"{path}:{line}:{column}: {text}"
+
+
+def _dotted(key: Sequence[str | int]) -> str:
+    return ".".join(map(str, key))
 
 
 def _folder() -> Path:

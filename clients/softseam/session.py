@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from softseam.duration import expected_duration
-from softseam.errors import BadInput, BadVelocity, NotReset, SessionClosed, UnknownTool
+from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
 from softseam.observation import Observation, observation_from
-from softseam.scenes import bundle_of
+from softseam.scenes import bundle_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
 from softseam_protocol.messages import Vector3
@@ -73,20 +73,25 @@ def open_as_given(
         varied = with_model(varied, model)
     if varied is not parsed:
         bundle = bundle_scene(varied, bundle.files)
-    backend: Backend
+    try:
+        backend = _backend(bundle, connect, record, timeout)
+    except SceneRefused as error:
+        raise SceneRefused(located(str(error), scene, settings)) from error
+    return Session(varied, bundle, backend)
+
+
+def _backend(bundle: messages.Bundle, connect: str | None, record: str | Path | bool | None, timeout: float) -> Backend:
     if connect is None:
         if isinstance(record, bool):
             raise BadInput("record=True is for connected sessions: give the recording a file name")
         from softseam.embedded import EmbeddedBackend
 
-        backend = EmbeddedBackend(bundle, record=None if record is None else Path(record))
-    else:
-        if isinstance(record, str | Path):
-            raise BadInput("a connected session is recorded where the recorder runs: use record=True")
-        from softseam.connected import ConnectedBackend
+        return EmbeddedBackend(bundle, record=None if record is None else Path(record))
+    if isinstance(record, str | Path):
+        raise BadInput("a connected session is recorded where the recorder runs: use record=True")
+    from softseam.connected import ConnectedBackend
 
-        backend = ConnectedBackend(bundle, connect, record=bool(record), timeout=timeout)
-    return Session(varied, bundle, backend)
+    return ConnectedBackend(bundle, connect, record=bool(record), timeout=timeout)
 
 
 class Session:

@@ -92,6 +92,15 @@ def parse_scene(text: str, name: str = "<scene>") -> Scene:
     return _parse(text, name)[0]
 
 
+def place_of(path: Path, key: str) -> tuple[int, int]:
+    """Line and column of a dotted key in a scene's file, or of what of it is there. Raises OSError and YamlError."""
+    values = marked_yaml.parse(path.read_text("utf-8-sig")).values
+    at: marked_yaml.Path = tuple(int(item) if item.isdigit() else item for item in key.split("."))
+    while at not in values:
+        at = at[:-1]
+    return values[at].line, values[at].column
+
+
 def scene_from_bundle(bundle: Bundle) -> Scene:
     """The scene of a bundle. Raises SceneError."""
     try:

@@ -35,13 +35,21 @@ BAD_SCENES = {
     "other version": (GOOD.replace("softseam: 1", "softseam: 7"), ["bad.yaml:1", "softseam"]),
     "tool inside": (
         GOOD + "  ball: {kind: sphere, radius: 0.005, position: [0, 0, 0.018]}\n",
-        ["ball"],
+        ["bad.yaml:10:9: tools.ball: it starts", "move it clear"],
+    ),
+    "too few substeps of leapfrog": (
+        GOOD.replace("tools:\n  ground: {kind: plane, friction: 0.5}\n", "")
+        + "regions: {default: pbd}\nmodels: {pbd: {method: leapfrog, substeps: 1}}\nstep: 0.01\n",
+        ["bad.yaml:9:44: models.pbd.substeps: leapfrog is unstable with 1 substeps in 0.01 s", "leave it out"],
     ),
     "goal of too many cells": (
         GOOD.replace("cell: 0.01", "cell: 0.0015") + "probes: {inside: [0, 0, 0.01]}\nregions: {goal: inside}\n",
-        ["regions.goal", "unknowns", "body.cell"],
+        ["bad.yaml:11:17: regions.goal: ", "unknowns", "body.cell"],
     ),
-    "probe outside": (GOOD + "probes: {above: [0, 0, 0.03]}\n", ["probes.above", "0.03"]),
+    "probe outside": (
+        GOOD + "probes: {above: [0, 0, 0.03]}\n",
+        ["bad.yaml:10:", "probes.above: [0.0, 0.0, 0.03]", "name a point inside"],
+    ),
 }
 
 BAD_CALLS = {

@@ -117,7 +117,7 @@ def test_a_participant_tells_the_energies_that_a_sheet_begins_with() -> None:
 def test_tools_must_start_clear_of_particles() -> None:
     body = {"kind": "rope", "length": 1.0, "divisions": 10, "density": 0.1, "stretch": 10.0, "radius": 0.01}
     tools: dict[str, Any] = {"ball": {"kind": "sphere", "radius": 0.1, "position": (0.0, 0.0, 0.105)}}
-    with pytest.raises(ToolError, match="'ball' starts 5 mm inside the rope"):
+    with pytest.raises(ToolError, match=r"tools\.ball: it starts 5 mm inside the rope"):
         ParticleRun(particle_scene(body, tools=tools))
     tools["ball"]["position"] = (0.0, 0.0, 0.11)
     ParticleRun(particle_scene(body, tools=tools))

@@ -105,7 +105,7 @@ def test_touching_is_allowed(tool: dict[str, object]) -> None:
 )
 def test_tools_inside_the_body_are_refused_by_name(tool: dict[str, object]) -> None:
     spec = scene({"fine": box([0.2, 0, 0]), "left": tool})
-    with pytest.raises(ToolError, match=r"the tool 'left' starts .*inside the body: move it clear") as caught:
+    with pytest.raises(ToolError, match=r"tools\.left: it starts .*inside the body: move it clear") as caught:
         build_tools(spec, build_body(spec, {}), FILES)
     assert "fine" not in str(caught.value)
 

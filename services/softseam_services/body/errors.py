@@ -1,7 +1,11 @@
-"""What can be wrong with a body's shape."""
+"""What can be wrong with a body's shape, and with settings on this body."""
 
 from __future__ import annotations
 
 
 class MeshError(ValueError):
     """A shape that cannot be simulated. The text names the file, the counts, the worst element and the remedy."""
+
+
+class SettingError(ValueError):
+    """A setting that this body cannot be simulated with. The text begins with its key and names the remedy."""

@@ -74,7 +74,7 @@ class Simulation:
         self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
         self._wants_indicators = not MEASURED.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
-        self._locks = _element_warning(self.scene)
+        self._locks = locking(self.scene)
         self._trust = Trust(self.body, self.scene)
         self._clock = Clock(session, self.scene.step)
         self._accounts = Accounts(self.scene.step, _standing(self.body))
@@ -394,7 +394,7 @@ def _standing(body: AnyBody) -> float:
     return float(mass @ (height - height.min()))
 
 
-def _element_warning(scene: Scene) -> str:
+def locking(scene: Scene) -> str:
     """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
     near, body = scene.regions.near, scene.body
     if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):

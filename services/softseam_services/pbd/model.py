@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_models import PbdSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.errors import SettingError
 from softseam_services.body.interpolate import point_weights
 from softseam_services.tools.tool_set import ToolSet
 
@@ -85,11 +86,22 @@ class PbdModel:
         return len(self.tools.names)
 
     def substeps(self, dt: float) -> int:
-        """m = ceil(dt omega_max / limit), or the scene's number; ValueError where that is unstable for certain."""
+        """`stable_substeps`, or the scene's number; SettingError where that is unstable for certain."""
+        given = self.spec.substeps
+        if given == "auto":
+            return self.stable_substeps(dt)
+        least = dt * self.frequency / (FREQUENCY_MARGIN * EXPLICIT_LIMIT)
+        if self.explicit and given < least:
+            raise SettingError(
+                f"models.pbd.substeps: leapfrog is unstable with {given} substeps in {dt:g} s, the least is "
+                f"{np.ceil(least):.0f}, and auto takes {self.stable_substeps(dt)}: leave it out, or use method: xpbd"
+            )
+        return given
+
+    def stable_substeps(self, dt: float) -> int:
+        """m = ceil(dt omega_max / limit)"""
         if self.explicit:
-            return self._explicit_substeps(dt)
-        if self.spec.substeps != "auto":
-            return self.spec.substeps
+            return max(1, int(np.ceil(dt * self.frequency / EXPLICIT - 1e-9)))
         touched = bool(self.active.any() and self.n_tools > 0)
         table = TOUCHED if touched else STABLE
         cells = self.region.cells
@@ -119,17 +131,6 @@ class PbdModel:
     def explicit(self) -> bool:
         """Whether the region is stepped by leapfrog."""
         return self.spec.method == "leapfrog"
-
-    def _explicit_substeps(self, dt: float) -> int:
-        if self.spec.substeps == "auto":
-            return max(1, int(np.ceil(dt * self.frequency / EXPLICIT - 1e-9)))
-        least = dt * self.frequency / (FREQUENCY_MARGIN * EXPLICIT_LIMIT)
-        if self.spec.substeps < least:
-            raise ValueError(
-                f"leapfrog is unstable with {self.spec.substeps} substeps in {dt:g} s, the least is "
-                f"{np.ceil(least):.0f}: leave out models.pbd.substeps, or use method: xpbd"
-            )
-        return self.spec.substeps
 
 
 def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> PbdModel:

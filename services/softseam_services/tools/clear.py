@@ -33,9 +33,9 @@ def check_clear(tools: ToolSet, body: Body) -> None:
     problems = []
     for tool, name in enumerate(tools.names):
         if gap[tool] < -_slack(tools, tool, size):
-            problems.append(f"the tool {name!r} starts {-1e3 * gap[tool]:.3g} mm inside the body")
+            problems.append(f"tools.{name}: it starts {-1e3 * gap[tool]:.3g} mm inside the body")
         elif any(winding_number(points, body.surface.triangles, probe) > 0.5 for probe in _probes(tools, tool, points)):
-            problems.append(f"the tool {name!r} starts inside the body")
+            problems.append(f"tools.{name}: it starts inside the body")
     if problems:
         raise ToolError("; ".join(problems) + ": move it clear of the body, whose bounding box is " + _bounds(points))
 
@@ -47,7 +47,7 @@ def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
     least_gaps(body.x_rest, tools.kind, tools.shape, tools.position, tools.orientation, gap)
     deep = [(name, body.radius - gap[tool]) for tool, name in enumerate(tools.names)]
     problems = [
-        f"the tool {name!r} starts {1e3 * depth:.3g} mm inside the {body.kind}"
+        f"tools.{name}: it starts {1e3 * depth:.3g} mm inside the {body.kind}"
         for tool, (name, depth) in enumerate(deep)
         if depth > _slack(tools, tool, size)
     ]
