@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.duration import expected_duration
+from softseam.duration import expected_duration, too_many_steps
 from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
 from softseam.scenes import bundle_of, located
@@ -20,6 +20,7 @@ from softseam.variants import with_settings
 from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
+from softseam_protocol.spec import BoxRegion
 
 _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
@@ -36,6 +37,8 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     scene = with_settings(loaded, settings)
     if scene is not loaded:
         bundle = bundle_scene(scene, bundle.files)
+    if endless := too_many_steps(scene):
+        raise SceneRefused(located(endless, name, settings))
     try:
         from softseam_services.body.body import Body
         from softseam_services.body.check import check_body
@@ -88,6 +91,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
     doubts = [*body.warnings, *_locks(scene), *_stiff_for_pbd(scene, built), *_leaps(scene, built, setup.tools)]
+    doubts += [*_in_vain(scene, built), *_stiffened_by_time(scene)]
     try:
         doubts += _few_substeps(scene, built, setup.tools)
     except SettingError as error:
@@ -160,6 +164,32 @@ def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
         f"models.pbd.substeps: {given} in a step of {1e3 * scene.step:g} ms are fewer than the {stable} that are "
         "stable: blocks may gain energy, and points chatter on tools; leave it out for so many, or shorten `step`"
     ]
+
+
+def _in_vain(scene: Scene, body: Body) -> list[str]:
+    """Boxes in which nothing is that they are to choose."""
+    assert isinstance(scene.body, BodySpec)
+    near = scene.regions.near
+    middle = body.x_rest[body.cell_nodes[:, 13]]
+
+    def holds(box: BoxRegion, points: NDArray[np.float64]) -> bool:
+        slack = 1e-6 * min(body.edges)
+        return bool(((points >= np.array(box.min) - slack) & (points <= np.array(box.max) + slack)).all(axis=1).any())
+
+    empty = [f"body.fixed.{i}: no node" for i, box in enumerate(scene.body.fixed) if not holds(box, body.x_rest)]
+    boxes = near.boxes if near is not None else ()
+    empty += [f"regions.near.boxes.{i}: no cell's middle" for i, box in enumerate(boxes) if not holds(box, middle)]
+    spans = " .. ".join(str(end(body.x_rest, axis=0).round(6).tolist()) for end in (np.min, np.max))
+    return [f"{said} is in this box: the body spans {spans} at rest; move the box, or leave it out" for said in empty]
+
+
+def _stiffened_by_time(scene: Scene) -> list[str]:
+    """A viscosity that lets nothing move while the scene lasts."""
+    length = expected_duration(scene)
+    time = scene.body.material.retardation_time if isinstance(scene.body, BodySpec) else 0.0
+    if length is None or time <= length:
+        return []
+    return [f"body.material.retardation_time: {time:g} s, and all is over after {length:.3g}; is the unit s?"]
 
 
 def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene import MOST_STEPS, BlockShape, BodySpec, Scene
 from softseam_protocol.scene_motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
 from softseam_protocol.scene_tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, SphereTool
 
@@ -37,6 +37,14 @@ def expected_duration(scene: Scene) -> float | None:
             for name in phase.tools:
                 closed[name] = closed.get(name, 0.0) + phase.close * length
     return total
+
+
+def too_many_steps(scene: Scene) -> str:
+    """What to say of a scene whose motion takes more steps than any run has; '' of others."""
+    length = expected_duration(scene)
+    if length is None or length / scene.step <= MOST_STEPS:
+        return ""
+    return f"step: {length / scene.step:.3g} steps in {length:.3g} s, more than {MOST_STEPS:,}: lengthen it"
 
 
 def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:

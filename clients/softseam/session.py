@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from softseam.duration import expected_duration
+from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
 from softseam.observation import Observation, observation_from
 from softseam.scenes import bundle_of, located
@@ -71,6 +71,8 @@ def open_as_given(
     varied = with_settings(parsed, settings)
     if model is not None:
         varied = with_model(varied, model)
+    if endless := too_many_steps(varied):
+        raise SceneRefused(located(endless, scene, settings))
     if varied is not parsed:
         bundle = bundle_scene(varied, bundle.files)
     try:

@@ -38,9 +38,9 @@ def test_a_sound_block() -> None:
     [
         ([0.05, 0.0125, 0.0125], {}, "stretched 4.0 to 1"),
         (0.05, {}, "one cell through the thickness"),
-        (0.025, {"poisson": 0.4999}, "Poisson's ratio 0.4999"),
-        (0.025, {"density": 1.05}, "density of 1.05"),
-        (0.025, {"young": 0.02}, "Young's modulus 0.02"),
+        (0.025, {"poisson": 0.4999}, "body.material.poisson: 0.4999 is nearly"),
+        (0.025, {"density": 1.05}, "body.material.density: 1.05 kg"),
+        (0.025, {"young": 0.02}, "body.material.young: 0.02 Pa is unlike"),
     ],
 )
 def test_what_is_odd_is_said(cell: float | list[float], material: dict[str, float], words: str) -> None:

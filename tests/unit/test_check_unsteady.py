@@ -34,10 +34,52 @@ models: {pbd: {substeps: 40}}
     [
         ("", "", "", ""),
         ("substeps: 40", "substeps: 3", ":15:26: ", "models.pbd.substeps: 3 in a step of 10 ms are fewer than the"),
+        (
+            "young: 2.0e4",
+            "young: 20",
+            ":7:40: ",
+            "body.material.young: 20 Pa; the body would sink by some 981 % of its height",
+        ),
+        (", 0.02, 0.02]}", ", 6, 0.02]}", ":5:10: ", "body.shape: 6 m from end to end is unlike what a hand grips; is"),
+        (
+            "1000}",
+            "1000, retardation_time: 9}",
+            ":7:95: ",
+            "body.material.retardation_time: 9 s, and all is over after",
+        ),
+        (
+            "  cell: 0.01\n",
+            "  fixed: [{min: [1, 1, 1], max: [2, 2, 2]}]\n  cell: 0.01\n",
+            ":6:11: ",
+            "body.fixed.0: no node is in this box: the body spans [-0.01, -0.01, 0.0] .. [0.01, 0.01, 0.02] at rest",
+        ),
+        (
+            "{default: pbd}",
+            "{default: pbd, near: {model: fem, boxes: [{min: [1, 1, 1], max: [2, 2, 2]}]}}",
+            ":14:52: ",
+            "regions.near.boxes.0: no cell's middle is in this box: the body spans",
+        ),
+        (
+            "  cell: 0.01\n",
+            "  fixed: [{min: [-1, -1, -1], max: [2, 2, 2]}]\n  cell: 0.01\n",
+            ":6:10: ",
+            "body.fixed: all of the body is clamped, and nothing moves; make the boxes smaller",
+        ),
         ("close: 0.02", "close: 0.6", ":13:5: ", "motion.1: right moves half its thickness in a step of 10 ms"),
         ("{pbd: {substeps: 40}}", "{fem: {element: tet4}}", ":15:25: ", "models.fem.element: tet4 is too"),
     ],
-    ids=["steady", "few substeps", "too swift a tool", "an element that locks"],
+    ids=[
+        "steady",
+        "few substeps",
+        "young",
+        "size",
+        "viscosity",
+        "no node",
+        "no cell",
+        "all nodes",
+        "too swift a tool",
+        "an element that locks",
+    ],
 )
 def test_a_warning_tells_where(tmp_path: Path, old: str, new: str, place: str, words: str) -> None:
     path, said = tmp_path / "cube.yaml", StringIO()

@@ -15,6 +15,10 @@ _SLIVER = 0.02
 _STRETCHED = 3.0
 _INCOMPRESSIBLE = 0.495
 _COARSE = 8
+_SMALL, _LARGE = 1e-3, 5.0
+"""extent of what tools press [m]"""
+_SINKS = 0.5
+"""rho g h/E, from which on a body hardly stands [1]"""
 
 
 @dataclass(frozen=True)
@@ -80,22 +84,34 @@ def check_body(body: Body) -> BodyCheck:
     warnings = list(body.notes)
     if body.edges.max() > _STRETCHED * body.edges.min():
         warnings.append(
-            f"cells are stretched {body.edges.max() / body.edges.min():.1f} to 1: substeps follow the shortest edge; "
-            "choose more even `cell` edges"
+            f"body.cell: they are stretched {body.edges.max() / body.edges.min():.1f} to 1: substeps follow the "
+            "shortest edge; choose more even ones"
         )
     # What rounding a wanted cell edge to a divisor of the body leaves open is worth knowing when it is one cell.
     if body.boxes and (size < 1.5 * body.edges).any():
-        warnings.append("one cell through the thickness: bending is coarse; make `cell` half as large")
-    for each in body.materials:
-        warnings += _doubts(each)
+        warnings.append("body.cell: one cell through the thickness: bending is coarse; make it half as large")
+    if not _SMALL <= size.max() <= _LARGE:
+        warnings.append(f"body.shape: {size.max():.3g} m from end to end is unlike what a hand grips; is the unit m?")
+    for number, each in enumerate(body.materials):
+        warnings += _doubts(each, "body.material" if number == 0 else f"body.inclusions.{number - 1}.material")
+    weight = body.material.density * float(np.ptp(points @ body.gravity)) / body.material.young
+    if weight > _SINKS:
+        warnings.append(
+            f"body.material.young: {body.material.young:g} Pa; the body would sink by some {100.0 * weight:.0f} % of "
+            "its height under its own weight; are the units Pa, m and kg/m^3?"
+        )
+    if body.fixed.all():
+        warnings.append("body.fixed: all of the body is clamped, and nothing moves; make the boxes smaller")
     parts = _parts(body)
     for number, part in enumerate(parts):
         if 0 < part.octants < _COARSE:
             warnings.append(
-                f"inclusion {number} is {part.octants} octants of cells, a coarse picture of it: make `cell` smaller"
+                f"body.inclusions.{number}: it is {part.octants} octants of cells, a coarse picture: shorten `cell`"
             )
         if part.octants == 0:
-            warnings.append(f"inclusion {number} is hidden by later ones, or where the body is empty: leave it out")
+            warnings.append(
+                f"body.inclusions.{number}: it is hidden by later ones, or where the body is empty: leave it out"
+            )
     return BodyCheck(
         n_cells=body.n_cells,
         n_nodes=body.n_nodes,
@@ -138,16 +154,16 @@ def _parts(body: Body) -> tuple[Part, ...]:
     return tuple(found)
 
 
-def _doubts(material: Material) -> list[str]:
-    """What is unlike any soft solid."""
+def _doubts(material: Material, key: str) -> list[str]:
+    """What is unlike any soft solid, of the material at this key."""
     doubts = []
     poisson = material.elastic.poisson
     if poisson > _INCOMPRESSIBLE:
-        doubts.append(f"Poisson's ratio {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
+        doubts.append(f"{key}.poisson: {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
     if not 10.0 <= material.density <= 25_000.0:
-        doubts.append(f"a density of {material.density:g} kg/m^3 is unlike any solid; is the unit kg/m^3?")
+        doubts.append(f"{key}.density: {material.density:g} kg/m^3 is unlike any solid; is the unit kg/m^3?")
     if not 10.0 <= material.young <= 1e9:
-        doubts.append(f"Young's modulus {material.young:g} Pa is unlike any soft solid; is the unit Pa?")
+        doubts.append(f"{key}.young: {material.young:g} Pa is unlike any soft solid; is the unit Pa?")
     return doubts
 
 
