@@ -138,8 +138,9 @@ def test_after_a_cut_of_what_moves_the_far_side_is_foretold_to_move_on() -> None
     def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
         replies = {name: sides[name].advance(side) for name, side in wanted.items()}
         if replies.keys() == sides.keys():
-            assert wanted[NEAR].anchor is not None
-            missed.append(np.abs(wanted[NEAR].anchor - replies[FAR].seam_x).max())
+            anchor = wanted[NEAR].anchor
+            assert anchor is not None
+            missed.append(np.abs(anchor - replies[FAR].seam_x).max())
         return replies
 
     for step in range(5):
