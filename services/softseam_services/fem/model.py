@@ -210,7 +210,7 @@ def build_model(
         full=full,
         resists=resists,
         viscous=viscous,
-        mean_gradient=mean_gradient,
+        mean_gradient=np.ascontiguousarray(mean_gradient),
         kind=body.material.number,
         x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
         mass=region.mass,
