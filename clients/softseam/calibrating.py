@@ -12,8 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.chart.reference import cache_folder
-from softseam.chart.store import Identity, Store
+from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest, translated
 from softseam.errors import BadInput, missing_extra
 from softseam.report import write_report

@@ -21,12 +21,14 @@ from typing import Any
 
 from rich.console import Console
 
+from softseam.chart.climb import climb
 from softseam.chart.command import quantity_names
 from softseam.chart.configurations import Configuration, configurations, frame_of
 from softseam.chart.errors import Error, not_counted, sure
+from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
 from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Ladder, Reference, climb, in_words
+from softseam.chart.reference import Reference, in_words
 from softseam.chart.store import Identity, Store
 from softseam.chart.sweep import sweep
 from softseam.chart.table import Row, busy_by, core_share, rows_of

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from softseam.chart.climb import fine
 from softseam.chart.errors import (
     Error,
     Truth,
@@ -22,8 +23,7 @@ from softseam.chart.errors import (
     worst,
 )
 from softseam.chart.pareto import pareto_front
-from softseam.chart.reference import fine
-from softseam.chart.richardson import FASTEST, SLOWEST, Limit, limit, observed_order
+from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
 from softseam.chart.series import Series
 
 TIME = np.linspace(0.0, 2.0, 401)
@@ -35,16 +35,24 @@ def norm(values: np.ndarray) -> float:
     return rms(values, TIME)
 
 
+def _one(value: np.ndarray) -> float:
+    return abs(float(value[0]))
+
+
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.0, 3.0, 4.0])
 @pytest.mark.parametrize("h", [(0.5, 0.25, 0.125), (1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8)])
 def test_limit_of_a_sequence_of_known_order(order: float, h: tuple[float, ...]) -> None:
-    """J(h) = J* + C h^p gives back p and J* for any refinement; the bound is half the way from the finest level."""
+    """J(h) = J* + C h^p gives back p and J* for any refinement; the bound is the way from the finest level."""
     levels = [TRUE + WRONG * size**order for size in h]
     found = limit(h, levels, norm)
     assert found.converges
     assert found.order == pytest.approx(order, rel=1e-9)
     np.testing.assert_allclose(found.value, TRUE, atol=1e-9)
-    assert found.uncertainty == pytest.approx(0.5 * norm(WRONG) * h[-1] ** order, rel=1e-6)
+    finest = norm(WRONG) * h[-1] ** order
+    if len(h) >= RECENT:
+        assert found.uncertainty == pytest.approx(finest, rel=1e-6)
+    else:
+        assert finest <= found.uncertainty * (1 + 1e-9) <= norm(WRONG) * h[0] ** order * (1 + 2e-9)
 
 
 def test_uncertainty_holds_what_a_second_term_leaves() -> None:
@@ -55,13 +63,55 @@ def test_uncertainty_holds_what_a_second_term_leaves() -> None:
 
 
 def test_a_singular_quantity_has_no_limit() -> None:
-    """Stress at a sharp edge grows like h^-0.4: the sequence is not extrapolated, and said to be uncertain."""
-    h = (1 / 2, 1 / 4, 1 / 8)
+    """Stress at a sharp edge grows like h^-0.4: not extrapolated, and known to what the last four levels went by."""
+    h = (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32)
     levels = [TRUE * size**-0.4 for size in h]
     found = limit(h, levels, norm)
     assert not found.converges
     assert found.value is levels[-1]
-    assert found.uncertainty == pytest.approx(norm(levels[-1] - levels[-2]))
+    assert found.uncertainty == pytest.approx(norm(levels[-1] - levels[-RECENT]))
+
+
+@pytest.mark.parametrize("n", [4, 5, 6])
+@pytest.mark.parametrize("shrinking", [0.0, 1.0])
+@settings(deadline=None, max_examples=3)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_sequence_that_scatters_is_known_to_what_it_claims(n: int, shrinking: float, seed: int) -> None:
+    """J = J* + h^s e with normal e, s 0 or 1: nearly all claim a limit, of which 19 of 20 hold (90 % of 400 draws is four
+    standard errors less). An order that three levels show by luck held in 6 of 10."""
+    h = np.array([1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12][:n])
+    draws = np.random.default_rng(seed).normal(size=(400, n)) * h**shrinking
+    found = [limit(h.tolist(), list(row.reshape(n, 1)), _one) for row in draws]
+    claimed = [one for one in found if one.converges]
+    held = [_one(one.value) <= one.uncertainty for one in claimed]
+    assert len(claimed) >= 0.87 * len(found)
+    assert np.mean(held) >= 0.90
+
+
+@settings(deadline=None, max_examples=200)
+@given(order=st.floats(1.0, 3.0), second=st.floats(-1.0, 1.0), n=st.integers(4, 7))
+def test_the_limit_of_two_powers_lies_within_what_is_claimed(order: float, second: float, n: int) -> None:
+    """J = J* + h^p + D h^(p + 1), |D| <= 1: where a limit is claimed, it holds J*."""
+    h = np.array([1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16][:n])
+    found = limit(h.tolist(), list((h**order + second * h ** (order + 1.0)).reshape(n, 1)), _one)
+    assert not found.converges or _one(found.value) <= found.uncertainty * (1.0 + 1e-9)
+
+
+def test_what_goes_to_and_fro_has_no_order_and_is_the_finest_level() -> None:
+    """Grip force of tofu_pads on 3, 4, 6, 8 and 10 cells changed by 5.8, 1.1, .8 and 1.8 %, each against the last."""
+    levels = [TRUE * (1.0 + off) for off in (0.0, 0.058, 0.047, 0.055, 0.037)]
+    found = limit((1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 10), levels, norm)
+    assert found.converges and np.isnan(found.order)
+    assert found.value is levels[-1]
+    assert found.uncertainty == pytest.approx(norm(TRUE) * (0.011 + 0.008 + 0.018))
+
+
+def test_turning_back_is_a_negative_product() -> None:
+    assert turns_back(WRONG, -0.1 * WRONG, norm) and turns_back(WRONG, 0.0 * WRONG, norm)
+    assert not turns_back(WRONG, 0.1 * WRONG, norm)
+    aside = np.sin(np.pi * TIME)
+    across = np.cos(np.pi * TIME)  # over whole periods, at right angles
+    assert not turns_back(aside, across + 0.01 * aside, norm) and turns_back(aside, across - 0.01 * aside, norm)
 
 
 def test_slow_orders_are_taken_for_the_slowest_and_fast_ones_for_the_fastest() -> None:

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from rich.console import Console
 
+from softseam.chart.climb import ACROSS, levels_of
 from softseam.chart.configurations import Frame, configurations, fem_one
-from softseam.chart.reference import ACROSS, levels_of
 from softseam.checking import check_scene
 from softseam.scenes import load_scene
 from softseam.variants import with_settings

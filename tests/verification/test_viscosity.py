@@ -14,7 +14,7 @@ from pbd_run import PbdRun, block_scene
 
 import softseam
 from softseam.chart.configurations import Frame, configurations
-from softseam.chart.reference import Ladder
+from softseam.chart.ladder import Ladder
 from softseam_protocol.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.messages import Advanced, BodyState
 from softseam_protocol.scene import Scene

@@ -9,11 +9,13 @@ from time import perf_counter
 
 from rich.console import Console
 
+from softseam.chart.climb import climb
 from softseam.chart.configurations import METHODS, configurations, frame_of
 from softseam.chart.errors import not_counted
+from softseam.chart.ladder import Ladder
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
 from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Ladder, Reference, climb, described, in_words
+from softseam.chart.reference import Reference, described, in_words
 from softseam.chart.store import Identity, Store
 from softseam.chart.sweep import sweep
 from softseam.chart.table import Row, busy, row_json, rows_of, write_csv

@@ -11,13 +11,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from softseam.chart.climb import Watch, climb
 from softseam.chart.command import quantity_names
 from softseam.chart.configurations import Configuration, Frame, configurations, frame_of
 from softseam.chart.errors import uncounted
+from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, measure
 from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Ladder, Reference, Watch, cache_folder, climb
-from softseam.chart.store import Identity, Store
+from softseam.chart.reference import Reference
+from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, require_extra
 from softseam.plan.planner import Goal, Plan, choose, counts_to, known_to

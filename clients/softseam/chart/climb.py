@@ -1,0 +1,124 @@
+"""How a reference is refined: cells at the scene's step, then the step at nearly cubic cells about as fine as its own.
+
+Refined until both are fine enough, or the next level would not end within the budget.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from softseam.chart.assemble import assemble
+from softseam.chart.configurations import Frame
+from softseam.chart.errors import KNOWN, is_nothing, largest_stress
+from softseam.chart.ladder import COARSEST, Ladder
+from softseam.chart.measure import Told
+from softseam.chart.reference import TARGET, Reference
+from softseam.chart.richardson import Limit
+from softseam.errors import SoftseamError
+
+ACROSS = (COARSEST, 3, 4, 6, 8, 12, 16)
+"""cells along the body's shortest edge, level by level"""
+BETWEEN = {6: 5, 8: 7, 12: 10, 16: 14}
+"""level that is taken in place of one that would not end within the budget: the last one, then"""
+STEPS_AT = 3
+"""cells along the shortest edge at which the step is refined, where the scene leaves its cells to the solver"""
+FINEST_STEPS_AT = 4
+"""and the most of them: steps are halved up to `HALVINGS` times, which is for moderate cells"""
+HALVINGS = 7
+"""most halvings of the step"""
+CLEAR = 4
+"""levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
+
+
+Watch = Callable[[str, float], Told]
+"""told what is computed now and its foreseen seconds; returns what is told of its progress"""
+
+
+def climb(
+    ladder: Ladder, frame: Frame, budget: float, watch: Watch, target: float = TARGET, known: float = KNOWN
+) -> Reference:
+    """Refine cells, then the step, until both are fine enough or the next level would not end within the budget.
+
+    budget  own time of the ladder, without compiling [s]; levels from the cache cost nothing
+    target  how uncertain the cells and the step may each leave a quantity [1]
+    known   how uncertain a quantity may be that counts [1]
+    """
+    step = frame.scene.step
+    enough = True
+
+    def take(across: int, step: float, share: float) -> bool:
+        new = ladder.cached(across, step) is None
+        foreseen = ladder.seconds(across, step) if new else 0.0
+        if new and ladder.done and ladder.spent + foreseen > share * budget:
+            return False
+        told = None
+        if new:
+            told = watch(f"reference, {across} cells across, {1e3 * step:.4g} ms", foreseen)
+        outcome = ladder.run(across, step, max(1.0, share * budget - ladder.spent), told)
+        return outcome.status == "done"
+
+    cells: list[int] = []
+    for across in levels_of(frame):
+        # what the steps will need is kept back
+        if not take(across, step, 0.85):
+            enough = False
+            between = BETWEEN.get(across, 0)
+            if cells and between and refines(frame, between) and take(between, step, 0.85):
+                cells.append(between)
+            break
+        cells.append(across)
+        if len(cells) > 2 and fine(ladder.limits([(a, step) for a in cells]), target, len(cells)):
+            break
+    if not cells:
+        raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
+    at = max((across for across in cells if across <= steps_at(frame)), default=cells[0])
+    steps = [step]
+    for halving in range(1, HALVINGS + 1):
+        if not take(at, step / 2**halving, 1.0):
+            enough = False
+            break
+        steps.append(step / 2**halving)
+        if len(steps) > 2 and fine(ladder.limits([(at, s) for s in steps]), target, len(steps)):
+            break
+    return assemble(ladder, [(a, step) for a in cells], [(at, s) for s in steps], enough, target, known)
+
+
+def levels_of(frame: Frame) -> tuple[int, ...]:
+    """Cells across the coarsest level and finer ones, no two of which are the same cells.
+
+    Where materials meet in planes, every level divides the coarsest's cells alike, as far as four levels do: others
+    would have other shapes on either side of a border, and levels would jump back and forth.
+    """
+    different = tuple({frame.across(across): across for across in ACROSS}.values())
+    alike = tuple(across for across in different if refines(frame, across))
+    return alike if len(alike) > 3 else different
+
+
+def refines(frame: Frame, across: int) -> bool:
+    """Whether this level divides the coarsest's cells alike."""
+    return frame.refines(frame.across(across), frame.across(COARSEST))
+
+
+def steps_at(frame: Frame) -> int:
+    """Cells along the shortest edge at which the step is refined: about the scene's own."""
+    if frame.own is None:
+        return STEPS_AT
+    finest = float((frame.extent / np.array(frame.own)).min())
+    return int(np.clip(round(float(frame.extent.min()) / finest), COARSEST, FINEST_STEPS_AT))
+
+
+def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
+    """Whether every quantity that has a limit is known to the target, and it is clear which have.
+
+    Slip is not waited for: its scale, the tools' way, is not known here, and it hardly ever decides.
+    """
+    sizes = {name: float(np.sqrt(np.mean(found.value**2))) for name, found in limits.items()}
+    stress = largest_stress(sizes)
+    for name, found in limits.items():
+        size = sizes[name]
+        waited = name != "slip" and not is_nothing(name, size, stress) and (found.converges or n_levels < CLEAR)
+        if waited and found.uncertainty > target * size:
+            return False
+    return True

@@ -1,0 +1,157 @@
+"""The levels of a scene's reference: FEM alone on finer and finer cells and steps, each kept as soon as it is done.
+
+An interrupted reference goes on where it was, and a later one with more time refines what is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam.chart.configurations import Configuration, Frame, fem_one, fem_seconds, fem_settings, is_viscous
+from softseam.chart.errors import rms
+from softseam.chart.measure import Outcome, Told, measure
+from softseam.chart.reference import Level
+from softseam.chart.richardson import Limit, limit
+from softseam.chart.series import Series
+from softseam.chart.store import Identity, Store, cache_folder
+from softseam.errors import SoftseamError
+from softseam.scenes import bundle_of
+from softseam.variants import with_settings
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_file import bundle_scene, scene_hash
+
+Floats = NDArray[np.float64]
+Rung = tuple[int, float]
+"""cells along the body's shortest edge, and the step [s]"""
+
+COARSEST = 2
+"""cells along the body's shortest edge that a reference begins with"""
+GROWTH = (1.2, 2.4)
+"""bounds of the power of the number of cells that the cost of the next level is foreseen with"""
+
+
+class Ladder:
+    """Computes, or reads from the cache, the levels of a scene's reference."""
+
+    def __init__(self, name: str | Path | Scene, settings: Sequence[str], frame: Frame, names: tuple[str, ...]) -> None:
+        self._name, self._settings, self._frame, self._names = name, tuple(settings), frame, names
+        # an undamped body swings on, which implicit Euler would have to resolve with very short steps
+        free = "midpoint" if is_viscous(frame.scene) else "bdf2"
+        self.integrator = "implicit_euler" if frame.scene.tools else free
+        self._store: Store | None = None
+        self.done: dict[Rung, Outcome] = {}
+        self.spent = 0.0
+        """own time of the levels that were not in the cache [s]"""
+
+    def open(self, code: str, *, fresh: bool) -> None:
+        """Use the cache: levels of the same body, tools and motion, computed by the same code."""
+        scene, bundle = bundle_of(self._name)
+        coarsest = with_settings(with_settings(scene, self._settings), self._level(COARSEST, self._frame.scene.step))
+        key = scene_hash(bundle_scene(coarsest, bundle.files))
+        folder = cache_folder() / f"{scene.name}-{key[:12]}-{code[:8]}"  # another version begins anew
+        self._store = Store(folder, Identity(key, code), "compute the reference anew with --fresh")
+        if fresh:
+            self._store.clear()
+
+    def seconds(self, across: int, step: float) -> float:
+        """Foreseen wall time of a level that is not done [s]."""
+        rough = fem_seconds(self._frame, self._frame.across(across), step)
+        known = sorted((a, s) for a, s in self.done if a <= across)
+        if not known:
+            return rough
+        at = known[-1]
+        cells, before = (float(np.prod(self._frame.across(a))) for a in (across, at[0]))
+        power = GROWTH[1]
+        if len({a for a, _ in known}) > 1:
+            lower = next(k for k in reversed(known) if k[0] < at[0])
+            fewer = float(np.prod(self._frame.across(lower[0])))
+            paid, less = self._paid(at) / at[1] ** -1, self._paid(lower) / lower[1] ** -1
+            power = float(np.clip(np.log(paid / less) / np.log(before / fewer), *GROWTH))
+        return float(self._paid(at) * (cells / before) ** power * at[1] / step)
+
+    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+        """A level, from the cache where it is there. Raises SoftseamError where it cannot be computed."""
+        found = self.cached(across, step)
+        if found is None:
+            found = measure(
+                self._name,
+                (*self._settings, *self._level(across, step)),
+                self._names,
+                runs=0,
+                limit=limit_s,
+                length=self._frame.length,
+                told=told,
+                # at the common times, all: what is looked at every few steps would differ by where that falls
+                look=max(1, round(self._frame.scene.step / step)),
+            )
+            self.spent += found.spent
+            if found.status in ("refused", "failed"):
+                raise SoftseamError(f"the reference cannot be computed on {across} cells across: {found.reason}")
+            if found.status == "done":
+                assert self._store is not None
+                self._store.write(self._file(across, step), found.as_json())
+        if found.status == "done":
+            self.done[across, step] = found
+        return found
+
+    def tried(self) -> list[tuple[Configuration, Outcome]]:
+        """Levels that are done, as configurations that a plan may choose: nothing else is as fine."""
+        frame, how = self._frame, self.integrator
+        return [
+            (fem_one(frame, frame.across(across), step, integrator=how), outcome)
+            for (across, step), outcome in sorted(self.done.items())
+        ]
+
+    def cached(self, across: int, step: float) -> Outcome | None:
+        """A level that was computed before."""
+        assert self._store is not None
+        name = self._file(across, step)
+        data = self._store.read(name)
+        if data is None:
+            return None
+        try:
+            return Outcome.from_json(data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise self._store.refused(name, f"is corrupt ({error})") from None
+
+    def _paid(self, level: Rung) -> float:
+        return max(1e-3, self.done[level].spent)
+
+    def _level(self, across: int, step: float) -> tuple[str, ...]:
+        return fem_settings(self._frame, self._frame.across(across), step, integrator=self.integrator)
+
+    def _file(self, across: int, step: float) -> str:
+        return f"level-{across}-{1e3 * step:.6g}ms-looked"
+
+    def level(self, across: int, step: float) -> Level:
+        """Facts of a level that is done."""
+        outcome = self.done[across, step]
+        return Level(across, step, outcome.n_cells, outcome.n_nodes, outcome.seconds)
+
+    def series(self, rung: Rung) -> Series:
+        """What a level that is done did over time."""
+        series = self.done[rung].series
+        assert series is not None
+        return series
+
+    def common(self, rungs: Sequence[Rung]) -> Floats:
+        """Times (n,) of the coarsest step up to where the shortest run ended [s]."""
+        coarse = max(rungs, key=lambda rung: rung[1])
+        end = min(float(self.series(rung).time[-1]) for rung in rungs)
+        time = self.series(coarse).time
+        return time[time <= end + 1e-9]
+
+    def limits(self, rungs: Sequence[Rung], time: Floats | None = None) -> dict[str, Limit]:
+        """The limit of every quantity over levels that differ in cells, or in steps; uncertainties in its units."""
+        time = self.common(rungs) if time is None else time
+        by_cells = len({across for across, _ in rungs}) > 1
+        h = [self._frame.size(self._frame.across(across)) if by_cells else step for across, step in rungs]
+        series = [self.series(rung) for rung in rungs]
+        return {
+            name: limit(h, [s.at(name, time) for s in series], lambda values: rms(values, time))
+            for name in series[-1].values
+        }
