@@ -77,8 +77,8 @@ def test_a_singular_quantity_has_no_limit() -> None:
 @settings(deadline=None, max_examples=3)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_sequence_that_scatters_is_known_to_what_it_claims(n: int, shrinking: float, seed: int) -> None:
-    """J = J* + h^s e with normal e, s 0 or 1: nearly all claim a limit, of which 19 of 20 hold (90 % of 400 draws is four
-    standard errors less). An order that three levels show by luck held in 6 of 10."""
+    """J = J* + h^s e with normal e, s 0 or 1: nearly all claim a limit, of which 19 of 20 hold (90 % of 400 draws
+    is four standard errors less). An order that three levels show by luck held in 6 of 10."""
     h = np.array([1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12][:n])
     draws = np.random.default_rng(seed).normal(size=(400, n)) * h**shrinking
     found = [limit(h.tolist(), list(row.reshape(n, 1)), _one) for row in draws]
