@@ -40,6 +40,7 @@ from softseam_services.blas import use_one_thread
 from softseam_services.body.build import AnyBody, build_any_body
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import build_region
+from softseam_services.built import Built
 from softseam_services.participant import Solver
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.tool_set import ToolSet
@@ -68,8 +69,8 @@ def build_setup(bundle: Bundle) -> Setup:
     return Setup(scene, body, build_tools(scene, body, bundle.files))
 
 
-def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
-    """The solver that a Configure asks for. Imports only the model that is asked for."""
+def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:
+    """The solver that a Configure asks for, of what is built already. Imports only the model that is asked for."""
     if isinstance(setup.body, ParticleBody):
         return _particle_solver(setup, setup.body, request)
     region = build_region(setup.body, request.cells, request.seam_nodes, request.owns_seam_points)
@@ -78,7 +79,9 @@ def build_solver(setup: Setup, request: Configure) -> tuple[Solver, Configured]:
     if request.model == "fem":
         from softseam_services.fem.solver import FemSolver
 
-        fem = FemSolver(setup.scene, setup.body, region, setup.tools, request.state)
+        tables = built.find(setup.body, request)
+        fem = FemSolver(setup.scene, setup.body, region, setup.tools, request.state, tables)
+        built.keep(setup.body, request, fem.tables)
         solver, moving = fem, fem.moving
     elif request.model == "pbd":
         from softseam_services.pbd.solver import PbdSolver
@@ -123,6 +126,7 @@ class ParticipantServer:
     def __init__(self) -> None:
         self._seats: dict[tuple[str, str], _Seat] = {}
         self._setups: dict[bytes, Setup] = {}  # these two in the order of their last use
+        self._built = Built()
 
     def adopt(self, bundle: Bundle, setup: Setup) -> None:
         """Share a set-up that the same process has built already."""
@@ -186,7 +190,7 @@ class ParticipantServer:
         while len(self._setups) >= _BODIES_KEPT:
             self._setups.pop(next(iter(self._setups)))
         self._setups[digest] = setup
-        solver, reply = build_solver(setup, request)
+        solver, reply = build_solver(setup, request, self._built)
         reply = altered(reply, seconds=perf_counter() - began)
         self._seats.pop(key, None)
         while len(self._seats) >= _SEATS_KEPT:

@@ -132,13 +132,17 @@ class FemModel(NamedTuple):
     """tools that touch at points inside faces (t,)"""
 
 
+Tables = tuple[FemModel, Tree]
+"""of a region; no step writes to them, so that solvers of one region may share them"""
+
+
 def build_model(
     body: Body,
     region: Region,
     tools: ToolSet | None = None,
     spec: FemSpec | None = None,
     solution: int | None = None,
-) -> tuple[FemModel, Tree]:
+) -> Tables:
     """Tables, matrix and point weights of a region; spec: which element, the default's where it is None; solution: how
     the matrix is solved with (kernels/multigrid.py), by size where it is None."""
     element = (FemSpec() if spec is None else spec).element

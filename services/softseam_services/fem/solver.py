@@ -14,7 +14,7 @@ from softseam_services.fem.field_reader import FieldReader
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED
-from softseam_services.fem.model import build_model
+from softseam_services.fem.model import Tables, build_model
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
@@ -27,14 +27,22 @@ class FemSolver:
     """One region computed with finite elements; a `participant.Solver`."""
 
     def __init__(
-        self, scene: Scene, body: Body, region: Region, tools: ToolSet, state: BodyState | None = None
+        self,
+        scene: Scene,
+        body: Body,
+        region: Region,
+        tools: ToolSet,
+        state: BodyState | None = None,
+        tables: Tables | None = None,
     ) -> None:
         """state: of the whole body, taken over at a region switch; None is rest with the initial velocities.
+        tables: of this region, where they are built already.
 
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
         self._region, self._n_tools = region, len(tools.names)
-        self._model, tree = build_model(body, region, tools, scene.models.fem)
+        self.tables = tables or build_model(body, region, tools, scene.models.fem)
+        self._model, tree = self.tables
         self._stepper = Stepper(scene.models.fem, self._model, tree, self._n_tools, body.material.retardation_time)
         self._reader = FieldReader(body, region, self._model, scene.models)
         shape = (len(self._model.point_face), self._n_tools, 6)

@@ -86,6 +86,8 @@ def patterns(tables: CellTables, edges: Floats, mu: Floats, moments: Floats, sha
     squares = np.einsum("aqi,bqi->qab", whole, whole) * (tables.volume / 8.0)
     laplacian = np.einsum("kq,qab->kab", kinds, squares)
     laplacian += kinds.mean(axis=1)[:, None, None] * tables.stabilisation
+    if not len(part):
+        return Patterns(np.ascontiguousarray(laplacian), number, cut, np.zeros((0, 24, 27)), np.zeros((0, 27, 27)))
     gradient = mean_gradients(moments[part], edges).reshape(-1, 24, 27)
     stiff = (fill * mu)[part]
     stabilisation = share * np.tensordot(stiff, octant_stabilisation(edges), axes=1)

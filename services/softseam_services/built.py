@@ -1,0 +1,44 @@
+"""What FEM's regions were computed with last, kept for the next that is the same one.
+
+An episode is begun anew, a switch comes in every episode, a state that is put back is of a cut that was: each asks for
+a region that was there before, and its tables take many times as long to build as what a solver writes to.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from softseam_protocol.messages import Configure
+from softseam_services.body.body import Body
+
+if TYPE_CHECKING:  # a participant of PBD does not load FEM
+    from softseam_services.fem.model import Tables
+
+_REGIONS = 4
+_CELLS = 20_000
+"""of all regions together: some 100 MB"""
+
+
+class Built:
+    """Tables of the regions that were asked for last, of one server."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[int, bytes, bytes, bool], tuple[Body, Tables]] = {}  # in the order of their last use
+
+    def find(self, body: Body, request: Configure) -> Tables | None:
+        """The tables of the region of this body that a Configure asks for; None where they are not kept."""
+        kept = self._kept.get(_region(body, request))
+        return None if kept is None else kept[1]
+
+    def keep(self, body: Body, request: Configure, tables: Tables) -> None:
+        """Keep these, and of the others the latest."""
+        region, kept = _region(body, request), self._kept
+        kept.pop(region, None)
+        kept[region] = body, tables
+        while len(kept) > _REGIONS or sum(len(model.cell_nodes) for _, (model, _) in kept.values()) > _CELLS:
+            kept.pop(next(iter(kept)))
+
+
+def _region(body: Body, request: Configure) -> tuple[int, bytes, bytes, bool]:
+    """What names a region among those of bodies that live."""
+    return id(body), request.cells.tobytes(), request.seam_nodes.tobytes(), request.owns_seam_points

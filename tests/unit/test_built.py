@@ -1,0 +1,90 @@
+"""What FEM's regions were computed with is kept for the next that is the same, and no run writes to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from softseam.variants import with_settings
+from softseam_protocol.messages import SCHEMA_VERSION, Configure, Header
+from softseam_protocol.scene_file import bundle_scene, load_scene
+from softseam_services.body.body import Body
+from softseam_services.body.region import build_region
+from softseam_services.built import Built
+from softseam_services.fem import solver
+from softseam_services.fem.model import Tables, build_model
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.server import build_setup
+
+SCENES = Path(__file__).parents[2] / "scenes"
+BEFORE = ["motion.0.hold=0.02"]
+"""so that the plates of tofu_grasp are near after 34 steps and touch it after 60"""
+
+
+def arrays(tables: Tables) -> dict[str, NDArray[np.generic]]:
+    """All arrays of records, and of records within them."""
+    found: dict[str, NDArray[np.generic]] = {}
+    records = [(str(number), record) for number, record in enumerate(tables)]
+    while records:
+        name, record = records.pop()
+        for key, value in vars(record).items():
+            if isinstance(value, np.ndarray):
+                found[f"{name}.{key}"] = value
+            elif hasattr(value, "_declared"):
+                records.append((f"{name}.{key}", value))
+    return found
+
+
+@pytest.mark.parametrize(("split", "n_regions"), [("when_cheaper", 1), ("always", 1)])
+def test_an_episode_builds_no_region_that_was_there_before(
+    split: str, n_regions: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One body from the start, and one that is cut in each episode: the same numbers as in the first, from the tables
+    that were built for it, whose bytes stay as they were."""
+    built: list[Tables] = []
+    copies: list[dict[str, NDArray[np.generic]]] = []
+
+    def counted(*arguments: object) -> Tables:
+        built.append(build_model(*arguments))  # type: ignore[arg-type]
+        copies.append({name: array.copy() for name, array in arrays(built[-1]).items()})
+        return built[-1]
+
+    monkeypatch.setattr(solver, "build_model", counted)
+    scene = with_settings(load_scene(SCENES / "tofu_grasp.yaml").scene, [*BEFORE, f"regions.near.split={split}"])
+    simulation = Simulation(bundle_scene(scene, {}), EmbeddedTransport())
+    episodes = []
+    for episode in range(3):
+        if episode:
+            simulation.reset()
+        reports = [simulation.step() for _ in range(80)]
+        episodes.append(np.concatenate([report.wrench.ravel() for report in reports]))
+    simulation.close()
+    assert len(built) == n_regions
+    assert all(np.array_equal(episodes[0], each) for each in episodes[1:]) and np.abs(episodes[0]).max() > 1.0
+    for tables, copy in zip(built, copies, strict=True):
+        assert len(copy) > 60
+        for name, array in arrays(tables).items():
+            np.testing.assert_array_equal(array, copy[name], err_msg=name)
+
+
+def test_four_regions_are_kept_each_of_its_body() -> None:
+    setup = build_setup(load_scene(SCENES / "tofu_grasp.yaml").bundle)
+    other = build_setup(load_scene(SCENES / "tofu_grasp.yaml").bundle)
+    assert isinstance(setup.body, Body) and isinstance(other.body, Body)
+    bundle, none = load_scene(SCENES / "tofu_grasp.yaml").bundle, np.zeros(0, dtype=np.int32)
+
+    def asked(n_cells: int) -> Configure:
+        cells = np.arange(n_cells, dtype=np.int32)
+        return Configure(Header(SCHEMA_VERSION, "s", "near", 0, 0, 0, 0.0), bundle, "fem", cells, none, None, True)
+
+    whole = build_model(setup.body, build_region(setup.body, asked(12).cells, none), setup.tools)
+    kept = Built()
+    for n_cells in range(1, 6):
+        kept.keep(setup.body, asked(n_cells), whole)
+    assert [kept.find(setup.body, asked(n)) is whole for n in range(1, 6)] == [False, True, True, True, True]
+    assert kept.find(other.body, asked(5)) is None
+    assert not any(kept.find(each, asked(6)) for each in (setup.body, other.body))
