@@ -276,7 +276,7 @@ def test_faces_count_while_a_corner_rests_on_a_thin_pad() -> None:
 
 
 def test_slip_is_of_what_the_pad_covers() -> None:
-    """Corners beside the pad slip by what the body moves there: the pad's own surface stuck, and they told 0.9 mm."""
+    """Corners beside the pad slip by what the body moves there: the pad's own surface stuck."""
     middle = [{"min": (-1.0, -1.0, 0.02), "max": (1.0, 1.0, 0.03)}]
     run = pads(2.1 * BLOCK, friction=20.0, fixed=middle)
     squeezed(run, 0.15)
