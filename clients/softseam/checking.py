@@ -271,9 +271,12 @@ def _cut_by_borders(spec: BodySpec, body: Body) -> list[str]:
     ]
     if not inside:
         return []
+    remedy = "choose `cell` so that cells end there, or say body.shape.borders: materials"
+    if spec.shape.borders == "materials":
+        remedy = "shorten `cell`, for within a tenth of it from a face or another border no cell ends"
     return [
         f"materials meet inside cells, at {', '.join(inside)} mm, where stress is smeared and the border moves by up "
-        "to a quarter of a cell: choose `cell` so that cells end there, or say body.shape.borders: materials"
+        f"to a quarter of a cell: {remedy}"
     ]
 
 

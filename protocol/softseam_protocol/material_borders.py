@@ -79,9 +79,10 @@ def cells_along(edge: float, wanted: float, planes: Sequence[float]) -> int:
 def wanted_for(edge: float, count: int, planes: Sequence[float]) -> float | None:
     """A wanted edge that leads to `count` cells [m]; None where none does, because a plane would cut one.
 
-    It divides `edge`, for a wanted edge is first rounded to one that does.
+    It divides `edge`, for a wanted edge is first rounded to one that does. Rounding may take half a cell of each piece,
+    so that also more equal cells than `count` may lead to it: as many are tried first, then those nearest to it.
     """
-    for equal in range(count, 0, -1):
+    for equal in sorted(range(1, count + len(planes) + 1), key=lambda equal: abs(equal - count)):
         if cells_along(edge, edge / equal, planes) == count:
             return edge / equal
     return None

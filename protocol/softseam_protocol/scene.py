@@ -89,7 +89,7 @@ class BlockShape(Spec):
 
     @property
     def graded(self) -> bool:
-        """Whether cells are of more than one size."""
+        """Whether cells may be of more than one size."""
         return self.grading != 1.0 or bool(self.towards) or self.borders != "even"
 
     @model_validator(mode="after")

@@ -127,6 +127,35 @@ def test_cells_are_longer_along_what_only_cylinders_press() -> None:
     assert Frame(load_scene("cantilever"), np.full(3, 0.05)).even is None
 
 
+@pytest.mark.parametrize(
+    ("setting", "even"),
+    [
+        ("body.fixed=[{min: [-1, -1, -1], max: [1, 1, 0.001]}]", None),
+        ("gravity=[0, 0, -9.81]", None),
+        ("gravity=[0, -9.81, 0]", 2),
+        ("body.velocity=[0, 0, 0.1]", None),
+        ("body.velocity=[0, 0.1, 0]", 2),
+        ("body.spin=[0, 1, 0]", None),
+        ("motion=[{tools: [middle], move: [0, -0.03, 0.001], speed: 0.05}]", None),
+        ("motion=[{tools: [middle], turn: [0.1, 0, 0], speed: 0.5}]", None),
+        ("motion=[{tools: [first, second], close: 0.01, until: {time: 0.1}}]", 2),
+    ],
+)
+def test_cells_are_longer_only_where_all_happens_across(setting: str, even: int | None) -> None:
+    """What clamps, pulls, moves or turns along the cylinders changes along them."""
+    scene = with_settings(load_scene("sausage_bend"), (setting,))
+    assert Frame(scene, np.array([0.12, 0.02, 0.02])).even == even
+
+
+def test_cylinders_that_close_askew_press_unevenly() -> None:
+    askew = (
+        "tools.first.position=[-0.045, -0.0165, 0.011]",
+        "motion=[{tools: [first, second], close: 0.01, until: {time: 0.1}}]",
+    )
+    scene = with_settings(load_scene("sausage_bend"), askew)
+    assert Frame(scene, np.array([0.12, 0.02, 0.02])).even is None
+
+
 def test_plain_cells_do_not_end_at_edges_where_a_scene_asks_for_that() -> None:
     """Nor do the reference's, which are plain ones."""
     scene = with_settings(load_scene("tofu_pads"), ("body.shape.towards=[left, right]",))

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from rich.console import Console
 
-from softseam.chart.climb import ACROSS, levels_of
+from softseam.chart.climb import ACROSS, between_of, levels_of, refines
 from softseam.chart.configurations import Frame, configurations, fem_one
 from softseam.checking import check_scene
 from softseam.scenes import load_scene
@@ -31,6 +31,15 @@ def layers(border: float = 0.02, *settings: str) -> Scene:
     start = f"body.inclusions.0.shape.position=[0, 0, {border + 0.01}]"
     size = "body.inclusions.0.shape.size=[0.1, 0.1, 0.02]"
     return with_settings(load_scene("heavy_on_soft"), (start, size, *settings))
+
+
+def two_layers(border: float) -> Frame:
+    """The upper one from `border` to the top [m]."""
+    whole = (
+        f"body.inclusions.0.shape.position=[0, 0, {border + 0.05}]",
+        "body.inclusions.0.shape.size=[0.1, 0.1, 0.1]",
+    )
+    return Frame(layers(border, *whole), EDGES)
 
 
 def spec(scene: Scene) -> BodySpec:
@@ -78,6 +87,15 @@ def test_pieces_have_whole_cells() -> None:
     assert wanted_for(0.04, 3, (0.02,)) is None
 
 
+@pytest.mark.parametrize("planes", [(0.18, 0.36), (0.2, 0.5), (0.31, 0.42), (0.04, 0.9), (0.15, 0.4, 0.8)])
+def test_all_counts_that_cells_can_have_are_found_again(planes: tuple[float, ...]) -> None:
+    """Also those that rounding leads to from more cells: of 8 equal ones here 1, 1 and 5 remain."""
+    for across in range(1, 25):
+        count = cells_along(1.0, 1.0 / across, planes)
+        wanted = wanted_for(1.0, count, planes)
+        assert wanted is not None and cells_along(1.0, wanted, planes) == count, across
+
+
 def test_a_block_ends_its_cells_where_materials_meet() -> None:
     """And each cell is of one material; without the key the border lies in the middle of cells."""
     asked = built(layers(0.013, "body.shape.borders=materials"))
@@ -122,6 +140,17 @@ def test_a_sweep_names_the_cells_that_a_body_has() -> None:
             assert built(with_settings(frame.scene, fem_one(frame, counts, 0.01).settings)).n_cells == np.prod(counts)
 
 
+def test_a_scene_s_own_cells_that_fit_no_border_give_way_to_others() -> None:
+    """Three cells cannot end at half the height: those of the sweep are two and two; as it is, the scene keeps its."""
+    scene = layers(0.02, "body.cell=[0.015, 0.0133333333333333, 0.0133333333333333]")
+    frame = Frame(scene, EDGES)
+    assert frame.own == (4, 3, 3) and frame.own_to_borders == (4, 3, 4)
+    labels = {c.label for c in configurations(frame)}
+    assert any("4x3x4" in label for label in labels) and not any("4x3x3" in label for label in labels)
+    kept = Frame(layers(0.013), EDGES)
+    assert kept.own == kept.own_to_borders == (4, 3, 4)
+
+
 def test_equal_cells_are_not_asked_for_planes() -> None:
     """They fit by themselves, and one size is fast; a scene that asks keeps its own count."""
     even = fem_one(Frame(layers(0.02), EDGES), (5, 3, 4), 0.01).settings
@@ -144,6 +173,31 @@ def test_levels_of_a_reference_divide_the_coarsest_alike() -> None:
     assert [np.prod(c) for c in cells] == sorted(np.prod(c) for c in cells)
 
 
+def test_levels_are_alike_only_where_every_piece_is_divided_alike() -> None:
+    """At 0.3 of the height pieces have 1+1, 1+3, 2+4, 2+6, 4+8 and 5+11 cells, whose sums alone would be multiples."""
+    frame = two_layers(0.012)
+    assert [frame.across(across)[2] for across in (2, 4, 6, 8, 12, 16)] == [2, 4, 6, 8, 12, 16]
+    assert [across for across in ACROSS if refines(frame, across)] == [2]
+    assert levels_of(frame) == ACROSS
+    quarter = two_layers(0.01)
+    assert quarter.refines(quarter.across(8), quarter.across(4)) and not refines(quarter, 8), "2+6 of 1+3, not of 1+2"
+
+
+def test_a_level_in_between_is_alike_where_the_others_are() -> None:
+    """It is asked for that only there; and it has other cells than the last."""
+    alike, odd = two_layers(0.02), two_layers(0.012)
+    assert between_of(alike, (2, 4, 6, 8), 12) == 10 and between_of(alike, (2, 4), 6) == 0
+    assert between_of(odd, (2, 3, 4), 6) == 5 and between_of(odd, (2, 3, 4, 6, 8), 12) == 10
+    assert between_of(odd, (), 6) == 0 == between_of(odd, (2, 3), 4)
+    corner = (
+        "body.shape.size=[0.04, 0.04, 0.04]",
+        "body.inclusions.0.shape.position=[0.05, 0.05, 0.07]",
+        "body.inclusions.0.shape.size=[0.1, 0.1, 0.1]",
+    )
+    eighth = Frame(layers(0.02, *corner), np.full(3, 0.04))
+    assert eighth.across(5) == eighth.across(6) == (6, 6, 6) and between_of(eighth, (2, 4), 6) == 0
+
+
 def test_check_tells_of_borders_inside_cells(tmp_path: Path) -> None:
     def told(scene: Scene) -> str:
         path = tmp_path / "scene.yaml"
@@ -158,6 +212,8 @@ def test_check_tells_of_borders_inside_cells(tmp_path: Path) -> None:
     fits = told(layers(0.013, "body.shape.borders=materials"))
     assert "materials meet inside" not in fits and "hexahedra in the block" in fits
     assert "materials meet inside" not in told(layers(0.02))
+    near = told(layers(0.0005, "body.shape.borders=materials"))
+    assert "at z 0.5 mm" in near and "shorten `cell`" in near and "borders: materials" not in near
 
 
 def test_a_shape_keeps_even_cells_unless_it_is_asked() -> None:

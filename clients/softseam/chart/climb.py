@@ -5,7 +5,7 @@ Refined until both are fine enough, or the next level would not end within the b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -64,8 +64,8 @@ def climb(
         # what the steps will need is kept back
         if not take(across, step, 0.85):
             enough = False
-            between = BETWEEN.get(across, 0)
-            if cells and between and refines(frame, between) and take(between, step, 0.85):
+            between = between_of(frame, cells, across)
+            if between and take(between, step, 0.85):
                 cells.append(between)
             break
         cells.append(across)
@@ -88,12 +88,24 @@ def climb(
 def levels_of(frame: Frame) -> tuple[int, ...]:
     """Cells across the coarsest level and finer ones, no two of which are the same cells.
 
-    Where materials meet in planes, every level divides the coarsest's cells alike, as far as four levels do: others
-    would have other shapes on either side of a border, and levels would jump back and forth.
+    Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
+    have other shapes on either side of a border, and levels would jump back and forth.
     """
     different = tuple({frame.across(across): across for across in ACROSS}.values())
     alike = tuple(across for across in different if refines(frame, across))
     return alike if len(alike) > 3 else different
+
+
+def between_of(frame: Frame, taken: Sequence[int], across: int) -> int:
+    """Level in place of the one that does not end in time, 0 where there is none.
+
+    It has other cells than either, and divides the coarsest's alike where all that are taken do.
+    """
+    between = BETWEEN.get(across, 0)
+    if not taken or not between or frame.across(between) in (frame.across(taken[-1]), frame.across(across)):
+        return 0
+    alike = all(refines(frame, each) for each in taken)
+    return between if refines(frame, between) or not alike else 0
 
 
 def refines(frame: Frame, across: int) -> bool:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from softseam.duration import expected_duration
 from softseam.errors import SceneRefused
 from softseam.session import open_as_given
-from softseam_protocol.material_borders import Planes, are_equal, cells_along, material_borders, wanted_for
+from softseam_protocol.material_borders import Planes, are_equal, cells_along, material_borders, pieces, wanted_for
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene_motion import ClosePhase, MovePhase, TurnPhase
 from softseam_protocol.scene_tools import BoxTool, CylinderTool
 from softseam_protocol.spec import Vector
 from softseam_protocol.tool_borders import tool_borders
@@ -89,20 +90,34 @@ class Frame:
         return material_borders(body.shape.size, body.position, body.inclusions)
 
     def refines(self, counts: Counts, first: Counts) -> bool:
-        """Whether every cell of `first` is divided alike, so that borders of materials stay where they are."""
-        along = {n / before for n, before in zip(counts, first, strict=True)}
-        return not any(self.borders) or (len(along) == 1 and along.pop().is_integer())
+        """Whether every cell of `first` is divided alike, in each piece between borders of materials."""
+        if not any(self.borders):
+            return True
+        fine, coarse = self._pieces(counts), self._pieces(first)
+        if [ends for *ends, _ in fine] != [ends for *ends, _ in coarse]:
+            return False
+        along = {n / before for (*_, n), (*_, before) in zip(fine, coarse, strict=True)}
+        return len(along) == 1 and along.pop().is_integer()
+
+    def _pieces(self, counts: Counts) -> list[tuple[float, float, int]]:
+        """Along x, then y, then z: where each piece between borders begins and ends [m], and how many cells it has."""
+        wanted = self._wanted_to_borders(counts) or (self.extent / np.array(counts)).tolist()
+        lines = zip(self.extent.tolist(), wanted, self.borders, strict=True)
+        return [piece for line in lines for piece in pieces(*line)]
 
     @property
     def even(self) -> int | None:
         """The axis of a block of one material that every tool is a cylinder along, from beyond one face to beyond the
-        other: what these do changes little along it."""
+        other, and that nothing clamps, pulls, moves or turns along: what happens changes little along it."""
         body, tools = self.scene.body, list(self.scene.tools.values())
-        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and tools) or body.inclusions:
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and tools):
+            return None
+        if body.inclusions or body.fixed or any(body.spin):
             return None
         middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * body.shape.size[2]])
         for axis, edge in enumerate(body.shape.size):
-            if all(isinstance(tool, CylinderTool) and _reaches(tool, axis, middle[axis], edge) for tool in tools):
+            across = all(isinstance(tool, CylinderTool) and _reaches(tool, axis, middle[axis], edge) for tool in tools)
+            if across and not (self.scene.gravity[axis] or body.velocity[axis] or _moves_along(self.scene, axis)):
                 return axis
         return None
 
@@ -115,6 +130,14 @@ class Frame:
         counts = self._counts(np.array(body.cell))
         to_borders = isinstance(body.shape, BlockShape) and body.shape.borders == "materials"
         return self._to_borders(counts) if to_borders else counts
+
+    @property
+    def own_to_borders(self) -> Counts | None:
+        """The scene's own cells where as many can end where its materials meet, else about as many that do."""
+        own = self.own
+        if own is None or not any(self.borders) or self._wanted_to_borders(own) is not None:
+            return own
+        return self._to_borders(own)
 
     def _counts(self, edge: Floats | float) -> Counts:
         along = np.maximum(1, np.floor(self.extent / edge + 0.5))
@@ -164,6 +187,18 @@ def _reaches(tool: CylinderTool, axis: int, middle: float, edge: float) -> bool:
     """Whether a cylinder along this axis covers all of a block's edge."""
     along = abs(tool.axis[axis]) >= (1.0 - 1e-9) * float(np.linalg.norm(tool.axis))
     return along and abs(tool.position[axis] - middle) + 0.5 * edge <= 0.5 * tool.length
+
+
+def _moves_along(scene: Scene, axis: int) -> bool:
+    """Whether a phase turns tools, or has some move along this axis."""
+    for phase in scene.motion:
+        if isinstance(phase, TurnPhase) or (isinstance(phase, MovePhase) and phase.move[axis]):
+            return True
+        if isinstance(phase, ClosePhase):
+            ends = [tool.position[axis] for name in phase.tools if isinstance(tool := scene.tools[name], CylinderTool)]
+            if len(set(ends)) > 1:
+                return True
+    return False
 
 
 def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> bool:
@@ -222,9 +257,9 @@ def configurations(frame: Frame) -> list[Configuration]:
 def _cells_and_factors(
     frame: Frame, given: Sequence[tuple[int, Factors]], own: Factors
 ) -> list[tuple[Counts, Factors]]:
-    """Cells with the multiples of the scene's step that they are tried with: cubic ones, and the scene's own."""
+    """Cells with the multiples of the scene's step that they are tried with: cubic ones, and about the scene's own."""
     cells = [(frame.across(count), factors) for count, factors in given]
-    return cells if frame.own is None else [*cells, (frame.own, own)]
+    return cells if frame.own_to_borders is None else [*cells, (frame.own_to_borders, own)]
 
 
 def _fem(frame: Frame) -> Iterator[Configuration]:
