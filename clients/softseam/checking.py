@@ -148,7 +148,10 @@ def _locks(scene: Scene) -> list[str]:
 
 
 def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
-    """That a fixed number of PBD's substeps is fewer than is stable. Raises SettingError where that is certain."""
+    """That a fixed number of PBD's substeps is fewer than is stable.
+
+    Raises SettingError where leapfrog, which has all cells or none, would be unstable: the run would be refused.
+    """
     from softseam_services.body.region import build_region
     from softseam_services.pbd.model import build_model
 
@@ -162,7 +165,8 @@ def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
         return []
     return [
         f"models.pbd.substeps: {given} in a step of {1e3 * scene.step:g} ms are fewer than the {stable} that are "
-        "stable: blocks may gain energy, and points chatter on tools; leave it out for so many, or shorten `step`"
+        f"stable: blocks may gain energy, and points chatter on tools; leave it out, and {stable} are taken, or "
+        "shorten `step`"
     ]
 
 
@@ -180,7 +184,7 @@ def _in_vain(scene: Scene, body: Body) -> list[str]:
     boxes = near.boxes if near is not None else ()
     empty += [f"regions.near.boxes.{i}: no cell's middle" for i, box in enumerate(boxes) if not holds(box, middle)]
     spans = " .. ".join(str(end(body.x_rest, axis=0).round(6).tolist()) for end in (np.min, np.max))
-    return [f"{said} is in this box: the body spans {spans} at rest; move the box, or leave it out" for said in empty]
+    return [f"{said} is in this box: the body spans {spans} m at rest; move the box, or leave it out" for said in empty]
 
 
 def _stiffened_by_time(scene: Scene) -> list[str]:
@@ -189,7 +193,10 @@ def _stiffened_by_time(scene: Scene) -> list[str]:
     time = scene.body.material.retardation_time if isinstance(scene.body, BodySpec) else 0.0
     if length is None or time <= length:
         return []
-    return [f"body.material.retardation_time: {time:g} s, and all is over after {length:.3g}; is the unit s?"]
+    return [
+        f"body.material.retardation_time: {time:g} s, but the motion lasts {length:.3g} s: next to nothing would move; "
+        "is it in s?"
+    ]
 
 
 def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:

@@ -44,7 +44,8 @@ def too_many_steps(scene: Scene) -> str:
     length = expected_duration(scene)
     if length is None or length / scene.step <= MOST_STEPS:
         return ""
-    return f"step: {length / scene.step:.3g} steps in {length:.3g} s, more than {MOST_STEPS:,}: lengthen it"
+    count = f"{length / scene.step:.3g} steps in {length:.3g} s"
+    return f"step: {count}, more than {MOST_STEPS:,}: lengthen `step`, or shorten the motion"
 
 
 def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:

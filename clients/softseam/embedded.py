@@ -75,7 +75,7 @@ class EmbeddedBackend:
                 try:
                     self._last = self.simulation.step(command, fields=recording or (fields and remaining == 1))
                 except (StepFailed, ParticipantFailed, ParticipantLost) as error:
-                    raise counted(error, count - remaining, count) from None
+                    raise counted(error, count - remaining, count) from error.__cause__
         return self._observation(fields, taken=True)
 
     def follow(self, most: int | None) -> list[Observation]:

@@ -75,7 +75,8 @@ def located(text: str, scene: str | Path | Scene, settings: Sequence[str] = ()) 
         key, text = named[0], f"{named[0]}: {text}"
     for setting in reversed(settings):
         given = setting.partition("=")[0].strip()
-        if f"{key}.".startswith(f"{given}."):
+        # the key itself, one that it lies in, or one of those that it stands for
+        if f"{key}.".startswith(f"{given}.") or given.startswith(f"{key}."):
             return f"--set {setting}: {text}"
     if isinstance(scene, Scene):
         return text

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from softseam_protocol.messages import Configure
 from softseam_services.body.body import Body
 
@@ -15,15 +17,17 @@ if TYPE_CHECKING:  # a participant of PBD does not load FEM
     from softseam_services.fem.model import Tables
 
 _REGIONS = 4
-_CELLS = 20_000
-"""of all regions together: some 100 MB"""
+_BYTES = 200_000_000
+"""of all regions together: 40 000 cells that are boxes of the body's, 4 000 with tables of their own"""
 
 
 class Built:
     """Tables of the regions that were asked for last, of one server."""
 
     def __init__(self) -> None:
-        self._kept: dict[tuple[int, bytes, bytes, bool], tuple[Body, Tables]] = {}  # in the order of their last use
+        self._kept: dict[
+            tuple[int, bytes, bytes, bool], tuple[Body, Tables, int]
+        ] = {}  # in the order of their last use
 
     def find(self, body: Body, request: Configure) -> Tables | None:
         """The tables of the region of this body that a Configure asks for; None where they are not kept."""
@@ -34,9 +38,16 @@ class Built:
         """Keep these, and of the others the latest."""
         region, kept = _region(body, request), self._kept
         kept.pop(region, None)
-        kept[region] = body, tables
-        while len(kept) > _REGIONS or sum(len(model.cell_nodes) for _, (model, _) in kept.values()) > _CELLS:
+        kept[region] = body, tables, sum(_size(table) for table in tables)
+        while len(kept) > _REGIONS or sum(size for _, _, size in kept.values()) > _BYTES:
             kept.pop(next(iter(kept)))
+
+
+def _size(table: object) -> int:
+    """Bytes of the arrays of a table, and of those in it."""
+    parts = vars(table).values()
+    arrays = sum(part.nbytes for part in parts if isinstance(part, np.ndarray))
+    return arrays + sum(_size(part) for part in parts if hasattr(part, "_declared"))
 
 
 def _region(body: Body, request: Configure) -> tuple[int, bytes, bytes, bool]:

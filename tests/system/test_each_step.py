@@ -138,3 +138,6 @@ def test_a_session_that_cannot_be_seen_is_not_open(bus: Bus, monkeypatch: pytest
     with pytest.raises(ParticipantLost):
         one.open(bundle_scene(squeezed_bar()), record=False)
     assert not one.opened
+    monkeypatch.setattr(LosingFields, "kinds", ())
+    again = one.open(bundle_scene(squeezed_bar()), record=False)
+    assert again.frame is not None and not again.events

@@ -18,7 +18,7 @@ TIME = np.arange(0.0, 1.0, 0.01)
 
 
 class Known(Ladder):
-    """Levels of J = 1 + h/10 + dt, and of one that grows by `rise` with each, that take (h dt)^-1 times `cost`."""
+    """Levels of J = 1 + h/10 + dt, and of one that grows by `rise` from cells to cells; both take `cost`/(h dt)."""
 
     def __init__(self, frame: Frame, cost: float, rise: float = 0.0) -> None:
         super().__init__("tofu_grasp", (), frame, ("grip_force",))
@@ -31,7 +31,7 @@ class Known(Ladder):
         if (across, step) not in self.done:
             self.asked.append((across, step))
             force = np.full(len(TIME), 1.0 + 0.1 / across + step)
-            sag = np.full(len(TIME), 1.0 + self.rise * (len(self.asked) if step == 0.01 else 0.0))
+            sag = np.full(len(TIME), 1.0 + self.rise * sum(count < across for count in (2, 3, 4, 6, 8, 12, 16)))
             spent = self.cost * across**3 * 0.01 / step
             self.spent += spent
             series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": sag})

@@ -14,6 +14,7 @@ from softseam.chart.errors import (
     Error,
     Truth,
     errors,
+    is_faint,
     is_nothing,
     largest_stress,
     not_counted,
@@ -77,15 +78,15 @@ def test_a_singular_quantity_has_no_limit() -> None:
 @settings(deadline=None, max_examples=3)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_sequence_that_scatters_is_known_to_what_it_claims(n: int, shrinking: float, seed: int) -> None:
-    """J = J* + h^s e with normal e, s 0 or 1: nearly all claim a limit, of which 19 of 20 hold (90 % of 400 draws
-    is four standard errors less). An order that three levels show by luck held in 6 of 10."""
+    """J = J* + h^s e with normal e, s 0 or 1: nearly all claim a limit, of which 94 to 97 % hold (88 % of 400 draws
+    is five standard errors less). An order that three levels show by luck held in 6 of 10."""
     h = np.array([1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12][:n])
     draws = np.random.default_rng(seed).normal(size=(400, n)) * h**shrinking
     found = [limit(h.tolist(), list(row.reshape(n, 1)), _one) for row in draws]
     claimed = [one for one in found if one.converges]
     held = [_one(one.value) <= one.uncertainty for one in claimed]
     assert len(claimed) >= 0.87 * len(found)
-    assert np.mean(held) >= 0.90
+    assert np.mean(held) >= 0.88
 
 
 @settings(deadline=None, max_examples=200)
@@ -228,15 +229,17 @@ def test_slip_is_measured_by_the_tools_way() -> None:
     assert is_nothing("sag", 1e-8) and not is_nothing("sag", 1e-4)
 
 
-def test_a_stress_far_below_the_others_is_nothing() -> None:
+def test_a_stress_far_below_the_others_is_faint() -> None:
     """As beyond the last finger, where half of it may be an error that nobody would ask about."""
     norms = {"middle.von_mises": 14e3, "end.von_mises": 50.0, "end.displacement": 0.014, "grip_force": 1e6}
     stress = largest_stress(norms)
     assert stress == 14e3 and largest_stress({"sag": 1.0}) == 0.0
-    assert [name for name, norm in norms.items() if is_nothing(name, norm, stress)] == ["end.von_mises"]
-    assert not is_nothing("end.von_mises", 50.0) and not is_nothing("end.von_mises", 150.0, stress)
+    assert [name for name, norm in norms.items() if is_faint(name, norm, stress)] == ["end.von_mises"]
+    assert not is_faint("end.von_mises", 50.0, 0.0) and not is_faint("end.von_mises", 150.0, stress)
     finer = {"middle.von_mises": Limit(14e3 * TRUE, 1.0, 1.0, True), "end.von_mises": Limit(TRUE, 1e2, 1.0, True)}
     assert fine(finer, 0.01, 5) and not fine({"end.von_mises": finer["end.von_mises"]}, 0.01, 5)
+    growing = finer | {"middle.von_mises": replace(finer["middle.von_mises"], converges=False)}
+    assert not fine(growing, 0.01, 5), "a stress that grows with each level is no measure of others"
 
 
 def test_front_of_a_few_points() -> None:

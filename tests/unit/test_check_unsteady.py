@@ -45,13 +45,13 @@ models: {pbd: {substeps: 40}}
             "1000}",
             "1000, retardation_time: 9}",
             ":7:95: ",
-            "body.material.retardation_time: 9 s, and all is over after",
+            "body.material.retardation_time: 9 s, but the motion lasts",
         ),
         (
             "  cell: 0.01\n",
             "  fixed: [{min: [1, 1, 1], max: [2, 2, 2]}]\n  cell: 0.01\n",
             ":6:11: ",
-            "body.fixed.0: no node is in this box: the body spans [-0.01, -0.01, 0.0] .. [0.01, 0.01, 0.02] at rest",
+            "body.fixed.0: no node is in this box: the body spans [-0.01, -0.01, 0.0] .. [0.01, 0.01, 0.02] m at rest",
         ),
         (
             "{default: pbd}",
@@ -84,7 +84,20 @@ models: {pbd: {substeps: 40}}
 def test_a_warning_tells_where(tmp_path: Path, old: str, new: str, place: str, words: str) -> None:
     path, said = tmp_path / "cube.yaml", StringIO()
     text = SCENE.replace(old, new)
-    path.write_text(text.replace("default: pbd", "default: fem") if "fem" in new else text)
+    path.write_text(text.replace("default: pbd", "default: fem") if "{fem:" in new else text)
     check_scene(str(path), (), Console(file=said, width=1000))
     warnings = [line for line in said.getvalue().splitlines() if line.startswith("warning")]
     assert any(line.startswith(f"warning: {path}{place}{words}") for line in warnings) if words else not warnings
+
+
+@pytest.mark.parametrize(
+    "setting", ["body.shape.size=[0.02, 6, 0.02]", "body.shape={kind: block, size: [0.02, 6, 0.02]}", "body.cell=0.6"]
+)
+def test_a_warning_of_what_a_setting_changed_names_the_setting(tmp_path: Path, setting: str) -> None:
+    """Whether that is the key warned of, one in it, or one that it lies in; others leave file and line."""
+    path, said = tmp_path / "cube.yaml", StringIO()
+    path.write_text(SCENE.replace("[0.02, 0.02, 0.02]", "[0.02, 6, 0.02]").replace("cell: 0.01", "cell: 0.5"))
+    check_scene(str(path), (setting,), Console(file=said, width=1000))
+    warned = [line for line in said.getvalue().splitlines() if "6 m from end to end" in line]
+    where = f"{path}:5:10: " if "cell" in setting else f"--set {setting}: "
+    assert [line.partition("body.shape: 6")[0] for line in warned] == [f"warning: {where}"]

@@ -170,6 +170,7 @@ def test_where_one_model_is_enough_no_cut_is_cheaper(cells: tuple[int, int, int]
         ("tofu_drop", [], False),
         ("sausage", [], True),
         ("sausage", ["body.material.retardation_time=0"], False),
+        ("dumpling", [], True),
         ("tofu_slab", [], False),
     ],
 )

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softseam.chart.errors import KNOWN, Truth, is_nothing, largest_stress, rms, scale_of
+from softseam.chart.errors import FAINT, KNOWN, Truth, is_faint, is_nothing, largest_stress, rms, scale_of
 from softseam.chart.ladder import Ladder, Rung
 from softseam.chart.reference import TARGET, Part, Reference, in_words
 from softseam.errors import SoftseamError
@@ -35,13 +35,13 @@ def assemble(
     travel = np.interp(time, finest.time, finest.travel)
     truth: dict[str, Truth] = {}
     parts: dict[str, Part] = {}
-    stress = largest_stress({name: rms(by_cell.value, time) for name, by_cell in cells.items()})
+    stress = largest_stress({name: rms(by_cell.value, time) for name, by_cell in cells.items() if by_cell.converges})
     for name, by_cell in cells.items():
         by_step = steps[name]
         # relative uncertainties so far; the limit's own norm is the scale
         values = by_cell.value + (by_step.value - ladder.series(by_steps[0]).at(name, time))
         scale = scale_of(name, values, travel, time)
-        if is_nothing(name, scale, stress):
+        if is_nothing(name, scale):
             continue
         part = Part(
             by_cell.uncertainty / scale,
@@ -53,7 +53,9 @@ def assemble(
         uncertainty = part.uncertainty_cells + part.uncertainty_steps
         why = ""
         has_limit = by_cell.converges or part.uncertainty_cells <= NEAR * known
-        if not has_limit:
+        if is_faint(name, scale, stress):
+            has_limit, why = False, f"below {100 * FAINT:g} % of the largest stress"
+        elif not has_limit:
             why = "no limit: finer cells change it by as much as coarser ones did"
         elif uncertainty > known:
             why = f"known to {in_words(uncertainty)} only" if uncertainty < 1.0 else "not known: its levels disagree"

@@ -11,7 +11,7 @@ import numpy as np
 
 from softseam.chart.assemble import assemble
 from softseam.chart.configurations import Frame
-from softseam.chart.errors import KNOWN, is_nothing, largest_stress
+from softseam.chart.errors import KNOWN, is_faint, is_nothing, largest_stress
 from softseam.chart.ladder import COARSEST, Ladder
 from softseam.chart.measure import Told
 from softseam.chart.reference import TARGET, Reference
@@ -127,10 +127,11 @@ def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
     Slip is not waited for: its scale, the tools' way, is not known here, and it hardly ever decides.
     """
     sizes = {name: float(np.sqrt(np.mean(found.value**2))) for name, found in limits.items()}
-    stress = largest_stress(sizes)
+    stress = largest_stress({name: size for name, size in sizes.items() if limits[name].converges})
     for name, found in limits.items():
         size = sizes[name]
-        waited = name != "slip" and not is_nothing(name, size, stress) and (found.converges or n_levels < CLEAR)
+        counts = name != "slip" and not is_nothing(name, size) and not is_faint(name, size, stress)
+        waited = counts and (found.converges or n_levels < CLEAR)
         if waited and found.uncertainty > target * size:
             return False
     return True

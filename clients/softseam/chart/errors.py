@@ -25,7 +25,7 @@ KNOWN = 0.05
 NOTHING = {"m": 1e-6, "N": 1e-6, "Pa": 1e-3, "1": 1e-9}
 """a quantity whose norm is below this is zero in this scene, by unit"""
 FAINT = 0.01
-"""so is a stress below this share of the largest that is looked at: of what lies beyond all that presses [1]"""
+"""a stress below this share of the largest that is looked at lies beyond all that presses, and does not count [1]"""
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,14 @@ def largest_stress(norms: Mapping[str, float]) -> float:
     return max((norm for name, norm in norms.items() if unit_of(name) == "Pa"), default=0.0)
 
 
-def is_nothing(name: str, scale: float, stress: float = 0.0) -> bool:
-    """Whether a quantity is zero in this scene, so that no error is relative to it; `stress` is the largest [Pa]."""
-    unit = unit_of(name)
-    return not scale > max(NOTHING.get(unit, 0.0), FAINT * stress if unit == "Pa" else 0.0)
+def is_nothing(name: str, scale: float) -> bool:
+    """Whether a quantity is zero in this scene, so that no error is relative to it."""
+    return not scale > NOTHING.get(unit_of(name), 0.0)
+
+
+def is_faint(name: str, scale: float, stress: float) -> bool:
+    """Whether a quantity is a stress that is next to nothing beside the largest one [Pa]."""
+    return unit_of(name) == "Pa" and scale < FAINT * stress
 
 
 def errors(series: Series, time: Floats, truth: Mapping[str, Truth]) -> dict[str, Error]:

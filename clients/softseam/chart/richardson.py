@@ -69,7 +69,7 @@ def limit(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
         return Limit(finest, float("inf"), float("nan"), True)
     changes = [fine - coarse for coarse, fine in pairwise(levels[-RECENT:])]
     last = norm(changes[-1])
-    if last == 0.0:
+    if not any(norm(change) for change in changes):
         return Limit(finest, 0.0, float("nan"), True)
     slowest = [_extrapolated(h[k - 1], h[k], levels[k - 1], levels[k], SLOWEST) for k in range(len(h) - 1, 0, -1)][:2]
     if len(levels) == 2:

@@ -98,7 +98,7 @@ def one_is_enough(body: Body, models: ModelsSpec, dt: float, touched: bool) -> f
     alone = CALL + n_cells * fem + FACTORS * FACTOR * (3 * body.n_nodes) ** 1.95
     if alone > EXCHANGES * (2.0 * CALL + min(fem + (n_cells - 1) * pbd, (n_cells - 1) * fem + pbd)):
         return math.inf
-    round_one = bool((body.fill < 1.0).any())
+    round_one = not body.boxes or bool((body.fill < 1.0).any())  # cells of another shape may be of a round body
     resting = alone if round_one else CALL + n_cells * RESTING * (ITERATION + force)
     return resting / (CALL + n_cells * pbd)
 

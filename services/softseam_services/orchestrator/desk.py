@@ -92,6 +92,7 @@ class Desk:
             return self._observe(fields=True)
         except BaseException:  # nothing is kept back: whatever ends this leaves no session, feed or asker behind
             self._simulation = None
+            self._events.clear()
             self._feed.close()
             self._transport.close()
             raise
@@ -118,7 +119,7 @@ class Desk:
                 if not self._step(commands, fields=request.fields and remaining == 1):
                     break
             except (StepFailed, ParticipantFailed, ParticipantLost) as error:
-                raise counted(error, request.count - remaining, request.count) from None
+                raise counted(error, request.count - remaining, request.count) from error.__cause__
         return self._observe(request.fields, taken=True)
 
     def _each(self, request: Step) -> Observations:

@@ -127,8 +127,9 @@ class Link:
             self._remember(line)
 
     def _remember(self, line: Floats) -> None:
-        """The step that was left last had this line (s, 3) [m]. A cut's first one goes on as the seam does: where the
-        body moves, it would be foretold where it was, and the steps up to the third be a whole way off."""
+        """The step that was left last had this line (s, 3) [m]. A cut's first one goes on as the near side's seam
+        does, which is the line's way but for the gap: where the body moves, it would be foretold where it was, and the
+        steps up to the third be a whole way off."""
         first = self._line.n_history == 0
         self._predictor.commit(self._line, line)
         if first and self._settling.moves:

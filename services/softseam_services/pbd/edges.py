@@ -46,9 +46,10 @@ class Edges(NamedTuple):
     give: Floats
     """compliance of contact there (p, t) [m/N]"""
     patches: Ints
-    """which patches of a face the tool covers, as bits (f, t)"""
+    """which patches of a face that it presses the tool covers, as bits (f, t)"""
     held: Floats
-    """scratch: of each point the stiffness that a tool covers, and that of all faces that look at it (p, 2) [N/m]"""
+    """scratch: of each point the stiffness that a tool covers, and that of all faces that look at it, less what has
+    faded (p, 2) [N/m]"""
 
 
 def build_edges(body: Body, region: Region, tools: ToolSet, levels: Levels) -> Edges:

@@ -4,7 +4,7 @@
 that eliminates its earlier node. A front adds to its panel what its children left over, eliminates its own rows, and
 leaves over its Schur complement: the sum of -L2 L2^T and of the children's other rows. Those blocks live in `rest`,
 at places that are used again: they stay in the cache, and need a small part of the memory that whole fronts would.
-`tree` is a `dissection.Tree`.
+`tree` is a `tree.Tree`.
 """
 
 from __future__ import annotations

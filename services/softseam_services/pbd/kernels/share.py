@@ -51,9 +51,8 @@ def find_shares(x, shape, position, orientation, edges):
             stiffness = edges.stiffness[face] * _facing(corner, pressing)
             if stiffness > 0.0:
                 above = _above(corner, pressing, shape[tool], edges.edge[face])
-                edges.patches[face, tool] = _add_face(
-                    corner, pressing, shape[tool], stiffness, above, edges.point[face], held
-                )
+                bits = _add_face(corner, pressing, shape[tool], stiffness, above, edges.point[face], held)
+                edges.patches[face, tool] = bits if above > 0.0 else 0
         for point in range(len(held)):
             covered, k = held[point, 0], held[point, 1]
             if ROUNDOFF * k < covered < (1.0 - ROUNDOFF) * k:
