@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -77,3 +79,21 @@ def test_levels_that_went_no_farther_than_what_has_to_be_known_are_known(
     ladder = Known(frame(), 1e-4, share * NEAR * 0.05 / 3.0)  # three changes make the last four levels
     sag = climb(ladder, frame(), 30.0, told, target=target).truth["sag"]
     assert sag.has_limit is counts and (not sag.left_out) is counts
+
+
+def test_a_level_that_did_not_end_in_time_is_not_begun_again_in_as_much(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it was seen to take is kept: a chart that is drawn anew does not spend half of its minutes on it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    block = frame()
+    first, again = (Ladder("tofu_grasp", (), block, ("grip_force",)) for _ in range(2))
+    for ladder in (first, again):
+        ladder.open("code", fresh=False)
+    before = first.seconds(6, 0.01)
+    stopped = first.run(6, 0.01, 0.02)
+    assert stopped.status == "stopped" and stopped.simulated < block.length
+    assert again.seconds(6, 0.01) == pytest.approx(stopped.spent * block.length / stopped.simulated)
+    assert again.seconds(6, 0.01) > max(before, 0.02) and again.cached(6, 0.01) is None
+    again.open("code", fresh=True)
+    assert again.seconds(6, 0.01) == before

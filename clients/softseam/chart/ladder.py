@@ -58,7 +58,10 @@ class Ladder:
             self._store.clear()
 
     def seconds(self, across: int, step: float) -> float:
-        """Foreseen wall time of a level that is not done [s]."""
+        """Foreseen wall time of a level that is not done [s]; no less than one that was begun before said it takes."""
+        return max(self._foreseen(across, step), self._begun(across, step))
+
+    def _foreseen(self, across: int, step: float) -> float:
         rough = fem_seconds(self._frame, self._frame.across(across), step)
         known = sorted((a, s) for a, s in self.done if a <= across)
         if not known:
@@ -91,9 +94,13 @@ class Ladder:
             self.spent += found.spent
             if found.status in ("refused", "failed"):
                 raise SoftseamError(f"the reference cannot be computed on {across} cells across: {found.reason}")
+            assert self._store is not None
             if found.status == "done":
-                assert self._store is not None
                 self._store.write(self._file(across, step), found.as_json())
+            elif found.simulated > 0.0:
+                # as long as it was seen to take, it is not begun again where there is no more time
+                takes = found.spent * self._frame.length / found.simulated
+                self._store.write(f"begun-{self._file(across, step)}", {"seconds": takes})
         if found.status == "done":
             self.done[across, step] = found
         return found
@@ -117,6 +124,16 @@ class Ladder:
             return Outcome.from_json(data)
         except (KeyError, TypeError, ValueError) as error:
             raise self._store.refused(name, f"is corrupt ({error})") from None
+
+    def _begun(self, across: int, step: float) -> float:
+        """What a level that did not end in time would have taken [s]; 0 where none was begun."""
+        if self._store is None:
+            return 0.0
+        name = f"begun-{self._file(across, step)}"
+        data = self._store.read(name) or {"seconds": 0.0}
+        if not isinstance(data.get("seconds"), float):
+            raise self._store.refused(name, "is corrupt (it has no seconds)")
+        return float(data["seconds"])
 
     def _paid(self, level: Rung) -> float:
         return max(1e-3, self.done[level].spent)
