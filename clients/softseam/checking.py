@@ -141,7 +141,7 @@ def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
 
 def _locks(scene: Scene) -> list[str]:
     """That FEM's element is too stiff for the scene's material."""
-    from softseam_services.orchestrator.simulation import locking
+    from softseam_services.orchestrator.notices import locking
 
     found = locking(scene)
     return [f"models.fem.element: {found}"] if found else []

@@ -11,9 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.kinds import element_warning
 from softseam_protocol.messages import Advanced, Bundle, ErrorEstimate, Event, Frame, StepReport
-from softseam_protocol.scene import BodySpec, Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.accounts import Accounts
@@ -23,6 +21,7 @@ from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.grip import grips_by_phase
 from softseam_services.orchestrator.indicators import MEASURED
+from softseam_services.orchestrator.notices import Notices
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
@@ -41,9 +40,6 @@ Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
 _CHECKPOINT_STEPS = 50
-_TOO_FAR = (
-    "moves half its thickness in a step: the body may come out behind it; shorten the step, or move it more slowly"
-)
 _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
 
@@ -74,8 +70,8 @@ class Simulation:
         self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
         self._wants_indicators = not MEASURED.isdisjoint(self.scene.quantities)
         self._duration = self.scene.duration
-        self._locks = locking(self.scene)
         self._trust = Trust(self.body, self.scene)
+        self._notices = Notices(self.scene, self._event)
         self._clock = Clock(session, self.scene.step)
         self._accounts = Accounts(self.scene.step, _standing(self.body))
         recovering = RecoveringTransport(transport, on_event=self._event)
@@ -134,9 +130,7 @@ class Simulation:
 
     def _forget(self) -> None:
         """The last step is another's."""
-        self._too_far: set[str] = set()
-        self._crushed = 0
-        self._alarmed: set[str] = set()
+        self._notices.forget()
         self._report: StepReport | None = None
         self._frame: Frame | None = None
         self._unseen = False  # its fields were asked for, and lost
@@ -220,13 +214,8 @@ class Simulation:
         if switched is not None:
             self._frame = None
             self._accounts.switched(switched)
-        self._warn(replies)
-        if estimate is not None and estimate.too_large:
-            self._event("accuracy", f"step {self._clock.step - 1}: estimated error of {estimate.text}")
-        for name in too_far:
-            if name not in self._too_far:
-                self._event("tools", f"step {self._clock.step - 1}: {name} {_TOO_FAR}")
-        self._too_far.update(too_far)
+        alarms = [alarm.value for alarm in self._accounts.raised]
+        self._notices.follow(self._clock.step - 1, replies, alarms, estimate, too_far)
         self._report = report
         if self._emit is not None:
             self._emit(report)
@@ -361,22 +350,6 @@ class Simulation:
             self._trust.look(self.time, self._regions.sides, fields, goal)
         return self._trust.estimate() if done else None
 
-    def _warn(self, replies: Mapping[str, Advanced]) -> None:
-        """Tell of an element that locks, of alarms of the energy, of crushed cells, and of what a monitor did."""
-        at = f"step {self._clock.step - 1}"
-        if self._clock.step == 1 and self._locks:
-            self._event("element", self._locks)
-        for alarm in self._accounts.raised:
-            self._event("energy", f"{at}: {alarm.value}")
-        crushed = sum(reply.n_crushed for reply in replies.values())
-        if crushed and not self._crushed:
-            self._event("cells", f"{at}: {crushed} cells are squeezed beyond half: full quadrature")
-        self._crushed = crushed
-        for name, reply in replies.items():
-            if reply.alarm and name not in self._alarmed:
-                self._event("monitor", f"{at}, {name}: {reply.alarm}")
-        self._alarmed = {name for name, reply in replies.items() if reply.alarm}
-
     def _event(self, kind: str, message: str) -> None:
         event = Event(self._clock.now(), kind, message)
         self.events.append(event)
@@ -392,11 +365,3 @@ def _standing(body: AnyBody) -> float:
     np.add.at(mass, body.cell_nodes, body.cell_mass)
     height = -(body.x_rest @ body.gravity)
     return float(mass @ (height - height.min()))
-
-
-def locking(scene: Scene) -> str:
-    """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
-    near, body = scene.regions.near, scene.body
-    if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):
-        return ""
-    return element_warning(scene.models.fem.element, max(material.poisson for material in body.materials))

@@ -1,0 +1,68 @@
+"""What is told of a step beside its numbers: an element that locks, alarms, crushed cells, tools that go too far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from softseam_protocol.kinds import element_warning
+from softseam_protocol.messages import Advanced, ErrorEstimate
+from softseam_protocol.scene import BodySpec, Scene
+
+_TOO_FAR = (
+    "moves half its thickness in a step: the body may come out behind it; shorten the step, or move it more slowly"
+)
+
+
+class Notices:
+    """Tells each once, when it comes, not in every step that it lasts.
+
+    tell  receives kind and text of every event
+    """
+
+    def __init__(self, scene: Scene, tell: Callable[[str, str], None]) -> None:
+        self._locks, self._tell = locking(scene), tell
+        self.forget()
+
+    def forget(self) -> None:
+        """The last step is another's."""
+        self._too_far: set[str] = set()
+        self._crushed = 0
+        self._alarmed: set[str] = set()
+
+    def follow(
+        self,
+        step: int,
+        replies: Mapping[str, Advanced],
+        alarms: Iterable[str],
+        estimate: ErrorEstimate | None,
+        too_far: Iterable[str],
+    ) -> None:
+        """A step was taken: replies of the sides, new alarms of the energy, how far the run may be off where it ends,
+        and tools that moved half their thickness."""
+        at = f"step {step}"
+        if step == 0 and self._locks:
+            self._tell("element", self._locks)
+        for alarm in alarms:
+            self._tell("energy", f"{at}: {alarm}")
+        crushed = sum(reply.n_crushed for reply in replies.values())
+        if crushed and not self._crushed:
+            self._tell("cells", f"{at}: {crushed} cells are squeezed beyond half: full quadrature")
+        self._crushed = crushed
+        for name, reply in replies.items():
+            if reply.alarm and name not in self._alarmed:
+                self._tell("monitor", f"{at}, {name}: {reply.alarm}")
+        self._alarmed = {name for name, reply in replies.items() if reply.alarm}
+        if estimate is not None and estimate.too_large:
+            self._tell("accuracy", f"{at}: estimated error of {estimate.text}")
+        for name in too_far:
+            if name not in self._too_far:
+                self._tell("tools", f"{at}: {name} {_TOO_FAR}")
+        self._too_far.update(too_far)
+
+
+def locking(scene: Scene) -> str:
+    """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
+    near, body = scene.regions.near, scene.body
+    if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):
+        return ""
+    return element_warning(scene.models.fem.element, max(material.poisson for material in body.materials))
