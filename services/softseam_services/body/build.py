@@ -4,28 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.material_borders import material_borders
+from softseam_protocol.inner_ball import Ball, inner_ball
+from softseam_protocol.material_borders import material_borders, pieces
 from softseam_protocol.particle_bodies import TetMeshBody
 from softseam_protocol.scene import BlockShape, BodySpec, MeshShape, Scene
 from softseam_protocol.spec import BoxRegion
 from softseam_protocol.tool_borders import Line, tool_borders
+from softseam_services.body.around_ball import block_around
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.graded import bordered_line, graded_block, graded_line
-from softseam_services.body.hexahedra import own_cells
+from softseam_services.body.hexahedra import OwnCells, numbered_cells, own_cells
 from softseam_services.body.inclusions import materials_at, octant_centres
 from softseam_services.body.lattice import divide, number_nodes
 from softseam_services.body.lattices import build_particles
 from softseam_services.body.mass import lump_full
 from softseam_services.body.materials import build_material
-from softseam_services.body.mesh_io import RawHexahedra, read_hexahedra
+from softseam_services.body.mesh_io import read_hexahedra
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.tet_mesh import build_tet_mesh
 
@@ -86,18 +87,25 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape, cell: Floats | None)
 
 def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     counts, wanted = divide(np.array(shape.size), cell_edges(spec))
+    ball = inner_ball(shape.size, spec.position, spec.inclusions) if shape.borders == "materials" else None
     if shape.towards or shape.borders == "materials":
-        borders = _borders(scene, spec, shape)
+        borders = _borders(scene, spec, shape, ball)
         lines = [
             bordered_line(edge, cell, shape.grading, line)
             for edge, cell, line in zip(shape.size, wanted, borders, strict=True)
         ]
     else:
         lines = [edge * graded_line(int(n), shape.grading) for edge, n in zip(shape.size, counts, strict=True)]
+    if ball is not None:
+        cut = [pieces(edge, cell, line.planes) for edge, cell, line in zip(shape.size, wanted, borders, strict=True)]
+        x, cell_nodes = block_around(lines, [ball.span(each, axis) for axis, each in enumerate(cut)], ball)
+        lower = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * shape.size
+        return _of_hexahedra(scene, spec, numbered_cells("block", x + lower, cell_nodes, spec.material.density))
     counts = np.array([len(line) - 1 for line in lines], dtype=np.int32)
     if shape.grading == 1.0 and not shape.towards and all(_even(line) for line in lines):
         return _block(scene, spec, shape, np.array(shape.size) / counts)
-    body = _of_hexahedra(scene, spec, "block", graded_block(lines), 1.0, "z")
+    cells = own_cells("block", graded_block(lines), 1.0, "z", np.array(spec.position), spec.material.density)
+    body = _of_hexahedra(scene, spec, cells)
     return replace(body, cell_grid=number_nodes(np.ones(counts, dtype=np.bool_))[0])
 
 
@@ -106,13 +114,13 @@ def _even(line: Floats) -> bool:
     return bool(np.ptp(np.diff(line)) <= 1e-9 * line[-1])
 
 
-def _borders(scene: Scene, spec: BodySpec, shape: BlockShape) -> tuple[Line, Line, Line]:
-    """Planes that cells end in, of tools and of materials."""
+def _borders(scene: Scene, spec: BodySpec, shape: BlockShape, ball: Ball | None) -> tuple[Line, Line, Line]:
+    """Planes that cells end in, of tools, of materials and of the box around a ball."""
     x, y, z = tool_borders(shape.size, spec.position, scene.tools, shape.towards)
     if not shape.towards:
         x = y = z = Line((), (True, True))
     if shape.borders == "materials":
-        met = material_borders(shape.size, spec.position, spec.inclusions)
+        met = ball.planes if ball else material_borders(shape.size, spec.position, spec.inclusions)
         x, y, z = (
             replace(line, planes=tuple(sorted({*line.planes, *planes})))
             for line, planes in zip((x, y, z), met, strict=True)
@@ -121,13 +129,12 @@ def _borders(scene: Scene, spec: BodySpec, shape: BlockShape) -> tuple[Line, Lin
 
 
 def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
-    return _of_hexahedra(scene, spec, shape.path, read_hexahedra(shape.path, data), shape.scale, shape.up)
+    raw = read_hexahedra(shape.path, data)
+    cells = own_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
+    return _of_hexahedra(scene, spec, cells)
 
 
-def _of_hexahedra(
-    scene: Scene, spec: BodySpec, path: str, raw: RawHexahedra, scale: float, up: Literal["x", "y", "z"]
-) -> Body:
-    cells = own_cells(path, raw, scale, up, np.array(spec.position), spec.material.density)
+def _of_hexahedra(scene: Scene, spec: BodySpec, cells: OwnCells) -> Body:
     cell_material = materials_at(spec, cells.x_rest[cells.cell_nodes[:, 13]], cells.edge)
     return assemble(
         scene,

@@ -9,6 +9,7 @@ which are positive, and have the right centre of mass where faces are flat or ru
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -29,6 +30,9 @@ _POOR = 0.1
 """a cell whose least J is below this share of its mean is worth a warning"""
 _MEET = 1e-6
 """middles of neighbours that are farther apart than this share of an edge do not meet"""
+_POINTS, _LINE_WEIGHTS = np.polynomial.legendre.leggauss(3)
+_GAUSS: Floats = np.array(list(product(_POINTS, repeat=3)))
+_WEIGHTS: Floats = np.array(list(product(_LINE_WEIGHTS, repeat=3))).prod(axis=1)
 _SIMPSON_LINE = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
@@ -73,23 +77,29 @@ def own_cells(path: str, raw: RawHexahedra, scale: float, up: str, at: Floats, d
     axis = "xyz".index(up)
     points = scale * raw.points[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
     x, corner, turned = _lattice(path, points, raw.cells)
-    least, volume = _quality(path, x)
+    _quality(path, x)
     cell_nodes, x_rest = _number(path, x, corner)
     low, high = x_rest.min(axis=0), x_rest.max(axis=0)
     x_rest += at - np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
+    notes = ["all hexahedra were mirrored; their corners were put in order"] if turned else []
+    return numbered_cells(path, x_rest, cell_nodes, density, notes)
+
+
+def numbered_cells(path: str, x_rest: Floats, cell_nodes: Ints, density: float, notes: Sequence[str] = ()) -> OwnCells:
+    """Cells (C, 27) of nodes (N, 3) [m] that are where they belong; raises MeshError."""
+    x = x_rest[cell_nodes]
+    least, volume = _quality(path, x)
     outer = _outer_faces(path, cell_nodes)
     surface = _surface(x_rest, cell_nodes, outer)
     nodes = cell_nodes[surface.cell, ((surface.local + 1.0) @ np.array([1.0, 3.0, 9.0])).astype(np.int64)]
     check_surface(path, x_rest[nodes], surface.triangles)
     weight = SIMPSON * _jacobians(x, _PLACES)
-    notes = []
-    if turned:
-        notes.append("all hexahedra were mirrored; their corners were put in order")
     poor = least < _POOR
     if poor.any():
-        notes.append(
+        notes = (
+            *notes,
             f"{int(poor.sum())} of {len(x)} cells are badly distorted, the worst is number {int(np.argmin(least))}, "
-            f"whose volume ratio falls to {least.min():.2g} of its mean: expect less accuracy there, or remesh"
+            f"whose volume ratio falls to {least.min():.2g} of its mean: expect less accuracy there, or remesh",
         )
     edge = np.linalg.norm(x[:, _ENDS[:, 0]] - x[:, _ENDS[:, 1]], axis=2)
     return OwnCells(
@@ -155,12 +165,15 @@ def _jacobians(x: Floats, local: Floats) -> Floats:
     return np.asarray(np.linalg.det(np.einsum("tai,qaj->tqij", x, slope, optimize=True)))
 
 
+def cell_volumes_at(x: Floats) -> Floats:
+    """Volumes (C,) [m^3] of cells with nodes x (C, 27, 3), as their masses have them."""
+    return _jacobians(x, _GAUSS) @ _WEIGHTS
+
+
 def _quality(path: str, x: Floats) -> tuple[Floats, Floats]:
     """Least J of each cell over its mean (C,), and its volume (C,) [m^3]; raises MeshError where J is not positive."""
-    at, weight = np.polynomial.legendre.leggauss(3)
-    gauss = np.array(list(product(at, at, at)))
-    inner, outer = _jacobians(x, gauss), _jacobians(x, _PLACES)
-    volume = inner @ np.array([a * b * c for a, b, c in product(weight, weight, weight)])
+    inner, outer = _jacobians(x, _GAUSS), _jacobians(x, _PLACES)
+    volume = inner @ _WEIGHTS
     size = np.ptp(x, axis=1).max(axis=1)
     least = 8.0 * np.minimum(inner.min(axis=1), outer.min(axis=1)) / np.maximum(np.abs(volume), 1e-9 * size**3)
     bad = least <= 1e-6

@@ -1,0 +1,91 @@
+"""A ball inside a block, and how many cells follow it: client and builder count alike.
+
+Around it is a box whose faces are planes that cells end in, or the block's own. Outside the box cells lie on the
+lattice of these planes. In it a cube in the ball takes up the box's own cells, and layers of cells lie between its six
+faces and the ball's surface, and between that and the six faces of the box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from softseam_protocol.material_borders import Planes, half_edges, material_borders
+from softseam_protocol.scene_materials import BoxPart, InclusionSpec, SpherePart
+from softseam_protocol.spec import Vector
+
+REACH = 1.5
+"""from the ball's middle to the faces of the box around it [radii]"""
+_REST = 0.4
+"""between the box and a face of the block, or a plane where materials meet; with less the box ends there [radii]"""
+_CLEAR = 0.1
+"""of the ball from there; with less no cells lie between [radii]"""
+
+Piece = tuple[float, float, int]
+"""where a piece between planes begins and ends [m], and how many cells it has"""
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A sphere that cells can follow."""
+
+    centre: Vector
+    """from the block's lower corner [m]"""
+    radius: float
+    """[m]"""
+    planes: tuple[Planes, Planes, Planes]
+    """of all that cells end in along x, y and z: faces of the box, and where materials meet [m]"""
+
+    def span(self, pieces: Sequence[Piece], axis: int) -> tuple[int, int]:
+        """The first of the box's cells along an axis, and the first behind it."""
+        at, cells = self.centre[axis], [0, 0]
+        for low, high, count in pieces:
+            cells[0] += count if high <= at - self.radius else 0
+            cells[1] += count if low < at + self.radius else 0
+        return cells[0], cells[1]
+
+    def n_cells(self, lines: Sequence[Sequence[Piece]]) -> int:
+        """How many cells there are, for pieces along x, y and z."""
+        ends = [self.span(pieces, axis) for axis, pieces in enumerate(lines)]
+        a, b, c = (last - first for first, last in ends)
+        whole = [sum(count for *_, count in pieces) for pieces in lines]
+        return whole[0] * whole[1] * whole[2] + 2 * (a * b + b * c + c * a) * sum(layers((a, b, c)))
+
+
+def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpec]) -> Ball | None:
+    """The one sphere among inclusions that cells can follow, for a block of `size` with its base's centre at `position`
+    [m]; None where there are more, where others are no boxes along the axes, and where it reaches to a plane in which
+    materials meet, or to a face of the block."""
+    parts = [inclusion.shape for inclusion in inclusions]
+    spheres = [part for part in parts if isinstance(part, SpherePart)]
+    boxes = [part for part in parts if isinstance(part, BoxPart) and half_edges(part.size, part.rotation) is not None]
+    if len(spheres) != 1 or len(boxes) + 1 != len(parts):
+        return None
+    radius, away = spheres[0].radius, spheres[0].position
+    centre = (away[0] - position[0] + 0.5 * size[0], away[1] - position[1] + 0.5 * size[1], away[2] - position[2])
+    found: list[Planes] = []
+    for edge, at, planes in zip(size, centre, material_borders(size, position, inclusions), strict=True):
+        ends = (0.0, *planes, edge)
+        low = max((end for end in ends if end <= at), default=at)
+        high = min((end for end in ends if end > at), default=at)
+        if min(at - low, high - at) < (1.0 + _CLEAR) * radius:
+            return None
+        box = []
+        if at - REACH * radius - low > _REST * radius:
+            box.append(at - REACH * radius)
+        if high - at - REACH * radius > _REST * radius:
+            box.append(at + REACH * radius)
+        found.append(tuple(sorted((*planes, *box))))
+    x, y, z = found
+    return Ball(centre, radius, (x, y, z))
+
+
+def layers(counts: tuple[int, int, int]) -> tuple[int, int]:
+    """Layers of cells from the cube to the ball's surface, and from there to the box, which has `counts` cells along x,
+    y and z.
+
+    Cells at the ball's surface are about as thick as wide inside; outside, where stress falls with the third power of
+    the distance, they are thinner.
+    """
+    most = max(counts)
+    return max(1, round(most / 3)), (most + 1) // 2
