@@ -7,6 +7,7 @@ faces and the ball's surface, and between that and the six faces of the box.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,9 +16,11 @@ from softseam_protocol.scene_materials import BoxPart, InclusionSpec, SpherePart
 from softseam_protocol.spec import Vector
 
 REACH = 1.5
-"""from the ball's middle to the faces of the box around it [radii]"""
-_REST = 0.4
-"""between the box and a face of the block, or a plane where materials meet; with less the box ends there [radii]"""
+"""least distance of the faces of the box from the ball's middle [radii]"""
+WIDTH = 0.5
+"""least width of the box, so that finer cells are finer at a small ball, too [shortest edge of the block]"""
+_REST = 0.25
+"""between the box and a face of the block, or a plane where materials meet; with less the box ends there [reach]"""
 _CLEAR = 0.1
 """of the ball from there; with less no cells lie between [radii]"""
 
@@ -33,6 +36,8 @@ class Ball:
     """from the block's lower corner [m]"""
     radius: float
     """[m]"""
+    reach: float
+    """from the ball's middle to the faces of the box, where these are no planes of others [radii]"""
     planes: tuple[Planes, Planes, Planes]
     """of all that cells end in along x, y and z: faces of the box, and where materials meet [m]"""
 
@@ -49,7 +54,17 @@ class Ball:
         ends = [self.span(pieces, axis) for axis, pieces in enumerate(lines)]
         a, b, c = (last - first for first, last in ends)
         whole = [sum(count for *_, count in pieces) for pieces in lines]
-        return whole[0] * whole[1] * whole[2] + 2 * (a * b + b * c + c * a) * sum(layers((a, b, c)))
+        return whole[0] * whole[1] * whole[2] + 2 * (a * b + b * c + c * a) * sum(self.layers((a, b, c)))
+
+    def layers(self, counts: tuple[int, int, int]) -> tuple[int, int]:
+        """Layers of cells from the cube to the ball's surface, and from there to the box, which has `counts` cells
+        along x, y and z.
+
+        Inside they are as thick as cells at the surface are wide; outside, where stress falls with the third power of
+        the distance, at most half as thick.
+        """
+        most = max(counts)
+        return max(1, most // 3), math.ceil(0.5 * most * math.log(self.reach) / math.log(REACH) - 1e-9)
 
 
 def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpec]) -> Ball | None:
@@ -63,6 +78,7 @@ def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpe
         return None
     radius, away = spheres[0].radius, spheres[0].position
     centre = (away[0] - position[0] + 0.5 * size[0], away[1] - position[1] + 0.5 * size[1], away[2] - position[2])
+    reach = max(REACH * radius, 0.5 * WIDTH * min(size))
     found: list[Planes] = []
     for edge, at, planes in zip(size, centre, material_borders(size, position, inclusions), strict=True):
         ends = (0.0, *planes, edge)
@@ -70,22 +86,8 @@ def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpe
         high = min((end for end in ends if end > at), default=at)
         if min(at - low, high - at) < (1.0 + _CLEAR) * radius:
             return None
-        box = []
-        if at - REACH * radius - low > _REST * radius:
-            box.append(at - REACH * radius)
-        if high - at - REACH * radius > _REST * radius:
-            box.append(at + REACH * radius)
+        box = (at - reach,) if at - reach - low > _REST * reach else ()
+        box += (at + reach,) if high - at - reach > _REST * reach else ()
         found.append(tuple(sorted((*planes, *box))))
     x, y, z = found
-    return Ball(centre, radius, (x, y, z))
-
-
-def layers(counts: tuple[int, int, int]) -> tuple[int, int]:
-    """Layers of cells from the cube to the ball's surface, and from there to the box, which has `counts` cells along x,
-    y and z.
-
-    Cells at the ball's surface are about as thick as wide inside; outside, where stress falls with the third power of
-    the distance, they are thinner.
-    """
-    most = max(counts)
-    return max(1, round(most / 3)), (most + 1) // 2
+    return Ball(centre, radius, reach / radius, (x, y, z))

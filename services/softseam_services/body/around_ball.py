@@ -5,13 +5,14 @@ In the box's own coordinates s in [-1, 1]^3 a direction is that of equal angles,
     d(s) = t/|t|,  t = tan(pi s/4),          c_i(s) = s_i (1 - (s_j^2 + s_k^2)/10)/2                                (1)
 
 with d of Ronchi, Iacono and Paolucci, J. Comput. Phys. 124 (1996) 93. From a place s on the surface of the cube layers
-lead along x(w), with places p(s) on the box, centre and radius of the ball b and a:
+lead along x(w), with places p(s) on the box, centre, radius and reach of the ball b, a and r:
 
-    x = b + a ((1 - w) c(s) + w d(s)),  0 <= w <= 1;     x = (1 - u) (b + a d(s)) + u p(s),  u = (w - 1)^1.3         (2)
+    x = b + a ((1 - w) c(s) + w d(s)),  0 <= w <= 1                                                                 (2)
+    x = (1 - u) (b + a d(s)) + u p(s),  u = (q^(w - 1) - 1)/(q - 1),  q = 3 r/2,  1 <= w <= 2                       (3)
 
-The layers outside are thinner at the ball. All 27 nodes of a cell are at their own places, so that cells are curved and
-their faces on the ball biquadratic; a is such that they hold the ball's volume (Gauss points of 3^3, exact for these
-cells' polynomials), where the radius itself would leave it smaller by order 4 in the cells' edge.
+Layers outside are thinner at the ball. All 27 nodes of a cell are at their own places, so that cells are curved and
+their faces on the ball biquadratic; a is such that they hold the ball's volume (by 3^3 Gauss points, exactly), which
+they would miss by order 4 in their edge with the radius itself.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from itertools import product
 
 import numpy as np
 
-from softseam_protocol.inner_ball import Ball, layers
+from softseam_protocol.inner_ball import Ball
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.hexahedra import cell_volumes_at
 from softseam_services.body.lattice import LOCAL
@@ -31,8 +32,8 @@ _CUBE = 0.5
 """half edge of the cube at the middles of its faces [radii]"""
 _BULGE = 0.1
 """share that its edges are drawn in by, and its corners twice"""
-_THINNER = 1.3
-"""power of eq. (2)"""
+_THINNER = 1.5
+"""q of eq. (3) over the ball's reach"""
 
 
 def block_around(lines: Sequence[Floats], spans: Sequence[tuple[int, int]], ball: Ball) -> tuple[Floats, Ints]:
@@ -42,7 +43,7 @@ def block_around(lines: Sequence[Floats], spans: Sequence[tuple[int, int]], ball
     spans  first and last of these at the box, along each
     """
     first, last = np.array(spans).T
-    inside, outside = layers((int(last[0] - first[0]), int(last[1] - first[1]), int(last[2] - first[2])))
+    inside, outside = ball.layers((int(last[0] - first[0]), int(last[1] - first[1]), int(last[2] - first[2])))
     kept = np.ones([len(line) - 1 for line in lines], dtype=np.bool_)
     kept[tuple(slice(a, b) for a, b in spans)] = False
     box = 2 * (inside + outside)
@@ -64,7 +65,8 @@ def block_around(lines: Sequence[Floats], spans: Sequence[tuple[int, int]], ball
     of_ball = keys[:, :, 0].max(axis=1) <= 2 * inside
     volume = float(cell_volumes_at(unit[cell_nodes[of_ball]]).sum())
     radius = ball.radius * (4.0 / 3.0 * np.pi / volume) ** (1.0 / 3.0)
-    u = (np.maximum(layer / (2.0 * inside) - 1.0, 0.0) * (inside / outside))[:, None] ** _THINNER
+    q = _THINNER * ball.reach
+    u = (q ** np.maximum((layer - 2 * inside) / (2.0 * outside), 0.0)[:, None] - 1.0) / (q - 1.0)  # eq. (3)
     on_lattice = np.stack([_halved(line)[place[:, axis]] for axis, line in enumerate(lines)], axis=1)
     x = (1.0 - u) * (np.array(ball.centre) + radius * unit) + u * on_lattice
     return np.where((layer == box)[:, None], on_lattice, x), cell_nodes
