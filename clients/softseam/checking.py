@@ -17,6 +17,7 @@ from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
 from softseam.scenes import bundle_of, located
 from softseam.variants import with_settings
+from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
@@ -105,7 +106,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     console.print(table)
     for warning in doubts:
         console.print(Text(f"warning: {located(warning, name, settings)}", style="yellow"))
-    for note in (*_hidden_viscosity(scene), *_cut_by_borders(scene.body, built)):
+    for note in (*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)):
         console.print(Text(f"note: {note}", style="dim"))
     console.print(Text("the scene can be simulated", style="green"))
 
@@ -262,10 +263,14 @@ def _hidden_viscosity(scene: Scene) -> list[str]:
     ]
 
 
-def _cut_by_borders(spec: BodySpec, body: Body) -> list[str]:
+def _cut_by_borders(scene: Scene, spec: BodySpec, body: Body) -> list[str]:
     """That materials meet inside cells, where a block's cells could end there."""
     if not isinstance(spec.shape, BlockShape):
         return []
+    if spec.shape.borders == "even" and inner_ball(spec.shape.size, spec.position, spec.inclusions):
+        what = "say body.shape.borders: materials, and they follow it"
+        alone = "" if scene.regions.near is None else ", which takes one model: leave out regions.near"
+        return [f"a sphere inside the block is made up of octants of cells, as a staircase: {what}{alone}"]
     lower = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * spec.shape.size
     ends = body.x_rest[body.cell_nodes[:, [0, 26]]].reshape(-1, 3) - lower
     inside = [

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from softseam_protocol.material_borders import Planes, half_edges, material_borders
+from softseam_protocol.material_borders import Piece, Planes, half_edges, material_borders
 from softseam_protocol.scene_materials import BoxPart, InclusionSpec, SpherePart
 from softseam_protocol.spec import Vector
 
@@ -23,9 +23,6 @@ _REST = 0.25
 """between the box and a face of the block, or a plane where materials meet; with less the box ends there [reach]"""
 _CLEAR = 0.1
 """of the ball from there; with less no cells lie between [radii]"""
-
-Piece = tuple[float, float, int]
-"""where a piece between planes begins and ends [m], and how many cells it has"""
 
 
 @dataclass(frozen=True)
@@ -86,8 +83,7 @@ def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpe
         high = min((end for end in ends if end > at), default=at)
         if min(at - low, high - at) < (1.0 + _CLEAR) * radius:
             return None
-        box = (at - reach,) if at - reach - low > _REST * reach else ()
-        box += (at + reach,) if high - at - reach > _REST * reach else ()
+        box = [end for end in (at - reach, at + reach) if min(end - low, high - end) > _REST * reach]
         found.append(tuple(sorted((*planes, *box))))
     x, y, z = found
     return Ball(centre, radius, reach / radius, (x, y, z))

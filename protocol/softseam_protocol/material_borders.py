@@ -15,6 +15,8 @@ from softseam_protocol.spec import Vector
 
 Planes = tuple[float, ...]
 """along one axis, from the block's lower face, inside it, ascending [m]"""
+Piece = tuple[float, float, int]
+"""where a piece between planes begins and ends [m], and how many cells it has"""
 
 APART = 0.1
 """planes that are closer than that to another, or to a face, are left out [wanted cell edges]"""
@@ -56,7 +58,7 @@ def half_edges(size: Vector, rotation: Vector) -> Vector | None:
     return ((x, z, y), (z, y, x), (y, x, z))[about[0]]
 
 
-def pieces(edge: float, wanted: float, planes: Sequence[float]) -> tuple[tuple[float, float, int], ...]:
+def pieces(edge: float, wanted: float, planes: Sequence[float]) -> tuple[Piece, ...]:
     """[0, edge] cut by planes: where each piece begins and ends, and how many cells of about `wanted` it has [m].
 
     Every piece has one cell at least.

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
+from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.kinds import integrator_problem
 from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
@@ -84,7 +85,8 @@ class BlockShape(Spec):
     borders: Literal["even", "materials"] = Field(
         default="even",
         description="even: wherever materials meet; materials: cells end in the planes of inclusions that are boxes, "
-        "continued through the block, and are equal between them",
+        "continued through the block, and are equal between them; around one inclusion that is a sphere, inside the "
+        "block and clear of these planes, they are curved and follow it, for fem or pbd alone",
     )
 
     @property
@@ -299,6 +301,16 @@ class Scene(Spec):
             raise wrong(
                 "hexahedra of a file have one model, for a seam runs along faces that are rectangles: leave out "
                 "regions.near, or `cells: own`", "body", "shape", "cells",
+            )  # fmt: skip
+        round_cells = (
+            isinstance(body.shape, BlockShape)
+            and body.shape.borders == "materials"
+            and inner_ball(body.shape.size, body.position, body.inclusions) is not None
+        )
+        if round_cells and near:
+            raise wrong(
+                "cells that follow a sphere have one model, for a seam runs along faces that are rectangles: leave out "
+                "regions.near, or `borders`", "body", "shape", "borders",
             )  # fmt: skip
         if (own or (isinstance(body.shape, BlockShape) and body.shape.graded)) and "pbd" in models:
             said = "the model error of pbd is measured on boxes of one size"

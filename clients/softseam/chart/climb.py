@@ -91,7 +91,11 @@ def levels_of(frame: Frame) -> tuple[int, ...]:
     Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
     have other shapes on either side of a border, and levels would jump back and forth.
     """
-    different = tuple({frame.across(across): across for across in ACROSS}.values())
+    every: tuple[int, ...] = ACROSS
+    if frame.ball is not None:
+        # levels cost more, so more are between; with two cells across the box forces and sag still go to and fro
+        every = tuple(a for a in sorted({*ACROSS, *BETWEEN.values()}) if frame.across_ball(frame.across(a)) > 2)
+    different = tuple({frame.across(across): across for across in every}.values())
     alike = tuple(across for across in different if refines(frame, across))
     return alike if len(alike) > 3 else different
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from softseam.duration import expected_duration
 from softseam.errors import SceneRefused
 from softseam.session import open_as_given
-from softseam_protocol.material_borders import Planes, are_equal, cells_along, material_borders, pieces, wanted_for
+from softseam_protocol.inner_ball import Ball, inner_ball
+from softseam_protocol.material_borders import (
+    Piece,
+    Planes,
+    are_equal,
+    cells_along,
+    material_borders,
+    pieces,
+    wanted_for,
+)
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_motion import ClosePhase, MovePhase, TurnPhase
 from softseam_protocol.scene_tools import BoxTool, CylinderTool
@@ -61,6 +70,8 @@ class Frame:
     scene: Scene
     extent: Floats
     """of the body (3,) [m]"""
+    follows: bool = True
+    """whether cells may follow a ball in the block, which a seam does not let them"""
 
     @property
     def length(self) -> float:
@@ -83,27 +94,51 @@ class Frame:
 
     @property
     def borders(self) -> tuple[Planes, Planes, Planes]:
-        """Planes in which materials meet, along x, y and z [m]; none in what is no block."""
+        """Planes that cells end in, where materials meet or around a ball, along x, y and z [m]; none in what is no
+        block."""
         body = self.scene.body
         if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
             return (), (), ()
+        if self.ball is not None:
+            return self.ball.planes
         return material_borders(body.shape.size, body.position, body.inclusions)
+
+    @property
+    def ball(self) -> Ball | None:
+        """The ball that cells of a block follow."""
+        body = self.scene.body
+        if not (self.follows and isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+            return None
+        return inner_ball(body.shape.size, body.position, body.inclusions)
 
     def refines(self, counts: Counts, first: Counts) -> bool:
         """Whether every cell of `first` is divided alike, in each piece between borders of materials."""
+        if self.ball is not None:
+            return counts == first
         if not any(self.borders):
             return True
-        fine, coarse = self._pieces(counts), self._pieces(first)
+        fine, coarse = ([piece for line in self._pieces(each) for piece in line] for each in (counts, first))
         if [ends for *ends, _ in fine] != [ends for *ends, _ in coarse]:
             return False
         along = {n / before for (*_, n), (*_, before) in zip(fine, coarse, strict=True)}
         return len(along) == 1 and along.pop().is_integer()
 
-    def _pieces(self, counts: Counts) -> list[tuple[float, float, int]]:
+    def _pieces(self, counts: Counts) -> list[tuple[Piece, ...]]:
         """Along x, then y, then z: where each piece between borders begins and ends [m], and how many cells it has."""
         wanted = self._wanted_to_borders(counts) or (self.extent / np.array(counts)).tolist()
         lines = zip(self.extent.tolist(), wanted, self.borders, strict=True)
-        return [piece for line in lines for piece in pieces(*line)]
+        return [pieces(*line) for line in lines]
+
+    def n_cells(self, counts: Counts) -> int:
+        """Of these counts along the block's edges, with those around a ball."""
+        return self.ball.n_cells(self._pieces(counts)) if self.ball is not None else int(np.prod(counts))
+
+    def across_ball(self, counts: Counts) -> int:
+        """Cells along the longest edge of the box around a ball; 0 where there is none."""
+        if self.ball is None:
+            return 0
+        ends = [self.ball.span(line, axis) for axis, line in enumerate(self._pieces(counts))]
+        return max(last - first for first, last in ends)
 
     @property
     def even(self) -> int | None:
@@ -135,7 +170,7 @@ class Frame:
     def own_to_borders(self) -> Counts | None:
         """The scene's own cells where as many can end where its materials meet, else about as many that do."""
         own = self.own
-        if own is None or not any(self.borders) or self._wanted_to_borders(own) is not None:
+        if own is None or not (any(self.borders) or self.ball) or self._wanted_to_borders(own) is not None:
             return own
         return self._to_borders(own)
 
@@ -158,7 +193,7 @@ class Frame:
         edges, asked = (self.extent / np.array(counts)).tolist(), False
         wanted = self._wanted_to_borders(counts)
         if wanted is not None:
-            uneven = not all(map(are_equal, self.extent.tolist(), wanted, self.borders))
+            uneven = self.ball is not None or not all(map(are_equal, self.extent.tolist(), wanted, self.borders))
             edges, asked = (wanted, True) if uneven or grading != 1.0 or towards else (edges, False)
         found = [f"body.cell={json.dumps(edges)}"]
         if isinstance(own, BlockShape) and asked != (own.borders == "materials"):
@@ -173,10 +208,12 @@ class Frame:
         """Wanted edges that lead to these cells where they end where materials meet [m]; None where nothing does."""
         found = [wanted_for(*each) for each in zip(self.extent.tolist(), counts, self.borders, strict=True)]
         known = [edge for edge in found if edge is not None]
-        return known if len(known) == 3 and any(self.borders) else None
+        return known if len(known) == 3 and (any(self.borders) or self.ball is not None) else None
 
     def size(self, counts: Counts) -> float:
-        """Edge of a cube of a cell's volume [m]; along `even`, of a square of its cross-section."""
+        """Edge of a cube of a cell's mean volume [m]; along `even`, of a square of its cross-section."""
+        if self.ball is not None:
+            return float((np.prod(self.extent) / self.n_cells(counts)) ** (1.0 / 3.0))
         edges = self.extent / np.array(counts)
         if self.even is not None:
             edges = np.delete(edges, self.even)
@@ -282,14 +319,20 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     for counts, factors in _cells_and_factors(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:
             yield fem_one(frame, counts, factor * step, "hex27_reduced")
-    if isinstance(frame.scene.body, BodySpec) and isinstance(frame.scene.body.shape, BlockShape):
+    if isinstance(frame.scene.body, BodySpec) and isinstance(frame.scene.body.shape, BlockShape) and not frame.ball:
         # cells that are thinner at the faces, where stress peaks
         for grading, across, factors in ((4.0, 3, (4, 2, 1)), (8.0, 3, (2, 1)), (4.0, 4, (2,)), (4.0, 5, (1,))):
             for factor in factors:
                 yield fem_one(frame, frame.across(across), factor * step, grading=grading)
-    if frame.edged:
+    if frame.edged and not frame.ball:
         for across, grading, factor in TOWARDS_EDGES:
             yield fem_one(frame, frame.across(across), factor * step, grading=grading, towards=frame.edged)
+    if frame.ball is not None:
+        # equal cells, of which fewer will do where the ball is hardly stiffer
+        equal = replace(frame, follows=False)
+        for across, factors in ((2, (4, 2)), (3, (2,)), (4, (2,))):
+            for factor in factors:
+                yield fem_one(equal, equal.across(across), factor * step)
     for element in OTHERS:
         for across in (2, 4):
             yield fem_one(frame, frame.across(across), step, element)
@@ -315,13 +358,18 @@ def fem_one(
     """FEM alone, as the sweep tries it and as a reference's level is."""
     settings = fem_settings(frame, counts, step, element, integrator, grading, towards)
     named = "" if element == "hex27" else f" {element}"
-    graded = (" to edges" if towards else "") + ("" if grading == 1.0 else f" graded {grading:g}")
+    graded = (
+        (" round" if frame.ball else "")
+        + (" to edges" if towards else "")
+        + ("" if grading == 1.0 else f" graded {grading:g}")
+    )
     how = "" if integrator == "implicit_euler" else f" {integrator}"
     swift = element in ("hex27", "hex27_reduced")
     seconds = fem_seconds(frame, counts, step) * (1.0 if swift else 2.0)
     method: Method = "FEM, quadratic" if swift else "FEM, other elements"
-    label = f"FEM{named} {_cells(counts)}{graded}, {_ms(step)}{how}"
-    key = f"fem-{element}-{integrator}-{_cells(counts)}-{_ms(step, '')}{graded.replace(' ', '-')}"
+    cells = _cells(frame, counts)
+    label = f"FEM{named} {cells}{graded}, {_ms(step)}{how}"
+    key = f"fem-{element}-{integrator}-{cells}-{_ms(step, '')}{graded}".replace(" ", "-")
     return Configuration(key, method, label, settings, seconds)
 
 
@@ -341,15 +389,17 @@ def _xpbd(frame: Frame) -> Iterator[Configuration]:
 
 def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Configuration:
     settings = ("regions={default: pbd}", *frame.cells(counts), f"step={step:.9g}", f"models.pbd={{{how}}}")
-    seconds = frame.length / step * (2e-4 + 2.5e-6 * float(np.prod(counts)) ** (4 / 3) * step / 0.01)
-    label = f"XPBD {_cells(counts)}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
-    key = f"xpbd-{_cells(counts)}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}"
+    seconds = frame.length / step * (2e-4 + 2.5e-6 * float(frame.n_cells(counts)) ** (4 / 3) * step / 0.01)
+    cells = _cells(frame, counts)
+    label = f"XPBD {cells}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
+    key = f"xpbd-{cells}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}".replace(" ", "-")
     return Configuration(key, "XPBD", label, settings, seconds)
 
 
 def _hybrid(frame: Frame) -> Iterator[Configuration]:
     """The scene's own regions, narrower, wider, and beside one block a cell, always cut."""
     near, step = frame.scene.regions.near, frame.scene.step
+    frame = replace(frame, follows=False)
     if near is None or near.model == frame.scene.regions.default:
         return
     ways: dict[str, tuple[str, ...]] = {"": (), ", one block a cell": ("models.pbd.coarse={beyond: 0}",)}
@@ -360,9 +410,11 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
         for told, region in ways.items():
             for factor in factors if told in ("", ", one block a cell") else (1,):
                 settings = ("regions.near.split=always", *frame.cells(counts), f"step={factor * step:.9g}", *region)
-                label = f"hybrid {_cells(counts)}, {_ms(factor * step)}{told}"
+                label = f"hybrid {_cells(frame, counts)}, {_ms(factor * step)}{told}"
                 seconds = 3.0 * fem_seconds(frame, counts, factor * step)
-                key = f"hybrid-{_cells(counts)}-{_ms(factor * step, '')}{told.replace(',', '').replace(' ', '-')}"
+                key = (
+                    f"hybrid-{_cells(frame, counts)}-{_ms(factor * step, '')}{told.replace(',', '').replace(' ', '-')}"
+                )
                 yield Configuration(key, "hybrid", label, settings, seconds)
 
 
@@ -376,10 +428,12 @@ def _as_is(frame: Frame) -> Iterator[Configuration]:
 
 def fem_seconds(frame: Frame, counts: Counts, step: float) -> float:
     """Rough wall time of FEM alone [s]."""
-    return float(frame.length / step * (2e-4 + 4e-6 * np.prod(counts) ** 1.55))
+    return float(frame.length / step * (2e-4 + 4e-6 * frame.n_cells(counts) ** 1.55))
 
 
-def _cells(counts: Counts) -> str:
+def _cells(frame: Frame, counts: Counts) -> str:
+    if frame.ball is not None:
+        return f"{frame.n_cells(counts)} round"
     return "x".join(str(count) for count in counts)
 
 

@@ -49,9 +49,8 @@ def block_around(lines: Sequence[Floats], spans: Sequence[tuple[int, int]], ball
     box = 2 * (inside + outside)
     lattice, cube = (2 * cells[:, None] + LOCAL for cells in (np.argwhere(kept), np.argwhere(~kept)))
     shells = [_shell(first, last, face, layer) for face in range(6) for layer in range(inside + outside)]
-    keys = np.concatenate(
-        [_at(box, lattice), _at(0, cube), *shells]
-    )  # (C, 27, 4): layer of nodes, place on the lattice
+    # layer of each node, and its place on the lattice (C, 27, 4)
+    keys = np.concatenate([_at(box, lattice), _at(0, cube), *shells])
     nodes, number = np.unique(keys.reshape(-1, 4), axis=0, return_inverse=True)
     cell_nodes = np.asarray(number.reshape(-1, 27), dtype=np.int32)
     layer, place = nodes[:, 0], nodes[:, 1:]
@@ -78,15 +77,18 @@ def _at(layer: int, places: Cells) -> Cells:
 
 
 def _shell(first: Cells, last: Cells, face: int, layer: int) -> Cells:
-    """Keys (c, 27, 4) of one layer's cells on the face -x +x -y +y -z +z of the cube."""
+    """Keys (c, 27, 4) of one layer's cells on the face -x +x -y +y -z +z of the cube.
+
+    Their own axes lead outwards, and as the box's do: so diagonals of faces are the neighbours', which tet10 wants.
+    """
     axis, upper = divmod(face, 2)
-    u, v = (axis + 1) % 3, (axis + 2) % 3
+    u, v = ((axis + 1) % 3, (axis + 2) % 3) if upper else ((axis + 2) % 3, (axis + 1) % 3)
     cells = np.array(list(product(range(first[u], last[u]), range(first[v], last[v]))))
     keys = np.empty((len(cells), 27, 4), dtype=np.int64)
-    keys[:, :, 0] = 2 * layer + (LOCAL[:, axis] if upper else 2 - LOCAL[:, axis])
+    keys[:, :, 0] = 2 * layer + LOCAL[:, 0]
     keys[:, :, 1 + axis] = 2 * (last if upper else first)[axis]
-    keys[:, :, 1 + u] = 2 * cells[:, :1] + LOCAL[:, u]
-    keys[:, :, 1 + v] = 2 * cells[:, 1:] + LOCAL[:, v]
+    keys[:, :, 1 + u] = 2 * cells[:, :1] + LOCAL[:, 1]
+    keys[:, :, 1 + v] = 2 * cells[:, 1:] + LOCAL[:, 2]
     return keys
 
 
