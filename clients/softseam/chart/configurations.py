@@ -379,6 +379,10 @@ def _xpbd(frame: Frame) -> Iterator[Configuration]:
     for counts, factors in _cells_and_factors(frame, cubic, (4, 2, 1)):
         for factor in factors:
             yield _xpbd_one(frame, counts, factor * step)
+    if frame.ball is not None:
+        equal = replace(frame, follows=False)
+        for across, factor in ((2, 4), (4, 4), (4, 2)):
+            yield _xpbd_one(equal, equal.across(across), factor * step)
     for across, substeps in ((2, 2), (2, 4), (2, 8), (2, 16), (4, 8), (4, 32)):
         yield _xpbd_one(frame, frame.across(across), step, f"substeps: {substeps}")
     for across, sweeps in ((2, 2), (2, 4), (4, 2), (4, 4)):
