@@ -358,11 +358,7 @@ def fem_one(
     """FEM alone, as the sweep tries it and as a reference's level is."""
     settings = fem_settings(frame, counts, step, element, integrator, grading, towards)
     named = "" if element == "hex27" else f" {element}"
-    graded = (
-        (" round" if frame.ball else "")
-        + (" to edges" if towards else "")
-        + ("" if grading == 1.0 else f" graded {grading:g}")
-    )
+    graded = (" to edges" if towards else "") + ("" if grading == 1.0 else f" graded {grading:g}")
     how = "" if integrator == "implicit_euler" else f" {integrator}"
     swift = element in ("hex27", "hex27_reduced")
     seconds = fem_seconds(frame, counts, step) * (1.0 if swift else 2.0)
