@@ -20,6 +20,8 @@ from softseam.errors import SoftseamError
 
 ACROSS = (COARSEST, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16)
 """cells along the body's shortest edge, level by level"""
+LEAST_ROUND = 3
+"""cells across the box around a ball that a reference begins with"""
 STEPS_AT = 3
 """cells along the shortest edge at which the step is refined, where the scene leaves its cells to the solver"""
 FINEST_STEPS_AT = 4
@@ -86,11 +88,10 @@ def levels_of(frame: Frame) -> tuple[int, ...]:
     Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
     have other shapes on either side of a border, and levels would jump back and forth.
     """
-    every: tuple[int, ...] = ACROSS
+    different = tuple({frame.across(across): across for across in ACROSS}.values())
     if frame.ball is not None:
-        # levels cost more, so more are between; with two cells across the box forces and sag still go to and fro
-        every = tuple(a for a in sorted({*ACROSS, *BETWEEN.values()}) if frame.across_ball(frame.across(a)) > 2)
-    different = tuple({frame.across(across): across for across in every}.values())
+        # with two cells across the box forces and sag still go to and fro
+        different = tuple(across for across in different if frame.across_ball(frame.across(across)) >= LEAST_ROUND)
     alike = tuple(across for across in different if refines(frame, across))
     return alike if len(alike) > 3 else different
 
