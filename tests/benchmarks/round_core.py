@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Literal
 
 from softseam.chart.measure import measure
 from softseam.variants import with_model
@@ -17,7 +18,7 @@ SCENE = Path(__file__).resolve().parents[2] / "scenes" / "stiff_inclusion.yaml"
 EDGE = 0.05
 """of the block [m]"""
 QUANTITIES = ("grip_force", "sag", "core.von_mises", "beside.von_mises")
-RUNS = (
+RUNS: tuple[tuple[Literal["fem", "pbd"], str, int], ...] = (
     *(("fem", "even", across) for across in (2, 4, 6, 8)),
     *(("fem", "materials", across) for across in (1, 2, 4, 5, 7)),
     *(("pbd", "even", across) for across in (4, 8)),

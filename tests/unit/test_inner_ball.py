@@ -20,6 +20,7 @@ from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_services.body.body import Body
+from softseam_services.body.borders import border_lines
 from softseam_services.body.build import build_any_body
 
 SIZE = (0.06, 0.05, 0.04)
@@ -130,6 +131,14 @@ def test_levels_of_a_reference_have_three_cells_and_more_across_the_box() -> Non
     assert asked.size(asked.across(4)) == pytest.approx((0.05**3 / 287) ** (1.0 / 3.0))
     tiny = frame("body.inclusions.0.shape.radius=0.002")
     assert len({tiny.across_ball(tiny.across(a)) for a in levels_of(tiny)}) > 4, "a small ball's cells are refined, too"
+
+
+def test_a_smooth_border_is_drawn_as_a_net() -> None:
+    """Of six patches of 3 x 3 cells, two octants each way; none of its edges bends enough for a line."""
+    body = built(nut(*ALONE))
+    ends = body.x_rest[border_lines(body)]
+    assert len(ends) == 2 * 6 * (2 * 3) ** 2
+    np.testing.assert_allclose(np.linalg.norm(ends - (0.0, 0.0, 0.025), axis=2), 0.0125, rtol=1e-3)
 
 
 def test_a_seam_is_refused_with_what_to_do() -> None:

@@ -26,7 +26,10 @@ _FACES = _octant_faces()
 
 
 def border_lines(body: Body) -> Ints:
-    """Ends of the edges of borders between materials, as nodes (L, 2): where a border bends, ends or meets another."""
+    """Ends of the edges of borders between materials, as nodes (L, 2): where a border bends, ends or meets another.
+
+    A smooth one does nowhere: it is drawn as the net of its octants' edges.
+    """
     none = np.zeros((0, 2), dtype=np.int32)
     if (body.octant_material == body.octant_material[:1, :1]).all():
         return none
@@ -54,4 +57,5 @@ def _bends(x: Floats, faces: Ints, pair: Ints) -> Ints:
     begin = np.concatenate([[0], np.cumsum(count)[:-1]])
     one, other = order[begin], order[np.minimum(begin + 1, len(order) - 1)]
     flat = np.abs(np.einsum("ei,ei->e", normal[one], normal[other])) > _FLAT
-    return np.asarray(edges[~((count == 2) & flat & (pair[one] == pair[other]))], dtype=np.int32)
+    drawn = ~((count == 2) & flat & (pair[one] == pair[other]))
+    return np.asarray(edges[drawn] if drawn.any() else edges, dtype=np.int32)
