@@ -8,8 +8,11 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
+from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.kernels.contact import (
+    ANCHOR,
     HELD,
+    N_STATE,
     OPEN,
     SLIP,
     STICK,
@@ -33,7 +36,8 @@ def _problem(
     friction: float,
     multiplier: tuple[float, float, float] = (0.0, 0.0, 0.0),
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    embedded: bool = False,
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    pace: float = 1.0,
 ) -> tuple[FemModel, Tree, Work, Tools, NDArray[np.float64], int]:
     """A cube whose lower face is 10 um below the ground; every point there carries the multiplier."""
     run = FemRun(block(tools={"ground": {"kind": "plane", "friction": friction}}))
@@ -42,11 +46,12 @@ def _problem(
     pose = (run.position, run.orientation, run.position, run.orientation)
     tools = Tools(run.tools.kind, run.tools.shape, run.tools.friction, run.tools.near, *pose)
     x = model.x_rest - np.array([0.0, 0.0, 1e-5])
-    contact = np.zeros((len(run.region.points), 1, 6))
+    contact = np.zeros((len(run.region.points), 1, N_STATE))
     low = model.x_rest[run.region.nodes[0] + 0, 2]
     touching = run.body.x_rest[run.region.nodes][model.point_node][:, 2] == low
     contact[touching, 0, :3] = multiplier
-    count = find_candidates(x - np.array(start), model, tools, contact, 1e-3, 1.0, 1.0, work)
+    contact[:, 0, ANCHOR:] = point_positions(model, x - np.array(start) - np.array(offset))
+    count = find_candidates(x - np.array(start), model, tools, contact, 1e-3, 1.0, pace, work)
     return model, tree, work, tools, x, count
 
 
@@ -115,7 +120,7 @@ def test_tools_that_carry_a_point_along_do_not_rub() -> None:
     turned = np.array([[np.cos(half / 2), 0.0, 0.0, np.sin(half / 2)]])
     tools = tools._replace(orientation_next=turned, position_next=tools.position + np.array([[0.01, 0.0, 0.0]]))
     turn = np.array([[np.cos(half), -np.sin(half), 0.0], [np.sin(half), np.cos(half), 0.0], [0.0, 0.0, 1.0]])
-    none = np.zeros((len(model.point_stiffness), 1, 6))
+    none = np.zeros((len(model.point_stiffness), 1, N_STATE))
     count = find_candidates(x, model, tools, none, 1e-3, 1.0, 1.0, work)
     evaluate_contacts(x @ turn.T + np.array([0.01, 0.0, 0.0]), model, tools, count, work)
     assert (work.state[:count] == STICK).all()
@@ -151,7 +156,7 @@ def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
         evaluate_contacts(x, model, tilted, count, work)
         normal = np.array(tool_gap(PLANE, tools.shape[0], tools.position[0], turn[0], x[0])[1:])
         work.multiplier[:count] = normal
-        work.start[:count, :] += 1e-4 * np.cross(normal, [0.6, 0.0, 0.8])
+        work.begun[:count, :] += 1e-4 * np.cross(normal, [0.6, 0.0, 0.8])
         hold_what_stuck(count, work)
         evaluate_contacts(x - 0.1 * normal, model, tilted, count, work)
         assert (work.state[:count] == SLIP).all()
