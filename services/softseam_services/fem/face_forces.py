@@ -42,12 +42,12 @@ def taken_over(model: FemModel, x: Floats, force: Floats, tool: Ints, n_tools: i
     contact = np.zeros((len(model.point_face), n_tools, N_STATE))
     touching = np.flatnonzero(tool >= 0)
     contact[touching, tool[touching], FORCE : FORCE + 3] = force[touching]
-    _spread_over_faces(model, contact)
+    spread_over_faces(model, contact)
     contact[:, :, ANCHOR : ANCHOR + 3] = point_positions(model, x)[:, None]
     return contact
 
 
-def _spread_over_faces(model: FemModel, contact: Floats) -> None:
+def spread_over_faces(model: FemModel, contact: Floats) -> None:
     """Give what the surface's nodes carry of tools with edges to the points around them: contact (p, t, 9) in place.
 
     A node's force is shared among the points that follow it, by their weights and areas, so that sums stay.
