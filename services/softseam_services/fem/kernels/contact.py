@@ -95,6 +95,11 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
             continue
         point_position(x, model, point, xp)
         face = model.point_face[point]
+        n_holding = 0
+        for tool in range(n_tools):
+            n_holding += (
+                multiplier[point, tool, 0] != 0.0 or multiplier[point, tool, 1] != 0.0 or multiplier[point, tool, 2] != 0.0
+            )
         for tool in range(n_tools):
             # on faces with points of their own a tool with an edge touches at these, all others at nodes
             if face != ALONE and model.edged[tool] != (face >= 0):
@@ -134,7 +139,7 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                 _turn_along(tools, tool, away, work.begun[count])
                 for i in range(3):
                     work.begun[count, i] += tools.position_next[tool, i]
-                    away[i] = xp[i] - multiplier[point, tool, ANCHOR + i] if touched else 0.0
+                    away[i] = xp[i] - multiplier[point, tool, ANCHOR + i] if touched and n_holding == 1 else 0.0
                 _turn_along(tools, tool, away, work.offset[count])
                 work.multiplier[count, 0] = f0
                 work.multiplier[count, 1] = f1
