@@ -23,6 +23,7 @@ from softseam_services.fem.kernels.contact import (
     find_candidates,
     hold_what_stuck,
     lets_go,
+    next_anchor,
 )
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.tool_motion import Tools
@@ -84,6 +85,61 @@ def test_friction_sticks_inside_the_cone_and_slips_on_it(way: tuple[float, float
         else:
             np.testing.assert_allclose(np.linalg.norm(traction), 0.5 * pressure, rtol=1e-12)
             assert traction @ np.array(way) < 0.0
+
+
+def _next_offset(model: FemModel, x: NDArray[np.float64], count: int, work: Work) -> NDArray[np.float64]:
+    """Of every candidate from its next anchor (count, 3) [m]; x (n, 3) is the step's end."""
+    at = point_positions(model, x)[work.pair[:count, 0]]
+    anchor = np.empty((count, 3))
+    for c in range(count):
+        next_anchor(c, at[c], work, anchor[c])
+    return at - anchor
+
+
+WAY, OFFSET = np.array([1e-6, 2e-6, 0.0]), np.array([-3e-6, 1e-6, 5e-6])
+ACROSS = np.array([1.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.25])
+@pytest.mark.parametrize("carry", [1.0, 0.6, 0.0])
+def test_what_sticks_is_drawn_to_its_anchor(carry: float, pace: float) -> None:
+    """t = lambda_t - r (pace d + D), d_next = c D + (1 - pace (1 - c)) d; the part of d along the normal is dropped."""
+    multiplier = (0.01, 0.0, 0.5)
+    model, _, work, tools, x, count = _problem(
+        50.0, multiplier, start=(WAY[0], WAY[1], WAY[2]), offset=(OFFSET[0], OFFSET[1], OFFSET[2]), pace=pace
+    )
+    work.hold[:count, 1] = carry
+    evaluate_contacts(x, model, tools, count, work)
+    assert (work.state[:count] == STICK).all()
+    drawn = pace * OFFSET * ACROSS + WAY
+    expected = np.array(multiplier) * ACROSS - model.point_stiffness[work.pair[:count, 0], None] * drawn
+    np.testing.assert_allclose(work.contact[:count, 5:8], expected, rtol=1e-7, atol=1e-12)
+    left = carry * WAY + (1.0 - pace * (1.0 - carry)) * OFFSET * ACROSS
+    np.testing.assert_allclose(_next_offset(model, x, count, work), np.tile(left, (count, 1)), atol=1e-15)
+
+
+def test_where_it_slips_there_it_sticks_next() -> None:
+    model, _, work, tools, x, count = _problem(0.01, (0.0, 0.0, 0.1), start=(1e-4, 0.0, 0.0), offset=(1e-5, 0.0, 0.0))
+    evaluate_contacts(x, model, tools, count, work)
+    assert (work.state[:count] == SLIP).all()
+    assert not _next_offset(model, x, count, work).any()
+
+
+def test_an_anchor_turns_with_its_tool() -> None:
+    """A point that goes with a tool that turns by 90 degrees keeps its offset in the tool's frame."""
+    model, _, work, tools, x, _ = _problem(0.5)
+    half = np.sqrt(0.5)
+    tools = tools._replace(orientation_next=np.array([[half, 0.0, 0.0, half]]))
+    contact = np.zeros((len(model.point_stiffness), 1, N_STATE))
+    contact[:, 0, 2] = 10.0
+    contact[:, 0, ANCHOR:] = point_positions(model, x) - OFFSET
+    count = find_candidates(x, model, tools, contact, 1e-3, 1.0, 1.0, work)
+    turned = x @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
+    evaluate_contacts(turned, model, tools, count, work)
+    stuck = work.state[:count] == STICK
+    assert stuck.sum() == 25
+    expected = np.array([-OFFSET[1], OFFSET[0], 0.0])
+    np.testing.assert_allclose(_next_offset(model, turned, count, work)[stuck], np.tile(expected, (25, 1)), atol=1e-15)
 
 
 def test_a_pulling_multiplier_is_dropped() -> None:

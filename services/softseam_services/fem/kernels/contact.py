@@ -2,12 +2,19 @@
 
 A candidate is a pair (point, tool) that may touch in this step. With the multiplier f of the last step split along the
 tool's normal n into lambda_n = f . n and lambda_t, the gap g at the end of the step, the tangential displacement D of
-the point relative to the tool over the step, and the penalty r [N/m]:
-  p = max(0, lambda_n - r g),   t = lambda_t - r D,   tau = t min(1, mu p/|t|)                                  (1)
-and p n + tau is both the force on the body and the next multiplier: in a hold the gap and the slip tend to zero.
+the point relative to the tool over the step, its offset d from its anchor when the step begins, and the penalty r [N/m]:
+  p = max(0, lambda_n - r g),   t = lambda_t - r (d + D),   tau = t min(1, mu p/|t|)                            (1)
+and p n + tau is both the force on the body and the next multiplier: in a hold the gap and the offset tend to zero.
 Tangent -df/dx, symmetric and positive definite, dp/dx in the friction bound dropped:
   stick  r I,    slip  r (B/|t|)(I - n n^T - q e e^T) + r n n^T,   B = mu p,  e = t/|t|                         (2)
 with q = 1/2 where the same contact slipped the same way in the iterate before, else 0.
+
+The anchor goes with the tool's material. Where a point slips it is where the point is, so that the force stays in a
+hold; where it sticks the offset is, with the part c of the multiplier that is carried over (1 but at edges, below),
+  d_next = c (d + D)                                                                                            (3)
+so that t = -r x/(1 - c) of the whole way x since it stuck: at c = 1 it comes back, at c = 0 it is held by a spring.
+Of a point that two tools hold neither keeps an offset: both ask for a place, the places differ by what is left of
+either offset, and multipliers that followed both would grow against each other until one slips.
 
 A point meets the side of a box that it faces when the step begins: at the step's end another side may be nearer, and a
 plate that is raised would push down what it holds, one that comes fast would pinch what it should press.
@@ -19,11 +26,12 @@ and only the part c = (covered share of the face)^8 of lambda_n is carried over:
 A multiplier that is carried over follows the gap one step late: a point of mass m that implicit Euler moves in steps h
 gains energy in contact where r h^2 < m, and keeps less of an oscillation the larger r h^2/m is (0.42 a step at 20). So
 short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they would press another body: there r is
-stiffer along n by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as
-it is. With F at its bound nothing is carried over, and nothing lags.
+stiffer by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as it is.
+With F at its bound nothing is carried over, and nothing lags.
 
-A step that is a part of the one asked for takes out only that part of the penetration that it starts with: all of it in
-a shorter time would throw the body off. There g is g - (1 - pace) g_0.
+A step that is a part of the one asked for takes out only that part of the penetration and of the offset that it starts
+with: all of it in a shorter time would throw the body off. There g is g - (1 - pace) g_0, and pace d takes the place of
+d in (1), which leaves d_next = c D + (1 - pace (1 - c)) d.
 """
 
 from __future__ import annotations
@@ -335,7 +343,7 @@ def firm_way(count, work):
 
 @njit(cache=True, error_model="numpy")
 def next_anchor(c, xp, work, anchor):
-    """anchor (3,) <- eq. (3) for candidate c, whose point is at xp when the step ends."""
+    """anchor (3,) [m] <- that of candidate c, whose point is at xp (3,) when the step ends; eq. (3)."""
     row, carry, pace, offset = work.contact[c], work.hold[c, 1], work.hold[c, 3], work.offset[c]
     sticks = work.state[c] == STICK
     across = offset[0] * row[NORMAL] + offset[1] * row[NORMAL + 1] + offset[2] * row[NORMAL + 2]
