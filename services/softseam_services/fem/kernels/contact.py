@@ -2,7 +2,7 @@
 
 A candidate is a pair (point, tool) that may touch in this step. With the multiplier f of the last step split along the
 tool's normal n into lambda_n = f . n and lambda_t, the gap g at the end of the step, the tangential displacement D of
-the point relative to the tool over the step, its offset d from its anchor when the step begins, and the penalty r [N/m]:
+the point relative to the tool over the step, its offset d from its anchor before it, and the penalty r [N/m]:
   p = max(0, lambda_n - r g),   t = lambda_t - r (d + D),   tau = t min(1, mu p/|t|)                            (1)
 and p n + tau is both the force on the body and the next multiplier: in a hold the gap and the offset tend to zero.
 Tangent -df/dx, symmetric and positive definite, dp/dx in the friction bound dropped:
@@ -106,7 +106,9 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
         n_holding = 0
         for tool in range(n_tools):
             n_holding += (
-                multiplier[point, tool, 0] != 0.0 or multiplier[point, tool, 1] != 0.0 or multiplier[point, tool, 2] != 0.0
+                multiplier[point, tool, 0] != 0.0
+                or multiplier[point, tool, 1] != 0.0
+                or multiplier[point, tool, 2] != 0.0
             )
         for tool in range(n_tools):
             # on faces with points of their own a tool with an edge touches at these, all others at nodes
