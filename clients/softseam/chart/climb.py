@@ -18,9 +18,9 @@ from softseam.chart.reference import TARGET, Reference
 from softseam.chart.richardson import Limit
 from softseam.errors import SoftseamError
 
-ACROSS = (COARSEST, 3, 4, 6, 8, 12, 16)
+ACROSS = (COARSEST, 3, 4, 6, 8, 12, 16, 24, 32)
 """cells along the body's shortest edge, level by level"""
-BETWEEN = {6: 5, 8: 7, 12: 10, 16: 14}
+BETWEEN = {6: 5, 8: 7, 12: 10, 16: 14, 24: 20, 32: 28}
 """level that is taken in place of one that would not end within the budget: the last one, then"""
 STEPS_AT = 3
 """cells along the shortest edge at which the step is refined, where the scene leaves its cells to the solver"""
