@@ -4,6 +4,10 @@ Climbs each scene's ladder for as long as given and writes scenes/references/SCE
 what was interrupted goes on, and another call of as many minutes goes on to finer levels. Other code begins anew, so
 this is run last, when physics does not change any more. The minutes are processor time, without compiling; all scenes
 together take 12 times as much, on a machine without other work: 4 hours.
+
+A file that is there is first checked with one of its levels, run anew. Where this is as far off as it was, a scene that
+is only written otherwise (a new key, say) has its file stamped anew and no ladder is climbed, and a file is replaced by
+what is known better only. Delete it to have another made in any case.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from plans import SCENES
 from rich.console import Console
 from rich.table import Table
 
+from softseam.chart.assemble import counted
 from softseam.chart.climb import climb
 from softseam.chart.configurations import frame_of
 from softseam.chart.errors import KNOWN
@@ -23,7 +28,7 @@ from softseam.chart.ladder import Ladder
 from softseam.chart.measure import quantity_names
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Reference, in_words, origin
-from softseam.chart.shipped import path_of, write
+from softseam.chart.shipped import better_of, moved, path_of, read, shipping, write
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.scenes import load_scene
@@ -37,15 +42,29 @@ TARGET = 1e-4
 
 
 def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
-    """Climb a scene's ladder, write what it leads to, and return where and what."""
+    """Climb a scene's ladder, write what it leads to or keep what is there, and return where and what."""
     scene = with_settings(load_scene(name), AS_GIVEN)
     code, frame = solver_digest(), frame_of(scene, name, AS_GIVEN)
     ladder = Ladder(name, AS_GIVEN, frame, quantity_names(scene))
     ladder.open(code, fresh=False)
+    path = path_of(scene.name)
+    there = read(path)
+    if there is not None and not there.knows(ladder.names):
+        there = None
+    if there is not None and (off := moved(there, ladder)):
+        told = ", ".join(f"{label(name)} {100 * then:.3g} % -> {100 * now:.3g} %" for name, (now, then) in off.items())
+        console.print(f"what is there no longer holds: {told} off on {there.check.across} cells across")
+        there = None
+    if there is not None and there.scene != ladder.key:
+        console.print("the scene is written otherwise, and does what it did: its file is stamped anew")
+        write(there.model_copy(update={"scene": ladder.key}), path)
+        return path, counted(there.reference, ladder.names)
     with ChartProgress(console) as progress:
         reference = climb(ladder, frame, 60.0 * minutes, progress.reference, TARGET, KNOWN)
-    path = path_of(scene.name)
-    write(reference, ladder, code, machine(), path)
+    if there is not None and better_of(ships := counted(there.reference, ladder.names), reference) is ships:
+        console.print("what is there is known as well or better, and stays")
+        return path, ships
+    write(shipping(reference, ladder, code[:16], machine()), path)
     return path, reference
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, steps_at
+from softseam.chart.climb import ACROSS, climb, steps_at
 from softseam.chart.configurations import Frame
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
@@ -33,7 +33,7 @@ class Known(Ladder):
         if (across, step) not in self.done:
             self.asked.append((across, step))
             force = np.full(len(TIME), 1.0 + 0.1 / across + step)
-            sag = np.full(len(TIME), 1.0 + self.rise * sum(count < across for count in (2, 3, 4, 6, 8, 12, 16)))
+            sag = np.full(len(TIME), 1.0 + self.rise * sum(count < across for count in ACROSS))
             spent = self.cost * across**3 * 0.01 / step
             self.spent += spent
             series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": sag})

@@ -133,9 +133,12 @@ class Ladder:
         if data is None:
             return None
         try:
-            return self._own(Outcome.from_json(data))
+            found = Outcome.from_json(data)
         except (KeyError, TypeError, ValueError) as error:
             raise self._store.refused(name, f"is corrupt ({error})") from None
+        # levels were once kept of the quantities alone that were asked for
+        there = found.series is not None and {*self.names} <= {*found.series.values}
+        return self._own(found) if there else None
 
     def _own(self, outcome: Outcome) -> Outcome:
         """With the series of this ladder's quantities only."""

@@ -31,6 +31,9 @@ Floats = NDArray[np.float64]
 
 DIGITS = 0.01
 """numbers are rounded to about this share of what they are known to [1]"""
+SAME = 0.1
+"""a level that moved by less than this share of what a quantity is known to, or by `MOVED`, is still the same [1]"""
+MOVED = 1e-3
 CHECKED = 5.0
 """the level that later code is checked with is the finest one that took no longer [s]"""
 
@@ -84,6 +87,10 @@ class Shipped(_Strict):
     time: list[float]
     quantities: dict[str, _Quantity]
 
+    def knows(self, names: Iterable[str]) -> bool:
+        """Whether all these quantities were looked at when it was made."""
+        return {*names} <= {*self.quantities, *self.nothing}
+
     @property
     def reference(self) -> Reference:
         """With all its quantities, none of which is judged yet."""
@@ -110,9 +117,19 @@ def shipped(ladder: Ladder, target: float = TARGET, known: float = KNOWN) -> Ref
     Raises BadInput, naming a corrupt file.
     """
     found = read(path_of(ladder.scene))
-    if found is None or found.scene != ladder.key or not {*ladder.names} <= {*found.quantities, *found.nothing}:
+    if found is None or found.scene != ladder.key or not found.knows(ladder.names):
         return None
     return counted(found.reference, ladder.names, target, known)
+
+
+def moved(found: Shipped, ladder: Ladder) -> dict[str, tuple[float, float]]:
+    """What of a file today's code no longer leads to: quantities whose checked level is not as far off as it was, by
+    how much that is now, and was [1]. Runs that level, which takes some seconds."""
+    check, reference = found.check, found.reference
+    ladder.run(check.across, check.step, math.inf)
+    now = distances(ladder.series((check.across, check.step)), reference)
+    bound = {name: max(MOVED, SAME * true.uncertainty) for name, true in reference.truth.items()}
+    return {n: (now[n], then) for n, then in check.distances.items() if not abs(now[n] - then) <= bound[n]}
 
 
 def better_of(ships: Reference, made: Reference) -> Reference:
@@ -146,9 +163,11 @@ def read(path: Path) -> Shipped | None:
         if digest != _digest(document):
             raise ValueError("its contents do not match its digest")
         found = Shipped.model_validate(document)
-        if not found.levels or any(len(one.values) != len(found.time) for one in found.quantities.values()):
+        if not found.levels or not found.quantities:
+            raise ValueError("it has no levels, or no quantities")
+        if any(len(one.values) != len(found.time) for one in found.quantities.values()):
             raise ValueError("columns of unequal length")
-    except (OSError, ValueError, AttributeError) as error:
+    except (OSError, ValueError, AttributeError, TypeError) as error:
         first = error.errors()[0] if isinstance(error, ValidationError) else None
         why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
         remedy = "install softseam anew, or delete it and have a reference made here"
@@ -156,16 +175,16 @@ def read(path: Path) -> Shipped | None:
     return found
 
 
-def write(reference: Reference, ladder: Ladder, code: str, machine: str, path: Path) -> None:
-    """Write a reference that was just made from the levels of a ladder. Raises OSError."""
+def shipping(reference: Reference, ladder: Ladder, code: str, machine: str) -> Shipped:
+    """The file of a reference that was just made from the levels of a ladder."""
     step = max(level.step for level in reference.levels)
     quick = [level for level in reference.levels if level.step == step and level.seconds <= CHECKED]
     check = max(quick or reference.levels[:1], key=lambda level: level.n_cells)
     off = distances(ladder.series((check.across, step)), reference)
-    document: dict[str, Any] = {
+    document = {
         "softseam_reference": 1,
         "scene": ladder.key,
-        "code": code[:16],
+        "code": code,
         "machine": machine,
         "integrator": reference.integrator,
         "levels": [asdict(replace(level, seconds=_digits(level.seconds, 3))) for level in reference.levels],
@@ -178,6 +197,12 @@ def write(reference: Reference, ladder: Ladder, code: str, machine: str, path: P
             for name, true in reference.truth.items()
         },
     }
+    return Shipped.model_validate(document)
+
+
+def write(found: Shipped, path: Path) -> None:
+    """Write a file. Raises OSError."""
+    document = found.model_dump()
     document["digest"] = _digest(document)
     path.parent.mkdir(exist_ok=True)
     fresh = path.with_suffix(".fresh")
