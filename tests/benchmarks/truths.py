@@ -5,8 +5,8 @@ what was interrupted goes on, and another call of as many minutes goes on to fin
 this is run last, when physics does not change any more. The minutes are processor time, without compiling; all scenes
 together take 12 times as much, on a machine without other work: 4 hours.
 
-A file that is there is first checked with one of its levels, run anew. Where this is as far off as it was, a scene that
-is only written otherwise (a new key, say) has its file stamped anew and no ladder is climbed, and a file is replaced by
+A file that is there is first checked with one of its levels, run anew. Where this does what it did, a scene that is
+only written otherwise (a new key, say) has its file stamped anew, and no ladder is climbed; else a file is replaced by
 what is known better only. Delete it to have another made in any case.
 """
 
@@ -52,8 +52,8 @@ def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
     if there is not None and not there.knows(ladder.names):
         there = None
     if there is not None and (off := moved(there, ladder)):
-        told = ", ".join(f"{label(name)} {100 * then:.3g} % -> {100 * now:.3g} %" for name, (now, then) in off.items())
-        console.print(f"what is there no longer holds: {told} off on {there.check.across} cells across")
+        told = ", ".join(f"{label(name)} moved by {in_words(change)}" for name, change in off.items())
+        console.print(f"what is there no longer holds: on {there.check.across} cells across {told}")
         there = None
     if there is not None and there.scene != ladder.key:
         console.print("the scene is written otherwise, and does what it did: its file is stamped anew")

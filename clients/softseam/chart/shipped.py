@@ -23,7 +23,6 @@ from softseam.chart.assemble import counted
 from softseam.chart.errors import KNOWN, Truth, errors
 from softseam.chart.ladder import Ladder
 from softseam.chart.reference import TARGET, Level, Part, Reference
-from softseam.chart.series import Series
 from softseam.errors import BadInput
 from softseam.scenes import references_folder
 
@@ -64,11 +63,11 @@ class _Level(_Strict):
 
 
 class Check(_Strict):
-    """A moderate level, and how far from the reference it was when that was made."""
+    """A moderate level, and what it did at the reference's times when that was made."""
 
     across: int
     step: float
-    distances: dict[str, float]
+    values: dict[str, list[float]]
 
 
 class Shipped(_Strict):
@@ -122,14 +121,15 @@ def shipped(ladder: Ladder, target: float = TARGET, known: float = KNOWN) -> Ref
     return counted(found.reference, ladder.names, target, known)
 
 
-def moved(found: Shipped, ladder: Ladder) -> dict[str, tuple[float, float]]:
-    """What of a file today's code no longer leads to: quantities whose checked level is not as far off as it was, by
-    how much that is now, and was [1]. Runs that level, which takes some seconds."""
+def moved(found: Shipped, ladder: Ladder) -> dict[str, float]:
+    """What of a file today's code no longer leads to: quantities of the checked level that are not what they were, and
+    by how much, relative to the scale [1]. Runs that level, which takes some seconds."""
     check, reference = found.check, found.reference
     ladder.run(check.across, check.step, math.inf)
-    now = distances(ladder.series((check.across, check.step)), reference)
+    was = {n: replace(t, values=np.array(check.values[n]), uncertainty=0.0) for n, t in reference.truth.items()}
+    now = errors(ladder.series((check.across, check.step)), reference.time, was)
     bound = {name: max(MOVED, SAME * true.uncertainty) for name, true in reference.truth.items()}
-    return {n: (now[n], then) for n, then in check.distances.items() if not abs(now[n] - then) <= bound[n]}
+    return {name: error.value for name, error in now.items() if not error.value <= bound[name]}
 
 
 def better_of(ships: Reference, made: Reference) -> Reference:
@@ -165,9 +165,11 @@ def read(path: Path) -> Shipped | None:
         found = Shipped.model_validate(document)
         if not found.levels or not found.quantities:
             raise ValueError("it has no levels, or no quantities")
-        if any(len(one.values) != len(found.time) for one in found.quantities.values()):
+        columns = [found.check.values[name] for name in found.quantities]
+        columns += [one.values for one in found.quantities.values()]
+        if any(len(column) != len(found.time) for column in columns):
             raise ValueError("columns of unequal length")
-    except (OSError, ValueError, AttributeError, TypeError) as error:
+    except (OSError, ValueError, AttributeError, TypeError, KeyError) as error:
         first = error.errors()[0] if isinstance(error, ValidationError) else None
         why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
         remedy = "install softseam anew, or delete it and have a reference made here"
@@ -180,7 +182,8 @@ def shipping(reference: Reference, ladder: Ladder, code: str, machine: str) -> S
     step = max(level.step for level in reference.levels)
     quick = [level for level in reference.levels if level.step == step and level.seconds <= CHECKED]
     check = max(quick or reference.levels[:1], key=lambda level: level.n_cells)
-    off = distances(ladder.series((check.across, step)), reference)
+    series = ladder.series((check.across, step))
+    did = {n: replace(t, values=series.at(n, reference.time)) for n, t in reference.truth.items()}
     document = {
         "softseam_reference": 1,
         "scene": ladder.key,
@@ -188,7 +191,7 @@ def shipping(reference: Reference, ladder: Ladder, code: str, machine: str) -> S
         "machine": machine,
         "integrator": reference.integrator,
         "levels": [asdict(replace(level, seconds=_digits(level.seconds, 3))) for level in reference.levels],
-        "check": {"across": check.across, "step": step, "distances": {n: _digits(e, 5) for n, e in off.items()}},
+        "check": {"across": check.across, "step": step, "values": {n: _rounded(t) for n, t in did.items()}},
         "nothing": list(reference.nothing),
         "time": [_digits(value, 9) for value in reference.time],
         "quantities": {
@@ -210,13 +213,8 @@ def write(found: Shipped, path: Path) -> None:
     fresh.replace(path)
 
 
-def distances(series: Series, reference: Reference) -> dict[str, float]:
-    """What a run is off by, of every quantity, whatever the reference is known to [1]."""
-    truth = {name: replace(true, uncertainty=0.0) for name, true in reference.truth.items()}
-    return {name: error.value for name, error in errors(series, reference.time, truth).items()}
-
-
 def _rounded(true: Truth) -> list[float]:
+    """A quantity's values with the digits that mean something."""
     known = true.scale * min(1.0, max(1e-6, true.uncertainty))
     places = -math.floor(math.log10(DIGITS * known))
     return [round(float(value), places) if places > 0 else round(float(value)) for value in true.values]
