@@ -28,7 +28,7 @@ from softseam.chart.ladder import Ladder
 from softseam.chart.measure import quantity_names
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Reference, in_words, origin
-from softseam.chart.shipped import better_of, moved, path_of, read, shipping, write
+from softseam.chart.shipped import DIGITS, Shipped, better_of, moved, path_of, read, shipping, write
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.scenes import load_scene
@@ -49,11 +49,7 @@ def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
     ladder.open(code, fresh=False)
     path = path_of(scene.name)
     there = read(path)
-    if there is not None and not there.knows(ladder.names):
-        there = None
-    if there is not None and (off := moved(there, ladder)):
-        told = ", ".join(f"{label(name)} moved by {in_words(change)}" for name, change in off.items())
-        console.print(f"what is there no longer holds: on {there.check.across} cells across {told}")
+    if there is not None and not holds(there, ladder, console):
         there = None
     if there is not None and there.scene != ladder.key:
         console.print("the scene is written otherwise, and does what it did: its file is stamped anew")
@@ -66,6 +62,17 @@ def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
         return path, ships
     write(shipping(reference, ladder, code[:16], machine()), path)
     return path, reference
+
+
+def holds(there: Shipped, ladder: Ladder, console: Console) -> bool:
+    """Whether a file is of what today's code does in today's scene; of one that was changed, to its last digit."""
+    if not there.knows(ladder.names):
+        return False
+    off = moved(there, ladder) if there.scene == ladder.key else moved(there, ladder, DIGITS, 1e-5)
+    if off:
+        told = ", ".join(f"{label(name)} by {in_words(change)}" for name, change in off.items())
+        console.print(f"what is there no longer holds: a level of {there.check.across} cells across moved, {told}")
+    return not off
 
 
 def table(reference: Reference) -> Table:

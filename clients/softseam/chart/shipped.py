@@ -121,14 +121,17 @@ def shipped(ladder: Ladder, target: float = TARGET, known: float = KNOWN) -> Ref
     return counted(found.reference, ladder.names, target, known)
 
 
-def moved(found: Shipped, ladder: Ladder) -> dict[str, float]:
+def moved(found: Shipped, ladder: Ladder, share: float = SAME, least: float = MOVED) -> dict[str, float]:
     """What of a file today's code no longer leads to: quantities of the checked level that are not what they were, and
-    by how much, relative to the scale [1]. Runs that level, which takes some seconds."""
+    by how much, relative to the scale [1]. Runs that level, which takes some seconds.
+
+    share, least  of what a quantity is known to, and of its scale, that counts as no change [1]
+    """
     check, reference = found.check, found.reference
     ladder.run(check.across, check.step, math.inf)
     was = {n: replace(t, values=np.array(check.values[n]), uncertainty=0.0) for n, t in reference.truth.items()}
     now = errors(ladder.series((check.across, check.step)), reference.time, was)
-    bound = {name: max(MOVED, SAME * true.uncertainty) for name, true in reference.truth.items()}
+    bound = {name: max(least, share * true.uncertainty) for name, true in reference.truth.items()}
     return {name: error.value for name, error in now.items() if not error.value <= bound[name]}
 
 

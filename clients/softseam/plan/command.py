@@ -121,7 +121,14 @@ def _search(
             settings = (*wishes.settings, *configuration.settings)
             told = progress.configuration(configuration, (1 + RUNS) * configuration.seconds)
             outcome = measure(
-                wishes.scene, settings, names, runs=RUNS, limit=left, length=frame.length, told=told, look=1
+                wishes.scene,
+                settings,
+                quantity_names(scene),
+                runs=RUNS,
+                limit=left,
+                length=frame.length,
+                told=told,
+                look=1,
             )
             spent += outcome.spent
             if outcome.status != "stopped":
