@@ -20,6 +20,7 @@ from softseam.chart.reference import Reference, origin
 from softseam.chart.series import Series
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
+from softseam.plan import command as planning
 from softseam.plan.command import finer
 from softseam.plan.planner import Goal, NoPlan, choose, counts_to, known_to
 from softseam.scenes import load_scene, references_folder
@@ -218,6 +219,24 @@ def test_a_chart_with_what_ships_runs_no_reference(
     _, reference = command.chart(command.Wishes("tofu_grasp", out=tmp_path / "out", minutes=1.0), console)
     assert reference.shipped and budgets[0] > 50.0, "nearly all of the minute is the sweep's"
     assert "the reference ships with the scene, made from 6 runs, known to" in console.export_text()
+
+
+def test_a_plan_for_one_quantity_keeps_runs_of_all(
+    made: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plan for others, later, would take a run that lacks them for infinitely wrong."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    asked = list[tuple[str, ...]]()
+
+    def measured(scene: object, settings: object, names: tuple[str, ...], **how: object) -> Outcome:
+        asked.append(names)
+        return Outcome("failed", "not now")
+
+    monkeypatch.setattr(planning, "measure", measured)
+    wishes = planning.Wishes("tofu_grasp", tolerance=0.1, quantities=("grip_force",), minutes=1e-3)
+    with pytest.raises(NoPlan):
+        planning.find(wishes, Console(quiet=True))
+    assert {*asked} == {load_scene("tofu_grasp").quantities}
 
 
 def ladder_of(name: str) -> Ladder:

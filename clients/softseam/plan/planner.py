@@ -1,9 +1,9 @@
 """Chooses how to simulate a scene: the fastest of the chart's configurations that is accurate enough.
 
-Nothing is guessed. The reference ships with the scene (the chart's shipped.py), or is FEM alone, refined here until it is
-known to a fraction of the tolerance (climb.py); the configurations are tried cheapest first, each once, until those left
-cannot be faster than the best one found. What counts as an error is what a run differs from the reference by, and what
-the reference may be off by, as errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
+Nothing is guessed. The reference ships with the scene (the chart's shipped.py), or is FEM alone, refined here until it
+is known to a fraction of the tolerance (climb.py); the configurations are tried cheapest first, each once, until those
+left cannot be faster than the best one found. What counts as an error is what a run differs from the reference by, and
+what the reference may be off by, as errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
 """
 
 from __future__ import annotations
