@@ -21,7 +21,7 @@ chart: $(VENV)/.dev ## regenerate docs/chart.md: accuracy against speed on this 
 	@$(PY) tests/benchmarks/chart.py
 
 references: $(VENV)/.dev ## make the references that ship with the scenes anew: hours
-	@$(PY) tests/benchmarks/truths.py
+	@PYTHONPATH=tests $(PY) tests/benchmarks/truths.py
 
 plans: $(VENV)/.dev ## regenerate docs/plans.md: are plans right, and as cheap as can be?
 	@$(PY) tests/benchmarks/plans.py

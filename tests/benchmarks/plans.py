@@ -98,8 +98,8 @@ others that have a limit are off by at least; *cost* is the plan's run over that
 
 - Where there is no plan, softseam says so before it simulates, with the reason given here.
 - *tried* is how many of the runs the planner asked for before nothing that was left could be faster.
-- Levels of a reference that is made here, FEM on the finest cells and steps, are runs too, and may be the plan. Where one
-  ships they are made where nothing in the sweep is accurate enough.
+- Levels of a reference that is made here, FEM on the finest cells and steps, are runs too, and may be the plan. Where
+  one ships, they are made where nothing in the sweep is accurate enough.
 - Every configuration is run once, and plan and comparison share the run: *cost* is not blurred by timing twice.
 - A configuration that would not end within a quarter of the time is left out of the sweep, as in a chart.
 """

@@ -131,7 +131,7 @@ def moved(found: Shipped, ladder: Ladder, share: float = SAME, least: float = MO
     ladder.run(check.across, check.step, math.inf)
     was = {n: replace(t, values=np.array(check.values[n]), uncertainty=0.0) for n, t in reference.truth.items()}
     now = errors(ladder.series((check.across, check.step)), reference.time, was)
-    bound = {name: max(least, share * true.uncertainty) for name, true in reference.truth.items()}
+    bound = {name: max(least, share * min(1.0, true.uncertainty)) for name, true in reference.truth.items()}
     return {name: error.value for name, error in now.items() if not error.value <= bound[name]}
 
 
