@@ -1,4 +1,4 @@
-"""Makes the references that ship: `make references`, or `PYTHONPATH=tests python tests/benchmarks/truths.py [SCENE ...]`.
+"""Makes references that ship: `make references`, or `PYTHONPATH=tests python tests/benchmarks/truths.py [SCENE ...]`.
 
 Climbs each scene's ladder for as long as given and writes scenes/references/SCENE.json. Levels are kept in the cache:
 what was interrupted goes on, and another call of as many minutes goes on to finer levels. Other code begins anew, so

@@ -178,7 +178,7 @@ def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:
     choice = found.choice
     text = (
         f"planned for {100 * found.goal.tolerance:.2g} %: {choice.label}, which is off by {100 * choice.error:.2g} % "
-        f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time"
+        f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time; the reference {found.truth}"
     )
     console.print(Text(text, style="dim"), soft_wrap=True)
     return settings_of(found)
