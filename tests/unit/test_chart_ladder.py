@@ -51,8 +51,8 @@ def frame(name: str = "tofu_grasp", extent: tuple[float, ...] = (0.05, 0.05, 0.0
     return Frame(scene, np.array(extent))
 
 
-def test_a_level_that_is_too_dear_gives_way_to_one_in_between() -> None:
-    """Six cells across would take 22 s of 30, with 26 s for the cells and 10 spent: five take 12.5, and fit."""
+def test_levels_end_with_the_last_that_ends_within_the_budget() -> None:
+    """Six cells across would take 22 s of 30, with 26 s for the cells and 22 spent."""
     ladder = Known(frame(), 0.1)
     found = climb(ladder, frame(), 30.0, told, target=1e-6)
     across = [level.across for level in found.levels if level.step == 0.01]

@@ -17,6 +17,7 @@ from softseam.chart.errors import rms
 from softseam.chart.measure import Outcome, Told, measure, quantity_names
 from softseam.chart.reference import Level
 from softseam.chart.richardson import Limit, limit
+from softseam.chart.scatter import fitted
 from softseam.chart.series import Series
 from softseam.chart.store import Identity, Store, cache_folder
 from softseam.errors import SoftseamError
@@ -190,7 +191,8 @@ class Ladder:
         by_cells = len({across for across, _ in rungs}) > 1
         h = [self._frame.size(self._frame.across(across)) if by_cells else step for across, step in rungs]
         series = [self.series(rung) for rung in rungs]
+        approached = fitted if by_cells else limit
         return {
-            name: limit(h, [s.at(name, time) for s in series], lambda values: rms(values, time))
+            name: approached(h, [s.at(name, time) for s in series], lambda values: rms(values, time))
             for name in series[-1].values
         }
