@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, steps_at
+from softseam.chart.climb import ACROSS, climb, steps_at
 from softseam.chart.configurations import Frame
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
@@ -33,7 +33,7 @@ class Known(Ladder):
         if (across, step) not in self.done:
             self.asked.append((across, step))
             force = np.full(len(TIME), 1.0 + 0.1 / across + step)
-            sag = np.full(len(TIME), 1.0 + self.rise * sum(count < across for count in (2, 3, 4, 6, 8, 12, 16)))
+            sag = np.full(len(TIME), 1.0 + self.rise * sum(count < across for count in ACROSS))
             spent = self.cost * across**3 * 0.01 / step
             self.spent += spent
             series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": sag})
@@ -51,8 +51,8 @@ def frame(name: str = "tofu_grasp", extent: tuple[float, ...] = (0.05, 0.05, 0.0
     return Frame(scene, np.array(extent))
 
 
-def test_a_level_that_is_too_dear_gives_way_to_one_in_between() -> None:
-    """Six cells across would take 22 s of 30, with 26 s for the cells and 10 spent: five take 12.5, and fit."""
+def test_levels_end_with_the_last_that_ends_within_the_budget() -> None:
+    """Six cells across would take 22 s of 30, with 26 s for the cells and 22 spent."""
     ladder = Known(frame(), 0.1)
     found = climb(ladder, frame(), 30.0, told, target=1e-6)
     across = [level.across for level in found.levels if level.step == 0.01]
@@ -97,3 +97,20 @@ def test_a_level_that_did_not_end_in_time_is_not_begun_again_in_as_much(
     assert again.seconds(6, 0.01) > max(before, 0.02) and again.cached(6, 0.01) is None
     again.open("code", fresh=True)
     assert again.seconds(6, 0.01) == before
+
+
+def test_levels_are_kept_of_all_quantities_and_each_ladder_sees_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plan of a force alone leaves nothing behind that a later chart would take for all there is."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    scene = load_scene("cantilever")
+    block = Frame(scene, np.array([0.2, 0.05, 0.05]))
+    short = ("duration=0.01",)
+    first, again = (Ladder("cantilever", short, block, names) for names in (("tip_deflection",), scene.quantities))
+    for ladder in (first, again):
+        ladder.open("code", fresh=False)
+    first.run(2, 0.002, 60.0)
+    assert [*first.series((2, 0.002)).values] == ["tip_deflection"]
+    found = again.cached(2, 0.002)
+    assert found is not None and found.series is not None and [*found.series.values] == [*scene.quantities]

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from rich.console import Console
 
-from softseam.chart.climb import ACROSS, between_of, levels_of, refines
+from softseam.chart.climb import ACROSS, levels_of, refines
 from softseam.chart.configurations import Frame, configurations, fem_one
 from softseam.checking import check_scene
 from softseam.scenes import load_scene
@@ -164,7 +164,7 @@ def test_equal_cells_are_not_asked_for_planes() -> None:
 def test_levels_of_a_reference_divide_the_coarsest_alike() -> None:
     """With one material, and where hardly any level would, all are taken; none are of the same cells."""
     frame = Frame(layers(0.02), EDGES)
-    assert levels_of(frame) == (2, 4, 6, 8, 12, 16)
+    assert levels_of(frame) == (2, 4, 6, 8, 10, 12, 14, 16, 20, 24, 28, 32)
     assert all(np.allclose(np.array(frame.across(a)) / frame.across(2), a / 2) for a in levels_of(frame))
     assert levels_of(Frame(load_scene("tofu_grasp"), EDGES)) == ACROSS
     odd = Frame(layers(0.013), EDGES)
@@ -181,21 +181,6 @@ def test_levels_are_alike_only_where_every_piece_is_divided_alike() -> None:
     assert levels_of(frame) == ACROSS
     quarter = two_layers(0.01)
     assert quarter.refines(quarter.across(8), quarter.across(4)) and not refines(quarter, 8), "2+6 of 1+3, not of 1+2"
-
-
-def test_a_level_in_between_is_alike_where_the_others_are() -> None:
-    """It is asked for that only there; and it has other cells than the last."""
-    alike, odd = two_layers(0.02), two_layers(0.012)
-    assert between_of(alike, (2, 4, 6, 8), 12) == 10 and between_of(alike, (2, 4), 6) == 0
-    assert between_of(odd, (2, 3, 4), 6) == 5 and between_of(odd, (2, 3, 4, 6, 8), 12) == 10
-    assert between_of(odd, (), 6) == 0 == between_of(odd, (2, 3), 4)
-    corner = (
-        "body.shape.size=[0.04, 0.04, 0.04]",
-        "body.inclusions.0.shape.position=[0.05, 0.05, 0.07]",
-        "body.inclusions.0.shape.size=[0.1, 0.1, 0.1]",
-    )
-    eighth = Frame(layers(0.02, *corner), np.full(3, 0.04))
-    assert eighth.across(5) == eighth.across(6) == (6, 6, 6) and between_of(eighth, (2, 4), 6) == 0
 
 
 def test_check_tells_of_borders_inside_cells(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ Refined until both are fine enough, or the next level would not end within the b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -18,10 +18,8 @@ from softseam.chart.reference import TARGET, Reference
 from softseam.chart.richardson import Limit
 from softseam.errors import SoftseamError
 
-ACROSS = (COARSEST, 3, 4, 6, 8, 12, 16)
+ACROSS = (COARSEST, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""
-BETWEEN = {6: 5, 8: 7, 12: 10, 16: 14}
-"""level that is taken in place of one that would not end within the budget: the last one, then"""
 STEPS_AT = 3
 """cells along the shortest edge at which the step is refined, where the scene leaves its cells to the solver"""
 FINEST_STEPS_AT = 4
@@ -64,9 +62,6 @@ def climb(
         # what the steps will need is kept back
         if not take(across, step, 0.85):
             enough = False
-            between = between_of(frame, cells, across)
-            if between and take(between, step, 0.85):
-                cells.append(between)
             break
         cells.append(across)
         if len(cells) > 2 and fine(ladder.limits([(a, step) for a in cells]), target, len(cells)):
@@ -94,18 +89,6 @@ def levels_of(frame: Frame) -> tuple[int, ...]:
     different = tuple({frame.across(across): across for across in ACROSS}.values())
     alike = tuple(across for across in different if refines(frame, across))
     return alike if len(alike) > 3 else different
-
-
-def between_of(frame: Frame, taken: Sequence[int], across: int) -> int:
-    """Level in place of the one that does not end in time, 0 where there is none.
-
-    It has other cells than either, and divides the coarsest's alike where all that are taken do.
-    """
-    between = BETWEEN.get(across, 0)
-    if not taken or not between or frame.across(between) in (frame.across(taken[-1]), frame.across(across)):
-        return 0
-    alike = all(refines(frame, each) for each in taken)
-    return between if refines(frame, between) or not alike else 0
 
 
 def refines(frame: Frame, across: int) -> bool:

@@ -1,0 +1,83 @@
+"""The limit of levels that scatter about their way to it: least squares over all of them (docs/decisions/0139).
+
+Where tools' edges fall on cells differs from level to level: J = J* + C h^p and a scatter that falls about as sqrt(h).
+For an order p the values J* and C that fit the finest levels best, each weighed with 1/h, are
+
+    J* = sum_k a_k J_k,   a_k = (S2 - S1 x_k) w_k/(S0 S2 - S1^2),   x = h^p,   S_m = sum_k w_k x_k^m                 (1)
+
+and what J* may be off by follows from what the fit leaves, r_k = J_k - J* - C x_k:
+
+    e_p^2 = s^2 sum_k a_k^2/w_k,   s^2 = sum_k w_k |r_k|^2/(n - 2)                                                  (2)
+
+The order whose s is least is taken, and so is what others that fit nearly as well say of J*:
+
+    U = 1.25 sqrt((2 e_p)^2 + max_q |J*_q - J*_p|^2),   at least |J* - J_n|                                         (3)
+
+with the factor of safety of Eca and Hoekstra (J. Comput. Phys. 262 (2014) 104), who fit flows in the same way. Stress
+at a sharp edge grows like log h or a negative power: there is no limit where one of these fits much better than orders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Floats, Limit, Norm, limit
+
+ORDERS = (SLOWEST, 1.5, 2.0, 3.0, FASTEST)
+"""that are tried: between them no levels that scatter can tell"""
+FITTED = 6
+"""the finest levels that are fitted: coarser ones have errors of other kinds"""
+NEARLY = 10.0
+"""orders whose s^2 is no more than so many times the least may be the true one [1]"""
+SAFETY = 1.25
+GROWING = -0.5
+"""order of stress at the end of a crack, which no edge exceeds"""
+BETTER = 4.0
+"""s^2 of the orders over that of a growth that is believed [1]"""
+
+
+class _Fit(NamedTuple):
+    value: Floats
+    """J* of eq. (1)"""
+    off: float
+    """e_p of eq. (2)"""
+    scatter: float
+    """s^2"""
+
+
+def fitted(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
+    """The limit for h -> 0 of levels computed at falling h, which may scatter.
+
+    Fewer than four levels say too little of scatter: what `limit` says of these holds.
+
+    levels  at least one, of equal shape
+    norm    of a difference of two of them, in the units of the uncertainty
+    """
+    if len(levels) < RECENT:
+        return limit(h, levels, norm)
+    sizes, values = np.array(h[-FITTED:]) / h[-1], np.array(levels[-FITTED:])
+    fits = [_fit(sizes**order, sizes, values, norm) for order in ORDERS]
+    growing = [_fit(x, sizes, values, norm) for x in (np.log(sizes), sizes**GROWING)]
+    order, best = min(zip(ORDERS, fits, strict=True), key=lambda each: each[1].scatter)
+    if best.scatter > BETTER * min(fit.scatter for fit in growing):
+        went = max(norm(a - b) for a, b in combinations(levels[-RECENT:], 2))
+        return Limit(levels[-1], went, float("nan"), False)
+    others = max(norm(fit.value - best.value) for fit in fits if fit.scatter <= NEARLY * best.scatter)
+    uncertainty = SAFETY * float(np.hypot(2.0 * best.off, others))
+    return Limit(best.value, max(uncertainty, norm(best.value - levels[-1])), order, True)
+
+
+def _fit(x: Floats, sizes: Floats, values: Floats, norm: Norm) -> _Fit:
+    """Eqs. (1) and (2) of levels `values` (n, ...) at `sizes` (n,), along x (n,)."""
+    w = 1.0 / sizes
+    s0, s1, s2 = w.sum(), (w * x).sum(), (w * x * x).sum()
+    det = s0 * s2 - s1 * s1
+    to_limit, to_slope = (s2 - s1 * x) * w / det, (s0 * x - s1) * w / det
+    value, slope = np.tensordot(to_limit, values, 1), np.tensordot(to_slope, values, 1)
+    left = [norm(level - value - slope * each) for level, each in zip(values, x, strict=True)]
+    scatter = float((w * np.square(left)).sum()) / (len(w) - 2)
+    return _Fit(np.asarray(value), float(np.sqrt(scatter * (to_limit**2 / w).sum())), scatter)
