@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo chart plans atlas results bus pbd test lint types lock clean
+.PHONY: help demo chart references plans atlas results bus pbd test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -19,6 +19,9 @@ demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recordin
 
 chart: $(VENV)/.dev ## regenerate docs/chart.md: accuracy against speed on this machine
 	@$(PY) tests/benchmarks/chart.py
+
+references: $(VENV)/.dev ## make the references that ship with the scenes anew: hours
+	@PYTHONPATH=tests $(PY) tests/benchmarks/truths.py
 
 plans: $(VENV)/.dev ## regenerate docs/plans.md: are plans right, and as cheap as can be?
 	@$(PY) tests/benchmarks/plans.py

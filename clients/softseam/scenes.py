@@ -39,6 +39,11 @@ def scene_path(name: str | Path) -> Path:
     )
 
 
+def references_folder() -> Path:
+    """Where the references lie that come with softseam, one for a scene."""
+    return _folder() / "references"
+
+
 def load_scene(name: str | Path) -> Scene:
     """Read and validate a scene file, or a scene that comes with softseam. Raises SceneRefused."""
     return bundle_of(name)[0]

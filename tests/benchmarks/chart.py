@@ -16,7 +16,7 @@ from rich.console import Console
 from softseam.chart.command import Wishes, chart
 from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
-from softseam.chart.reference import Reference, in_words
+from softseam.chart.reference import Reference, in_words, origin
 from softseam.chart.table import Row, busy
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
@@ -56,7 +56,7 @@ SECTION = """
 
 ![every configuration of {scene}: error against real-time factor](pictures/chart_{scene}.png)
 
-Error: {counted}. The reference comes from {levels} runs and is known to {known}. {left_out}Nothing is both faster and
+Error: {counted}. The reference {origin}. {left_out}Nothing is both faster and
 more accurate than:
 
 | configuration | real-time factor | error [%] | {names} |
@@ -132,8 +132,7 @@ def section(one: Charted) -> str:
     text = SECTION.format(
         scene=one.scene,
         counted=("the worst of " if len(counted) > 1 else "") + ", ".join(label(name) for name in counted),
-        levels=len(one.reference.levels),
-        known=in_words(one.reference.uncertainty),
+        origin=origin(one.reference),
         left_out=left_out,
         names=" | ".join(label(name) for name in counted),
         rules="|".join("---" for _ in counted),

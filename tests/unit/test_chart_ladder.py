@@ -97,3 +97,20 @@ def test_a_level_that_did_not_end_in_time_is_not_begun_again_in_as_much(
     assert again.seconds(6, 0.01) > max(before, 0.02) and again.cached(6, 0.01) is None
     again.open("code", fresh=True)
     assert again.seconds(6, 0.01) == before
+
+
+def test_levels_are_kept_of_all_quantities_and_each_ladder_sees_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plan of a force alone leaves nothing behind that a later chart would take for all there is."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    scene = load_scene("cantilever")
+    block = Frame(scene, np.array([0.2, 0.05, 0.05]))
+    short = ("duration=0.01",)
+    first, again = (Ladder("cantilever", short, block, names) for names in (("tip_deflection",), scene.quantities))
+    for ladder in (first, again):
+        ladder.open("code", fresh=False)
+    first.run(2, 0.002, 60.0)
+    assert [*first.series((2, 0.002)).values] == ["tip_deflection"]
+    found = again.cached(2, 0.002)
+    assert found is not None and found.series is not None and [*found.series.values] == [*scene.quantities]

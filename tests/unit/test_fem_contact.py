@@ -8,8 +8,11 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
+from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.kernels.contact import (
+    ANCHOR,
     HELD,
+    N_STATE,
     OPEN,
     SLIP,
     STICK,
@@ -20,6 +23,7 @@ from softseam_services.fem.kernels.contact import (
     find_candidates,
     hold_what_stuck,
     lets_go,
+    next_anchor,
 )
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.tool_motion import Tools
@@ -33,7 +37,8 @@ def _problem(
     friction: float,
     multiplier: tuple[float, float, float] = (0.0, 0.0, 0.0),
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    embedded: bool = False,
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    pace: float = 1.0,
 ) -> tuple[FemModel, Tree, Work, Tools, NDArray[np.float64], int]:
     """A cube whose lower face is 10 um below the ground; every point there carries the multiplier."""
     run = FemRun(block(tools={"ground": {"kind": "plane", "friction": friction}}))
@@ -42,11 +47,12 @@ def _problem(
     pose = (run.position, run.orientation, run.position, run.orientation)
     tools = Tools(run.tools.kind, run.tools.shape, run.tools.friction, run.tools.near, *pose)
     x = model.x_rest - np.array([0.0, 0.0, 1e-5])
-    contact = np.zeros((len(run.region.points), 1, 6))
+    contact = np.zeros((len(run.region.points), 1, N_STATE))
     low = model.x_rest[run.region.nodes[0] + 0, 2]
     touching = run.body.x_rest[run.region.nodes][model.point_node][:, 2] == low
     contact[touching, 0, :3] = multiplier
-    count = find_candidates(x - np.array(start), model, tools, contact, 1e-3, 1.0, 1.0, work)
+    contact[:, 0, ANCHOR:] = point_positions(model, x - np.array(start) - np.array(offset))
+    count = find_candidates(x - np.array(start), model, tools, contact, 1e-3, 1.0, pace, work)
     return model, tree, work, tools, x, count
 
 
@@ -79,6 +85,61 @@ def test_friction_sticks_inside_the_cone_and_slips_on_it(way: tuple[float, float
         else:
             np.testing.assert_allclose(np.linalg.norm(traction), 0.5 * pressure, rtol=1e-12)
             assert traction @ np.array(way) < 0.0
+
+
+def _next_offset(model: FemModel, x: NDArray[np.float64], count: int, work: Work) -> NDArray[np.float64]:
+    """Of every candidate from its next anchor (count, 3) [m]; x (n, 3) is the step's end."""
+    at = point_positions(model, x)[work.pair[:count, 0]]
+    anchor = np.empty((count, 3))
+    for c in range(count):
+        next_anchor(c, at[c], work, anchor[c])
+    return at - anchor
+
+
+WAY, OFFSET = np.array([1e-6, 2e-6, 0.0]), np.array([-3e-6, 1e-6, 5e-6])
+ACROSS = np.array([1.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.25])
+@pytest.mark.parametrize("carry", [1.0, 0.6, 0.0])
+def test_what_sticks_is_drawn_to_its_anchor(carry: float, pace: float) -> None:
+    """t = lambda_t - r (pace d + D), d_next = c D + (1 - pace (1 - c)) d; the part of d along the normal is dropped."""
+    multiplier = (0.01, 0.0, 0.5)
+    model, _, work, tools, x, count = _problem(
+        50.0, multiplier, start=(WAY[0], WAY[1], WAY[2]), offset=(OFFSET[0], OFFSET[1], OFFSET[2]), pace=pace
+    )
+    work.hold[:count, 1] = carry
+    evaluate_contacts(x, model, tools, count, work)
+    assert (work.state[:count] == STICK).all()
+    drawn = pace * OFFSET * ACROSS + WAY
+    expected = np.array(multiplier) * ACROSS - model.point_stiffness[work.pair[:count, 0], None] * drawn
+    np.testing.assert_allclose(work.contact[:count, 5:8], expected, rtol=1e-7, atol=1e-12)
+    left = carry * WAY + (1.0 - pace * (1.0 - carry)) * OFFSET * ACROSS
+    np.testing.assert_allclose(_next_offset(model, x, count, work), np.tile(left, (count, 1)), atol=1e-15)
+
+
+def test_where_it_slips_there_it_sticks_next() -> None:
+    model, _, work, tools, x, count = _problem(0.01, (0.0, 0.0, 0.1), start=(1e-4, 0.0, 0.0), offset=(1e-5, 0.0, 0.0))
+    evaluate_contacts(x, model, tools, count, work)
+    assert (work.state[:count] == SLIP).all()
+    assert not _next_offset(model, x, count, work).any()
+
+
+def test_an_anchor_turns_with_its_tool() -> None:
+    """A point that goes with a tool that turns by 90 degrees keeps its offset in the tool's frame."""
+    model, _, work, tools, x, _ = _problem(0.5)
+    half = np.sqrt(0.5)
+    tools = tools._replace(orientation_next=np.array([[half, 0.0, 0.0, half]]))
+    contact = np.zeros((len(model.point_stiffness), 1, N_STATE))
+    contact[:, 0, 2] = 10.0
+    contact[:, 0, ANCHOR:] = point_positions(model, x) - OFFSET
+    count = find_candidates(x, model, tools, contact, 1e-3, 1.0, 1.0, work)
+    turned = x @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
+    evaluate_contacts(turned, model, tools, count, work)
+    stuck = work.state[:count] == STICK
+    assert stuck.sum() == 25
+    expected = np.array([-OFFSET[1], OFFSET[0], 0.0])
+    np.testing.assert_allclose(_next_offset(model, turned, count, work)[stuck], np.tile(expected, (25, 1)), atol=1e-15)
 
 
 def test_a_pulling_multiplier_is_dropped() -> None:
@@ -115,7 +176,7 @@ def test_tools_that_carry_a_point_along_do_not_rub() -> None:
     turned = np.array([[np.cos(half / 2), 0.0, 0.0, np.sin(half / 2)]])
     tools = tools._replace(orientation_next=turned, position_next=tools.position + np.array([[0.01, 0.0, 0.0]]))
     turn = np.array([[np.cos(half), -np.sin(half), 0.0], [np.sin(half), np.cos(half), 0.0], [0.0, 0.0, 1.0]])
-    none = np.zeros((len(model.point_stiffness), 1, 6))
+    none = np.zeros((len(model.point_stiffness), 1, N_STATE))
     count = find_candidates(x, model, tools, none, 1e-3, 1.0, 1.0, work)
     evaluate_contacts(x @ turn.T + np.array([0.01, 0.0, 0.0]), model, tools, count, work)
     assert (work.state[:count] == STICK).all()
@@ -151,7 +212,7 @@ def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
         evaluate_contacts(x, model, tilted, count, work)
         normal = np.array(tool_gap(PLANE, tools.shape[0], tools.position[0], turn[0], x[0])[1:])
         work.multiplier[:count] = normal
-        work.start[:count, :] += 1e-4 * np.cross(normal, [0.6, 0.0, 0.8])
+        work.begun[:count, :] += 1e-4 * np.cross(normal, [0.6, 0.0, 0.8])
         hold_what_stuck(count, work)
         evaluate_contacts(x - 0.1 * normal, model, tilted, count, work)
         assert (work.state[:count] == SLIP).all()

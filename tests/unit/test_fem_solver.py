@@ -119,10 +119,14 @@ def test_columns_do_not_feel_each_other(grip: FemRun) -> None:
     np.testing.assert_allclose(compliance, compliance.T, atol=1e-12 * np.abs(compliance).max())
 
 
-def test_state_is_taken_over_at_a_switch() -> None:
-    """A solver built from the fields of another goes on with the same motion and contact forces."""
+@pytest.mark.parametrize(("steps", "apart"), [(40, 1e-8), (10, 1e-6)])
+def test_state_is_taken_over_at_a_switch(steps: int, apart: float) -> None:
+    """A solver built from the fields of another goes on with the same motion and contact forces.
+
+    What sticks does so where it is then: on the way to rest that is not quite where it stuck before.
+    """
     run = FemRun(tofu())
-    for _ in range(10):
+    for _ in range(steps):
         run.step()
     before = run.step(CLOSE)
     run.solver.commit()
@@ -131,7 +135,7 @@ def test_state_is_taken_over_at_a_switch() -> None:
     other = FemRun(run.scene, state=state)
     other.position, other.n_steps = run.position, run.n_steps
     after, expected = other.step(), run.step()
-    np.testing.assert_allclose(other.x, run.x, atol=1e-8)
+    np.testing.assert_allclose(other.x, run.x, atol=apart)
     np.testing.assert_allclose(after.wrench, expected.wrench, atol=1e-4 * np.abs(expected.wrench).max())
 
 

@@ -13,6 +13,7 @@ from pbd_run import PbdRun, block_scene
 from softseam_protocol.messages import Advance, Advanced, Bundle, Commit, Committed, Configure, Failure
 from softseam_services.body.body import Body
 from softseam_services.body.region import shared_nodes
+from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.solver import FemSolver
 from softseam_services.pbd.solver import PbdSolver
 from softseam_services.server import ParticipantServer
@@ -37,8 +38,11 @@ def _coupled(run: FemRun, force: Floats, exchange: int, velocities: dict[str, tu
 
 
 def _fem_squeezed() -> FemRun:
-    """A column of a cube that a plate pressed against the other, which is a spring here; it sticks to the plate."""
-    run = FemRun(tofu(friction=5.0), cells=_left, seam=_seam)
+    """A column of a cube that a plate pressed against the other, which is a spring here; it sticks to the plate.
+
+    Of a material that is little wider for it, so that no point lifts off that the factor took to touch.
+    """
+    run = FemRun(tofu(friction=5.0, poisson=0.3), cells=_left, seam=_seam)
     for step in range(30):
         velocities = CLOSE if step < 20 else {}
         reply = run.solver.advance(_coupled(run, np.zeros((len(run.region.seam), 3)), 0, velocities))
@@ -74,6 +78,24 @@ def test_fem_settled_is_nearly_fem_solved_again() -> None:
         left.append(np.abs(x - run.x).max() / np.abs(x - before[0]).max())
     assert left[0] < 2e-3
     assert left[1] < 0.6 * left[0]
+
+
+def test_what_sticks_comes_back_to_where_it_stuck_before_a_settled_step() -> None:
+    """A force that was there for a settled step only leaves no way behind, but where two tools hold."""
+    run = _fem_squeezed()
+    still = np.zeros((len(run.region.seam), 3))
+    force = 5e-3 * np.random.default_rng(1).standard_normal(still.shape)
+    run.solver.advance(_coupled(run, still, 0, {}))
+    before = run.x.copy()
+    run.solver.settle(force)
+    moved = np.abs(run.x - before).max()
+    for _ in range(40):
+        run.n_steps += 1
+        run.solver.advance(_coupled(run, still, 0, {}))
+    held = (np.abs(run.solver.state.contact[:, :, :3]).sum(axis=2) > 0.0).sum(axis=1)
+    back = point_positions(run.solver._model, run.x) - point_positions(run.solver._model, before)
+    assert (held == 1).sum() >= 30
+    assert np.abs(back[held == 1]).max() < 1e-4 * moved
 
 
 def test_fem_tells_its_yield_once_a_factor_and_anew_after_a_snapshot() -> None:

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
-from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pbd_run import Energy, PbdRun, cantilever, static_solution
+from pbd_run import Energy, PbdRun, Vector, cantilever, static_solution
 from test_pbd_dynamics import BODIES
 from test_pbd_leapfrog import kicked, modes, scene_of
 
+from softseam_protocol.messages import Advanced
 from softseam_protocol.scene import Scene
-from softseam_services.calibration.measure import oscillation
+from softseam_protocol.scene_file import load_scene
+from softseam_protocol.scene_models import PbdSpec
+from softseam_services.body.body import Body
+from softseam_services.body.build import build_body
+from softseam_services.body.region import build_region
+from softseam_services.calibration.measure import Bench, oscillation
+from softseam_services.pbd.model import build_model
+from softseam_services.server import build_setup
 
 Floats = NDArray[np.float64]
+SCENES = Path(__file__).parents[2] / "scenes"
+SIZE = (0.05, 0.05, 0.05)
 
 
 @cache
@@ -101,20 +113,78 @@ def test_statics_stay_exact() -> None:
     assert np.abs(Energy(rested).force(x)).max() > 0.1
 
 
+def kicks(body: tuple[Vector, float | Vector, float, bool], stiffness: float, kind: str) -> list[Advanced]:
+    """The steps, of 50 substeps of the automatic length, of a body kicked at random with 5 % of c_p."""
+    size, cell, poisson, clamped = body
+    fixed = ({"min": (-1.0, -1.0, -1.0), "max": (-size[0] / 2, 1.0, 1.0)},) if clamped else ()
+    law: dict[str, Any] = {"size": size, "cell": cell, "poisson": poisson, "fixed": fixed, "kind": kind}
+    law["pbd"] = {"damping": {"stiffness": stiffness}}
+    substeps = PbdRun(scene_of(**law)).solver.substeps
+    law["pbd"]["substeps"] = 50
+    run = kicked(scene_of(step=50 * 0.005 / substeps, **law))
+    return [run.step() for _ in range(40)]
+
+
+def gain(replies: list[Advanced]) -> float:
+    """By how much a step's energy exceeded that before it, at most [1]."""
+    energy = np.array([reply.kinetic + reply.strain for reply in replies])
+    return float((energy[1:] / energy[:-1])[energy[1:] > 1e-5 * energy[0]].max()) - 1.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("body", BODIES)
-@pytest.mark.parametrize("stiffness", [1e-3, 0.1])
-def test_planned_substeps_are_stable_with_damping(body: tuple[object, ...], stiffness: float) -> None:
-    """Random kicks of 5 % of c_p: no step gains energy, as undamped, and none is repeated but at the kick."""
-    size, cell, poisson, clamped = body
-    fixed = ({"min": (-1.0, -1.0, -1.0), "max": (-size[0] / 2, 1.0, 1.0)},) if clamped else ()  # type: ignore[index]
-    law = {"size": size, "cell": cell, "poisson": poisson, "fixed": fixed, "pbd": {"damping": {"stiffness": stiffness}}}
-    plan = PbdRun(scene_of(**law))  # type: ignore[arg-type]
-    run = kicked(scene_of(step=50 * 0.005 / plan.solver.substeps, **law))  # type: ignore[arg-type]
-    replies = [run.step() for _ in range(40)]
-    energy = [reply.kinetic + reply.strain for reply in replies]
+@pytest.mark.parametrize("stiffness", [5e-4, 1e-3, 1e-2, 0.1])
+@pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
+def test_planned_substeps_are_stable_with_damping(
+    body: tuple[Vector, float | Vector, float, bool], stiffness: float, kind: str
+) -> None:
+    """No step gains energy, and none is repeated but at the kick."""
+    replies = kicks(body, stiffness, kind)
     assert not any(reply.alarm for reply in replies[1:])
-    assert all(after < 1.05 * before for before, after in pairwise(energy))
+    assert gain(replies) < 1e-5
+
+
+@pytest.mark.parametrize("body", [BODIES[1], BODIES[5]])
+def test_a_viscous_body_that_tumbles_gains_nothing(body: tuple[Vector, float | Vector, float, bool]) -> None:
+    """Cubes and flat blocks, times of 210 and 370 substeps.
+
+    Where what lags does not turn along (eq. (1) of `kernels.damping`) a step gains 0.2 %. Flat blocks that count with
+    each axis for itself gain 21 %: the sweep's stress has a moment.
+    """
+    assert gain(kicks(body, 0.3, "neo_hookean")) < 1e-5
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
+@pytest.mark.parametrize(
+    ("size", "cell"),
+    [(SIZE, 0.05), (SIZE, 0.025), ((0.05, 0.01, 0.01), 0.01), ((0.08, 0.02, 0.02), (0.005, 0.02, 0.02))],
+)
+def test_viscous_bodies_show_their_damping_in_twice_the_substeps(
+    size: Vector, cell: float | Vector, poisson: float
+) -> None:
+    """A clamped block's slowest mode, to 7 %; without eq. (3) it is up to 22 % less, and of slices half."""
+    fixed = ({"min": (-1.0, -1.0, -1.0), "max": (-size[0] / 2, 1.0, 1.0)},)
+    counts = []
+    for stiffness in (0.0, 4e-3):
+        pbd = {"damping": {"stiffness": stiffness}}
+        scene = scene_of(size=size, cell=cell, poisson=poisson, fixed=fixed, kind="neo_hookean", step=0.01, pbd=pbd)
+        bench = Bench(scene, build_body(scene, {}))
+        counts.append(bench.auto(1))
+    assert counts[1] <= 2 * counts[0]
+    shown, wanted = (np.log(1.0 - loss) for loss in (bench.show(counts[1], 1).loss, bench.wanted.loss))
+    assert shown / wanted == pytest.approx(1.0, abs=0.07)
+
+
+@pytest.mark.parametrize("name", ["sausage", "heavy_on_soft", "silken_tofu", "dumpling", "tofu_drop"])
+def test_scenes_that_are_viscous_take_twice_the_substeps(name: str) -> None:
+    """Of those that they would take without, at most; by omega_max sqrt(b h) the sausage took 12.7 times as many."""
+    setup = build_setup(load_scene(SCENES / f"{name}.yaml").bundle)
+    assert isinstance(setup.body, Body)
+    region = build_region(setup.body, np.arange(setup.body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
+    model = build_model(setup.scene, setup.body, region, setup.tools)
+    plain = replace(model, spec=model.spec.model_copy(update={"damping": PbdSpec().damping}))
+    assert model.spec.damping.stiffness > 0.0
+    assert model.substeps(setup.scene.step) <= 2 * plain.substeps(setup.scene.step)
 
 
 def test_what_damping_cannot_do_is_refused_by_name() -> None:

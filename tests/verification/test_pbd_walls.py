@@ -32,10 +32,12 @@ def _walls(axes: str, friction: float = 0.0) -> dict[str, Any]:
     return tools
 
 
-def _cube(cells: int, axes: str, friction: float, poisson: float, substeps: int | str = "auto") -> PbdRun:
-    """A cube of soft rubber, E 20 kPa, between walls."""
+def _cube(
+    cells: int, axes: str, friction: float, poisson: float, substeps: int | str = "auto", time: float = 0.0
+) -> PbdRun:
+    """A cube of soft rubber, E 20 kPa, between walls; time: of its damping in proportion to stiffness [s]."""
     tools = _walls(axes, friction)
-    spec = {"substeps": substeps}
+    spec = {"substeps": substeps, "damping": {"stiffness": time}}
     return PbdRun(block_scene((EDGE,) * 3, EDGE / cells, poisson=poisson, density=1000.0, tools=tools, pbd=spec))
 
 
@@ -107,6 +109,22 @@ def test_no_mode_of_a_substep_grows_between_walls(axes: str, friction: float, po
     for _ in range(40):
         run.step()
     assert _spectral_radius(run, turn) < 1.0
+
+
+@pytest.mark.parametrize(("axes", "friction"), [("x", 0.0), ("x", 2.0), ("xyz", 0.0)])
+@pytest.mark.parametrize("substeps", [2.0, 20.0])
+def test_no_mode_of_a_viscous_substep_grows_between_walls(axes: str, friction: float, substeps: float) -> None:
+    """A third longer than half of the longest without damping, with a time of so many of these.
+
+    With the local compliance that undamped blocks count with they grow between smooth walls at 20, see
+    `kernels.damping`, eq. (4).
+    """
+    longest = 1.3 / _cube(1, axes, friction, 0.3).solver.model.frequency
+    run = _cube(1, axes, friction, 0.3, time=substeps * longest)
+    _squeeze(run, 0.1)
+    for _ in range(40):
+        run.step()
+    assert _spectral_radius(run, 1.3 * 1.3 / 2.0) < 1.0
 
 
 @pytest.mark.slow

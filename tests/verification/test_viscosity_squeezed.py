@@ -13,7 +13,7 @@ from pbd_run import PbdRun
 from softseam_protocol.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.messages import Advanced, BodyState
 from softseam_protocol.scene import Scene
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene_models import FemSpec, PbdSpec
 from softseam_services.body.build import build_body
 
 Floats = NDArray[np.float64]
@@ -87,8 +87,11 @@ def test_kicks_of_a_squeezed_body_die_in_pbd(steps: int) -> None:
 RATE, SPAN = -2.0, 0.2
 
 
-def squeezed(model: str, time: float, step: float) -> tuple[float, float]:
-    """Nominal stress [Pa] and width over its own, between smooth plates that close at RATE [1/s] over SPAN [s]."""
+def squeezed(model: str, time: float, step: float, finer: int = 1) -> tuple[float, float]:
+    """Nominal stress [Pa] and width over its own, between smooth plates that close at RATE [1/s] over SPAN [s].
+
+    finer: how many times the automatic substeps PBD takes
+    """
     plate = {"kind": "box", "size": (0.4, 0.4, 0.02), "friction": 0.0}
     tools = {
         "below": {**plate, "position": (0.0, 0.0, -0.01)},
@@ -101,7 +104,8 @@ def squeezed(model: str, time: float, step: float) -> tuple[float, float]:
     scene, speed = with_time(scene, time), RATE * HEIGHT
     run: FemRun | PbdRun
     if model == "pbd":
-        run = PbdRun(scene)
+        pbd = PbdSpec(substeps=finer * PbdRun(scene).solver.substeps)
+        run = PbdRun(scene.model_copy(update={"models": scene.models.model_copy(update={"pbd": pbd})}))
         run.velocity[run.tools.names.index("above"), 2] = speed
         replies = run.run(SPAN)
     else:
@@ -156,5 +160,9 @@ def test_plates_that_close_on_what_is_all_but_a_fluid() -> None:
 
 
 def test_pbd_resists_alike() -> None:
-    """PBD adds the rate of its own stress: 2 % less where a sixth of the force is viscous."""
-    assert squeezed("pbd", 0.02, 2e-3)[0] == pytest.approx(closed(0.02)[0], rel=0.025)
+    """PBD adds the rate of its own stress: 2 % less where a sixth of the force is viscous, in short substeps.
+
+    In those of `auto` its sweeps lag by as much again: what makes up for that knows the shape at rest.
+    """
+    assert squeezed("pbd", 0.02, 2e-3)[0] == pytest.approx(closed(0.02)[0], rel=0.04)
+    assert squeezed("pbd", 0.02, 2e-3, 4)[0] == pytest.approx(closed(0.02)[0], rel=0.025)

@@ -7,7 +7,8 @@ and so does what either limit may be off by (richardson.py).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from softseam.errors import SoftseamError
 
 NEAR = 0.2
 """levels that went by less than this share of what a quantity has to be known to are near enough, fall or not [1]"""
+_DISAGREE = "not known: its levels disagree"
 
 
 def assemble(
@@ -35,7 +37,6 @@ def assemble(
     travel = np.interp(time, finest.time, finest.travel)
     truth: dict[str, Truth] = {}
     parts: dict[str, Part] = {}
-    stress = largest_stress({name: rms(by_cell.value, time) for name, by_cell in cells.items() if by_cell.converges})
     for name, by_cell in cells.items():
         by_step = steps[name]
         # relative uncertainties so far; the limit's own norm is the scale
@@ -43,28 +44,43 @@ def assemble(
         scale = scale_of(name, values, travel, time)
         if is_nothing(name, scale):
             continue
-        part = Part(
+        part = parts[name] = Part(
             by_cell.uncertainty / scale,
             by_step.uncertainty / scale,
             by_cell.order,
             by_step.order,
             rms(by_cell.value - finest.at(name, time), time) / scale,
+            by_cell.converges,
         )
-        uncertainty = part.uncertainty_cells + part.uncertainty_steps
-        why = ""
-        has_limit = by_cell.converges or part.uncertainty_cells <= NEAR * known
-        if is_faint(name, scale, stress):
+        truth[name] = Truth(values, scale, part.uncertainty)
+    levels = tuple(ladder.level(*level) for level in dict.fromkeys([*by_cells, *by_steps]))
+    nothing = tuple(name for name in cells if name not in truth)
+    found = Reference(time, truth, parts, levels, ladder.integrator, enough, nothing)
+    return counted(found, truth, target, known)
+
+
+def counted(found: Reference, names: Iterable[str], target: float = TARGET, known: float = KNOWN) -> Reference:
+    """The reference of these quantities, and which of them count where one has to be known to so much to do so.
+
+    Complete is what was before, and leaves no quantity that counts more uncertain than twice the target.
+    """
+    truth = {name: found.truth[name] for name in names if name in found.truth}
+    if not truth:
+        raise SoftseamError("every quantity of the scene is zero: there is nothing to compare")
+    parts, enough = {name: found.parts[name] for name in truth}, found.complete
+    stress = largest_stress({name: true.scale for name, true in truth.items() if parts[name].converges})
+    for name, true in truth.items():
+        part, why = parts[name], ""
+        has_limit = part.converges or part.uncertainty_cells <= NEAR * known
+        if is_faint(name, true.scale, stress):
             has_limit, why = False, f"below {100 * FAINT:g} % of the largest stress"
         elif not has_limit:
             why = "no limit: finer cells change it by as much as coarser ones did"
-        elif uncertainty > known:
-            why = f"known to {in_words(uncertainty)} only" if uncertainty < 1.0 else "not known: its levels disagree"
-        truth[name], parts[name] = Truth(values, scale, uncertainty, why, has_limit), part
-    if not truth:
-        raise SoftseamError("every quantity of the scene is zero: there is nothing to compare")
+        elif part.uncertainty > known:
+            why = f"known to {in_words(part.uncertainty)} only" if part.uncertainty < 1.0 else _DISAGREE
+        truth[name] = replace(true, left_out=why, has_limit=has_limit)
     if all(true.left_out for true in truth.values()):
-        truth = {name: Truth(t.values, t.scale, t.uncertainty) for name, t in truth.items()}
+        truth = {name: replace(true, left_out="", has_limit=True) for name, true in truth.items()}
         enough = False
-    levels = tuple(ladder.level(*level) for level in dict.fromkeys([*by_cells, *by_steps]))
     complete = enough and all(t.uncertainty <= 2 * target for t in truth.values() if not t.left_out)
-    return Reference(time, truth, parts, levels, ladder.integrator, complete)
+    return replace(found, truth=truth, parts=parts, complete=complete)

@@ -18,7 +18,7 @@ from softseam.chart.reference import TARGET, Reference
 from softseam.chart.richardson import Limit
 from softseam.errors import SoftseamError
 
-ACROSS = (COARSEST, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16)
+ACROSS = (COARSEST, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""
 LEAST_ROUND = 3
 """cells across the box around a ball that a reference begins with"""

@@ -14,8 +14,10 @@ from softseam.chart.configurations import METHODS, configurations, frame_of
 from softseam.chart.errors import not_counted
 from softseam.chart.ladder import Ladder
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
+from softseam.chart.measure import quantity_names
 from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Reference, described, in_words
+from softseam.chart.reference import Reference, described, origin
+from softseam.chart.shipped import shipped
 from softseam.chart.store import Identity, Store
 from softseam.chart.sweep import sweep
 from softseam.chart.table import Row, busy, row_json, rows_of, write_csv
@@ -70,7 +72,7 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     ladder.open(code, fresh=wishes.fresh)
     budget = 60.0 * wishes.minutes
     with ChartProgress(console) as progress:
-        reference = climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference)
+        reference = shipped(ladder) or climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference)
         progress.known(reference)
         left = max(REFERENCE_SHARE * budget, budget - (perf_counter() - began))
         progress.expect(wanted, left)
@@ -79,15 +81,6 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     _write(folder, scene, key, code, here, rows, reference, rivals)
     _tell(console, folder, rows, reference, perf_counter() - began)
     return rows, reference
-
-
-def quantity_names(scene: Scene) -> tuple[str, ...]:
-    """The quantities to compare: the scene's, and what it asks of its probes."""
-    probed = [f"{probe}.{what}" for probe in scene.probes for what in ("von_mises", "displacement")]
-    names = (*scene.quantities, *probed)
-    if not names:
-        raise BadInput(f"the scene {scene.name!r} asks for no quantities: add some, e.g. quantities: [grip_force, sag]")
-    return names
 
 
 def _write(
@@ -160,10 +153,10 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
             console.print(Text(f"{text}: {len(these) - 4} more, see chart.csv", style="yellow"))
     if left_out := not_counted(reference.truth):
         console.print(Text(f"not counted: {left_out}", style="dim"), soft_wrap=True)
-    known = f"the reference is known to {in_words(reference.uncertainty)}"
-    if not reference.complete:
+    known = f"the reference {origin(reference)}"
+    if not reference.complete and not reference.shipped:
         known += "; the budget ended before every quantity was known to 1 % (give more --minutes)"
-    console.print(Text(known, style="dim" if reference.complete else "yellow"))
+    console.print(Text(known, style="dim" if reference.complete or reference.shipped else "yellow"))
     n_done = sum(row.error is not None for row in rows)
     text = f"{n_done} of {len(rows)} configurations of {len(METHODS)} methods in {seconds:.0f} s"
     console.print(Text(text, style="dim"))

@@ -18,7 +18,7 @@ from softseam.chart.configurations import METHODS
 from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import Landmark
 from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
-from softseam.chart.reference import Reference, in_words
+from softseam.chart.reference import Reference, origin
 from softseam.chart.table import Row, busy
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
@@ -70,11 +70,12 @@ def draw_chart(
 def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     """What the error is the error of, how far the reference is known, and where it was measured."""
     names = ", ".join(colors.label(name) for name in reference.counted)
-    known = in_words(reference.uncertainty)
     worst = "the worst of " if len(reference.counted) > 1 else ""
-    text = f"error: {worst}{names}, in L2 over time, against FEM refined until known to {known}\n"
+    text = f"error: {worst}{names}, in L2 over time, against refined FEM, which {origin(reference)}\n"
     text += f"{machine}, one process; compiling and setting up left out{busy(rows)}"
-    return text + ("" if reference.complete else "\nthe budget ended before every quantity was known to 1 %")
+    return text + (
+        "" if reference.complete or reference.shipped else "\nthe budget ended before every quantity was known to 1 %"
+    )
 
 
 def _wrapped(text: str, width: int) -> str:

@@ -6,6 +6,7 @@ An interrupted reference goes on where it was, and a later one with more time re
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from softseam.chart.configurations import Configuration, Frame, fem_one, fem_seconds, fem_settings, is_viscous
 from softseam.chart.errors import rms
-from softseam.chart.measure import Outcome, Told, measure
+from softseam.chart.measure import Outcome, Told, measure, quantity_names
 from softseam.chart.reference import Level
 from softseam.chart.richardson import Limit, limit
 from softseam.chart.scatter import fitted
@@ -39,7 +40,7 @@ class Ladder:
     """Computes, or reads from the cache, the levels of a scene's reference."""
 
     def __init__(self, name: str | Path | Scene, settings: Sequence[str], frame: Frame, names: tuple[str, ...]) -> None:
-        self._name, self._settings, self._frame, self._names = name, tuple(settings), frame, names
+        self._name, self._settings, self._frame, self.names = name, tuple(settings), frame, names
         # an undamped body swings on, which implicit Euler would have to resolve with very short steps
         free = "midpoint" if is_viscous(frame.scene) else "bdf2"
         self.integrator = "implicit_euler" if frame.scene.tools else free
@@ -50,13 +51,23 @@ class Ladder:
 
     def open(self, code: str, *, fresh: bool) -> None:
         """Use the cache: levels of the same body, tools and motion, computed by the same code."""
-        scene, bundle = bundle_of(self._name)
-        coarsest = with_settings(with_settings(scene, self._settings), self._level(COARSEST, self._frame.scene.step))
-        key = scene_hash(bundle_scene(coarsest, bundle.files))
-        folder = cache_folder() / f"{scene.name}-{key[:12]}-{code[:8]}"  # another version begins anew
+        key = self.key
+        folder = cache_folder() / f"{self.scene}-{key[:12]}-{code[:8]}"  # another version begins anew
         self._store = Store(folder, Identity(key, code), "compute the reference anew with --fresh")
         if fresh:
             self._store.clear()
+
+    @property
+    def scene(self) -> str:
+        """The scene's name."""
+        return self._frame.scene.name
+
+    @property
+    def key(self) -> str:
+        """Hash of all that is true of the scene's motion: of its coarsest level."""
+        scene, bundle = bundle_of(self._name)
+        coarsest = with_settings(with_settings(scene, self._settings), self._level(COARSEST, self._frame.scene.step))
+        return scene_hash(bundle_scene(coarsest, bundle.files))
 
     def seconds(self, across: int, step: float) -> float:
         """Foreseen wall time of a level that is not done [s]; no less than one that was begun before said it takes."""
@@ -84,7 +95,7 @@ class Ladder:
             found = measure(
                 self._name,
                 (*self._settings, *self._level(across, step)),
-                self._names,
+                quantity_names(self._frame.scene),  # all: another ladder may ask for others
                 runs=0,
                 limit=limit_s,
                 length=self._frame.length,
@@ -102,6 +113,7 @@ class Ladder:
                 # as long as it was seen to take, it is not begun again where there is no more time
                 takes = found.spent * self._frame.length / found.simulated
                 self._store.write(f"begun-{self._file(across, step)}", {"seconds": takes})
+            found = self._own(found)
         if found.status == "done":
             self.done[across, step] = found
         return found
@@ -122,9 +134,19 @@ class Ladder:
         if data is None:
             return None
         try:
-            return Outcome.from_json(data)
+            found = Outcome.from_json(data)
         except (KeyError, TypeError, ValueError) as error:
             raise self._store.refused(name, f"is corrupt ({error})") from None
+        # levels were once kept of the quantities alone that were asked for
+        there = found.series is not None and {*self.names} <= {*found.series.values}
+        return self._own(found) if there else None
+
+    def _own(self, outcome: Outcome) -> Outcome:
+        """With the series of this ladder's quantities only."""
+        series = outcome.series
+        if series is None:
+            return outcome
+        return replace(outcome, series=replace(series, values={name: series.values[name] for name in self.names}))
 
     def _begun(self, across: int, step: float) -> float:
         """What a level that did not end in time would have taken [s]; 0 where none was begun."""

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 from softseam.chart.series import Series, SeriesBuilder
 from softseam.embedded import compile_clock
-from softseam.errors import SceneRefused, SimulationFailed
+from softseam.errors import BadInput, SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import Session, open_as_given
 from softseam_protocol.scene import Scene
@@ -112,6 +112,15 @@ class Outcome:
 
 
 _PLAIN = ("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes")
+
+
+def quantity_names(scene: Scene) -> tuple[str, ...]:
+    """The quantities to compare: the scene's, and what it asks of its probes."""
+    probed = [f"{probe}.{what}" for probe in scene.probes for what in ("von_mises", "displacement")]
+    names = (*scene.quantities, *probed)
+    if not names:
+        raise BadInput(f"the scene {scene.name!r} asks for no quantities: add some, e.g. quantities: [grip_force, sag]")
+    return names
 
 
 class _Watch:

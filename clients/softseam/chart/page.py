@@ -43,7 +43,8 @@ def page(title: str, document: Mapping[str, Any]) -> str:
         "rivals": document["rivals"],
         "reference": {
             "uncertainty": reference["uncertainty"],
-            "complete": reference["complete"],
+            "complete": reference["complete"] or reference["shipped"],
+            "origin": reference["origin"],
             "integrator": reference["integrator"],
             "levels": reference["levels"],
             "quantities": quantities,

@@ -11,7 +11,7 @@ from rich.console import Console
 from softseam.bar import Bar
 from softseam.chart.configurations import Configuration
 from softseam.chart.measure import RUNS, Told
-from softseam.chart.reference import Reference, in_words
+from softseam.chart.reference import Reference, origin
 
 _LINE = 10.0
 """longest time between lines where there is no terminal [s]"""
@@ -55,7 +55,7 @@ class ChartProgress:
 
     def known(self, reference: Reference) -> None:
         """The reference is there."""
-        text = f"reference known to {in_words(reference.uncertainty)}"
+        text = f"the reference {origin(reference)}"
         self._console.print(text, highlight=False, style="dim")
 
     def expect(self, wanted: Sequence[Configuration], budget: float) -> None:

@@ -43,6 +43,13 @@ class Part:
     order_steps: float
     extrapolated: float
     """norm of what the limit differs from the finest cells by, relative to the scale [1]"""
+    converges: bool = True
+    """whether the differences between ever finer cells fall"""
+
+    @property
+    def uncertainty(self) -> float:
+        """Of cells and steps together [1]."""
+        return self.uncertainty_cells + self.uncertainty_steps
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,10 @@ class Reference:
     integrator: str
     complete: bool
     """whether every quantity that has a limit is known as well as was asked for"""
+    nothing: tuple[str, ...] = ()
+    """quantities that are zero in this scene, so that no error is relative to them"""
+    shipped: bool = False
+    """whether it came with the scene (shipped.py), so that no run was made for it"""
 
     @property
     def counted(self) -> list[str]:
@@ -74,6 +85,8 @@ def described(reference: Reference) -> dict[str, Any]:
     return {
         "integrator": reference.integrator,
         "complete": reference.complete,
+        "shipped": reference.shipped,
+        "origin": origin(reference),
         "uncertainty": _number(reference.uncertainty),
         "levels": [asdict(level) for level in reference.levels],
         "quantities": {
@@ -89,6 +102,12 @@ def described(reference: Reference) -> dict[str, Any]:
         },
         "time": [float(f"{value:.9g}") for value in reference.time],
     }
+
+
+def origin(reference: Reference) -> str:
+    """Where a reference comes from and what it is known to, as a predicate."""
+    whence = "ships with the scene, made" if reference.shipped else "was made here"
+    return f"{whence} from {len(reference.levels)} runs, known to {in_words(reference.uncertainty)}"
 
 
 def in_words(uncertainty: float) -> str:

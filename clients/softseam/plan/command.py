@@ -12,16 +12,16 @@ from rich.table import Table
 from rich.text import Text
 
 from softseam.chart.climb import Watch, climb
-from softseam.chart.command import quantity_names
 from softseam.chart.configurations import Configuration, Frame, configurations, frame_of
 from softseam.chart.errors import uncounted
 from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, measure
+from softseam.chart.measure import Outcome, measure, quantity_names
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Reference
+from softseam.chart.shipped import better_of, digest_of, shipped
 from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest
-from softseam.errors import BadInput, require_extra
+from softseam.errors import BadInput, SoftseamError, require_extra
 from softseam.plan.planner import Goal, Plan, choose, counts_to, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
@@ -83,7 +83,7 @@ def find(wishes: Wishes, console: Console) -> Plan:
     store = Store(folder, Identity(key, code, here), "plan anew with --fresh")
     if wishes.fresh:
         store.clear()
-    name = f"plan-{_short(repr((goal, names)))}-{planner_digest()}"
+    name = f"plan-{_short(repr((goal, names, digest_of(scene.name))))}-{planner_digest()}"
     kept = store.read(name)
     if kept is not None:
         try:
@@ -121,7 +121,14 @@ def _search(
             settings = (*wishes.settings, *configuration.settings)
             told = progress.configuration(configuration, (1 + RUNS) * configuration.seconds)
             outcome = measure(
-                wishes.scene, settings, names, runs=RUNS, limit=left, length=frame.length, told=told, look=1
+                wishes.scene,
+                settings,
+                quantity_names(scene),
+                runs=RUNS,
+                limit=left,
+                length=frame.length,
+                told=told,
+                look=1,
             )
             spent += outcome.spent
             if outcome.status != "stopped":
@@ -141,13 +148,25 @@ def planner_digest() -> str:
 
 
 def finer(ladder: Ladder, frame: Frame, tolerance: float, budget: float, watch: Watch) -> Iterator[Reference]:
-    """References for plans of a tolerance, each known better than the one before, while the budget [s] lasts."""
-    target, n_levels = known_to(tolerance), 0
+    """References for plans of a tolerance, each known better than the one before, while the budget [s] lasts.
+
+    What ships comes first, before anything is run. It comes again with new levels, runs that a plan may choose, until
+    what these lead to is known better.
+    """
+    target, n_levels, known = known_to(tolerance), 0, counts_to(tolerance)
+    ships = shipped(ladder, target, known)
+    if ships is not None:
+        yield ships
     while True:
-        reference = climb(ladder, frame, budget, watch, target, counts_to(tolerance))
+        try:
+            reference = climb(ladder, frame, budget, watch, target, known)
+        except SoftseamError:
+            if ships is None:
+                raise
+            return
         if len(reference.levels) > n_levels:
             n_levels = len(reference.levels)
-            yield reference
+            yield reference if ships is None else better_of(ships, reference)
         elif not reference.complete or target < FINEST:
             return
         target *= 0.5
@@ -159,7 +178,7 @@ def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:
     choice = found.choice
     text = (
         f"planned for {100 * found.goal.tolerance:.2g} %: {choice.label}, which is off by {100 * choice.error:.2g} % "
-        f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time"
+        f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time; the reference {found.truth}"
     )
     console.print(Text(text, style="dim"), soft_wrap=True)
     return settings_of(found)
@@ -187,7 +206,7 @@ def show(found: Plan, console: Console) -> None:
     text = (
         f"{choice.label} is the fastest of {len(found.tried)} that were tried and is accurate to "
         f"{100 * found.goal.tolerance:.2g} %: its worst error is {100 * choice.error:.2g} % "
-        f"({label(choice.decided_by)}), what is true being known to {100 * found.uncertainty:.2g} %"
+        f"({label(choice.decided_by)}); the reference {found.truth}"
     )
     console.print(Text(text), soft_wrap=True)
     if found.left_out:

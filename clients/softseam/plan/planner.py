@@ -1,9 +1,9 @@
 """Chooses how to simulate a scene: the fastest of the chart's configurations that is accurate enough.
 
-Nothing is guessed. The reference is FEM alone, refined until it is known to a fraction of the tolerance (the chart's
-climb.py); the configurations are tried cheapest first, each once, until those left cannot be faster than the best
-one found. What counts as an error is what a run differs from the reference by, and what the reference may be off by, as
-errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
+Nothing is guessed. The reference ships with the scene (the chart's shipped.py), or is FEM alone, refined here until it
+is known to a fraction of the tolerance (climb.py); the configurations are tried cheapest first, each once, until those
+left cannot be faster than the best one found. What counts as an error is what a run differs from the reference by, and
+what the reference may be off by, as errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from softseam.chart.configurations import Configuration
 from softseam.chart.errors import KNOWN, Error, errors, sure
 from softseam.chart.measure import Outcome
-from softseam.chart.reference import Reference, in_words
+from softseam.chart.reference import Reference, in_words, origin
 from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
 
@@ -94,6 +94,8 @@ class Plan:
     """of the reference [1]"""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """quantities that do not count, and why"""
+    truth: str = ""
+    """where the reference comes from, as a predicate"""
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -102,6 +104,7 @@ class Plan:
             "harder": self.goal.harder,
             "uncertainty": self.uncertainty,
             "left_out": dict(self.left_out),
+            "truth": self.truth,
             "choice": self.tried.index(self.choice),
             "tried": [vars(one) | {"settings": list(one.settings), "error": _finite(one.error)} for one in self.tried],
         }
@@ -122,7 +125,9 @@ class Plan:
         )
         goal = Goal(float(data["tolerance"]), float(data["rtf"]), float(data.get("harder", 1.0)))
         left_out = {str(name): str(why) for name, why in dict(data.get("left_out", {})).items()}
-        return cls(goal, tried[int(data["choice"])], tried, float(data["uncertainty"]), left_out)
+        return cls(
+            goal, tried[int(data["choice"])], tried, float(data["uncertainty"]), left_out, str(data.get("truth", ""))
+        )
 
 
 def choose(
@@ -136,7 +141,8 @@ def choose(
     """The fastest configuration that is accurate enough.
 
     Where a faster one, or any at all, is neither accurate enough nor too far off for all that is known of the truth,
-    or where a quantity does not count that nearly does, the reference is refined and every run is judged anew.
+    or where a quantity does not count that nearly does, the reference is refined and every run is judged anew. One that
+    ships is more than a plan's minutes can refine, and is taken as it is where there is a plan.
 
     measure  called at most once for each configuration
     refine   a reference that is known better than the last, or None where there is none
@@ -166,7 +172,8 @@ def choose(
         least = goal.rtf if plan is None else FASTER * plan.choice.rtf
         open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal))
         vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance or _in_reach(reference, goal.tolerance)
-        better = refine() if (plan is None and not slow) or vague or any(open_ones) else None
+        wanting = not reference.shipped and (vague or any(open_ones))
+        better = refine() if (plan is None and not slow) or wanting else None
         if better is not None:
             reference = better
         elif plan is None:
@@ -199,7 +206,7 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
     if best is None or best.rtf < goal.rtf:
         raise (NoPlan if best is None else TooSlow)(_nearest(goal, best, tried))
     left_out = {name: true.left_out for name, true in reference.truth.items() if true.left_out}
-    return Plan(goal, best, tuple(tried), reference.uncertainty, left_out)
+    return Plan(goal, best, tuple(tried), reference.uncertainty, left_out, origin(reference))
 
 
 def _in_reach(reference: Reference, tolerance: float) -> bool:

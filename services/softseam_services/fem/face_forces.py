@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array
 
-from softseam_services.body.body import Floats
+from softseam_services.body.body import Floats, Ints
+from softseam_services.fem.kernels.contact import ANCHOR, FORCE, N_STATE
 from softseam_services.fem.model import FemModel
 
 
@@ -26,8 +27,28 @@ def gathered_at_nodes(gather: csr_array, force: Floats) -> Floats:
     return np.asarray(gather @ force.reshape(n_points, 3 * n_tools)).reshape(gather.shape[0], n_tools, 3)
 
 
+def point_positions(model: FemModel, x: Floats) -> Floats:
+    """Where the points are (p, 3) [m], of nodes at x (n, 3)."""
+    if not len(model.point_weight):
+        return np.zeros((0, 3))
+    return np.asarray(np.add.reduceat(model.point_weight[:, None] * x[model.point_node], model.point_ptr[:-1], axis=0))
+
+
+def taken_over(model: FemModel, x: Floats, force: Floats, tool: Ints, n_tools: int) -> Floats:
+    """Contact state (p, t, 9) of nodes at x (n, 3) that begins with forces on the surface's points.
+
+    force (n_surface, 3) [N], tool (n_surface,) which tool's, -1 for none. Where a point is, there it sticks.
+    """
+    contact = np.zeros((len(model.point_face), n_tools, N_STATE))
+    touching = np.flatnonzero(tool >= 0)
+    contact[touching, tool[touching], FORCE : FORCE + 3] = force[touching]
+    spread_over_faces(model, contact)
+    contact[:, :, ANCHOR : ANCHOR + 3] = point_positions(model, x)[:, None]
+    return contact
+
+
 def spread_over_faces(model: FemModel, contact: Floats) -> None:
-    """Give what the surface's nodes carry of tools with edges to the points around them: contact (p, t, 6) in place.
+    """Give what the surface's nodes carry of tools with edges to the points around them: contact (p, t, 9) in place.
 
     A node's force is shared among the points that follow it, by their weights and areas, so that sums stay.
     """

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Fields, Header
 from softseam_protocol.scene_models import ModelsSpec
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.fem.face_forces import gathered_at_nodes, gathering
+from softseam_services.fem.face_forces import gathered_at_nodes, gathering, point_positions
 from softseam_services.fem.kernels.elements import cauchy_stress, strain_energy
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import FemModel
@@ -32,8 +32,6 @@ class FieldReader:
         cauchy = np.zeros((len(region.cells), 8, 6))
         strain_energy(state.x, model, work)
         cauchy_stress(state.x, model, work, cauchy)
-        weights = model.point_weight[:, None] * state.x[model.point_node]
-        point_x = np.add.reduceat(weights, model.point_ptr[:-1], axis=0) if len(weights) else np.zeros((0, 3))
         force = gathered_at_nodes(self._gather, state.contact[:, :, :3])
         size = np.einsum("pti,pti->pt", force, force)
         return Fields(
@@ -43,7 +41,7 @@ class FieldReader:
             v=state.v.copy(),
             cauchy=cauchy,
             points=region.points,
-            point_x=point_x[: len(region.points)],
+            point_x=point_positions(model, state.x)[: len(region.points)],
             contact_force=force.sum(axis=1),
             contact_tool=_touched(size),
             cell_energy=work.energy.copy(),

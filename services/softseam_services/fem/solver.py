@@ -9,7 +9,7 @@ import numpy as np
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.fem.face_forces import spread_over_faces
+from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.field_reader import FieldReader
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.elements import strain_energy
@@ -45,19 +45,16 @@ class FemSolver:
         self._model, tree = self.tables
         self._stepper = Stepper(scene.models.fem, self._model, tree, self._n_tools, body.material.retardation_time)
         self._reader = FieldReader(body, region, self._model, scene.models)
-        shape = (len(self._model.point_face), self._n_tools, 6)
         if state is None:
-            x, v, contact = body.x_rest[region.nodes], body.v_initial[region.nodes], np.zeros(shape)
+            x, v = body.x_rest[region.nodes], body.v_initial[region.nodes]
+            force, tool = np.zeros((len(region.points), 3)), np.full(len(region.points), -1, dtype=np.int32)
         else:
-            x, v, contact = state.x[region.nodes], state.v[region.nodes], np.zeros(shape)
-            touching = np.flatnonzero(state.contact_tool[region.points] >= 0)
-            tool = state.contact_tool[region.points[touching]]
-            contact[touching, tool, :3] = state.contact_force[region.points[touching]]
-            spread_over_faces(self._model, contact)
+            x, v = state.x[region.nodes], state.v[region.nodes]
+            force, tool = state.contact_force[region.points], state.contact_tool[region.points]
         self._committed = FemState(
             np.ascontiguousarray(x, dtype=np.float64),
             np.ascontiguousarray(v, dtype=np.float64),
-            contact,
+            taken_over(self._model, x, force, tool, self._n_tools),
             np.zeros((self._stepper.scheme.n_history, len(region.nodes), 3)),
         )
         self._next = self._committed.copy()

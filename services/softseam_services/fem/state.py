@@ -16,7 +16,7 @@ class FemState:
     v: Floats
     """(n, 3) [m/s]"""
     contact: Floats
-    """per point and tool: force on the body [N], slip since contact began [m] (p, t, 6)"""
+    """per point and tool: force on the body [N], slip since contact began [m], anchor [m] (p, t, 9)"""
     history: Floats
     """what the integrator keeps of the steps before (k, n, 3)"""
     past: float = 0.0

@@ -53,11 +53,15 @@ class Work(NamedTuple):
     s: Floats
     pair: Ints
     start: Floats
+    """per pair: where the point is when the step begins [m]"""
+    begun: Floats
+    """and where it would be at its end, had it gone with the tool [m]"""
+    offset: Floats
+    """of the point from its anchor when the step begins, turned along with the tool [m]"""
     multiplier: Floats
     contact: Floats
     hold: Floats
-    """per pair: stiffness along the normal [N/m], the part of the normal force that is carried over, the gap that is
-    left [m], stiffness across [N/m]"""
+    """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace"""
     side: NDArray[np.int8]
     """per pair: side of the box that covers the point, -1 where the tool's gap counts"""
     state: NDArray[np.int8]
@@ -120,6 +124,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         s=np.zeros((MEMORY, 3 * n_free)),
         pair=np.zeros((n_pairs, 2), dtype=np.int32),
         start=np.zeros((n_pairs, 3)),
+        begun=np.zeros((n_pairs, 3)),
+        offset=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
         contact=np.zeros((n_pairs, N_COLUMNS)),
         hold=np.zeros((n_pairs, 4)),

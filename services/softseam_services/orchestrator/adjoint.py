@@ -20,7 +20,7 @@ from softseam_protocol.messages import BodyState, ToolMotion
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.region import build_region
-from softseam_services.fem.face_forces import spread_over_faces
+from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
@@ -52,16 +52,13 @@ class Adjoint:
         self._whole, self._friction = at_rest(tools), tools.friction
         self._dt = _CROSSINGS * float(np.linalg.norm(np.ptp(body.x_rest, axis=0))) / body.wave_speed
         n_nodes, n_tools = body.n_nodes, len(tools.names)
-        self._history, self._contact = np.zeros((0, n_nodes, 3)), np.zeros((len(self.model.point_face), n_tools, 6))
+        self._history = np.zeros((0, n_nodes, 3))
         self._unused = np.zeros((n_tools, 6)), np.zeros(kernel.N_OUT), np.zeros(body.n_cells)
 
     def factor(self, state: BodyState, position: Floats, orientation: Floats) -> bool:
         """Make A at a state of the body between tools at (t, 3) [m], (t, 4); False where A is not positive definite."""
-        work, contact = self.work, self._contact
-        contact[:] = 0.0
-        touching = np.flatnonzero(state.contact_tool >= 0)
-        contact[touching, state.contact_tool[touching], :3] = state.contact_force[touching]
-        spread_over_faces(self.model, contact)
+        work = self.work
+        contact = taken_over(self.model, state.x, state.contact_force, state.contact_tool, len(self._friction))
         work.state[:] = OPEN
         work.factored_state[:] = OPEN
         tools = moved(self._whole, ToolMotion(position, orientation, position, orientation))
@@ -99,7 +96,7 @@ class Adjoint:
         across = d - along
         sliding = across - np.einsum("pi,pi->p", way, across)[:, None] * way
         sliding *= (bound / np.maximum(row[:, TRIAL], bound))[:, None]
-        force = hold[:, :1] * along + hold[:, 3:] * np.where(slips[:, None], sliding, across)
+        force = hold[:, :1] * (along + np.where(slips[:, None], sliding, across))
         g = np.zeros((len(model.mass), 3))
         count = np.diff(model.point_ptr)[points]
         entry = np.repeat(model.point_ptr[points] - np.cumsum(count) + count, count) + np.arange(count.sum())

@@ -26,7 +26,7 @@ from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene_models import ModelsSpec, PbdSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.sides import Sides
-from softseam_services.pbd.model import EXPLICIT, STABLE, TOUCHED, TWO_SWEEPS
+from softseam_services.pbd.model import EXPLICIT, STABLE, TOUCHED, TWO_SWEEPS, shorter_by
 
 CALL = 60.0
 """a call of a participant [us]"""
@@ -58,6 +58,8 @@ DENSE = 1.0 / 3.0 / 15e3
 """dense factor of n unknowns: DENSE n^3 [us], at 15 GFLOP/s"""
 BLOCK = 0.1
 """a block of PBD, sweep and substep [us]"""
+DAMPING = 1.2
+"""what damping in proportion to stiffness costs a substep, in sweeps [1]"""
 SWING, PARTLY, EVEN = 1.87, 1.15, 0.77
 """omega_max of blocks with edges l is SWING c_p |1/l|, and PARTLY times that where the body fills cells in part, EVEN
 times where each cell is one block: its nodes have even masses [1]"""
@@ -80,7 +82,7 @@ def step_cost(
         else:
             n_coarse = int(np.count_nonzero(coarse[sides.cells[name]]))
             count = substeps(body, models.pbd, dt, touched, n_coarse == n_cells)
-            cost += (8 * n_cells - 7 * n_coarse) * BLOCK * models.pbd.sweeps * count
+            cost += (8 * n_cells - 7 * n_coarse) * _block(body, models.pbd) * count
     return cost * (EXCHANGES if len(sides.models) > 1 else 1.0)
 
 
@@ -94,13 +96,19 @@ def one_is_enough(body: Body, models: ModelsSpec, dt: float, touched: bool) -> f
     n_cells, spec = body.n_cells, models.pbd
     force, matrix = DEARER[models.fem.element]
     fem = ITERATIONS * (ITERATION + force) + FACTORS * (ASSEMBLY + matrix)
-    pbd = 8 * BLOCK * spec.sweeps * substeps(body, spec, dt, touched)
+    pbd = 8 * _block(body, spec) * substeps(body, spec, dt, touched)
     alone = CALL + n_cells * fem + FACTORS * FACTOR * (3 * body.n_nodes) ** 1.95
     if alone > EXCHANGES * (2.0 * CALL + min(fem + (n_cells - 1) * pbd, (n_cells - 1) * fem + pbd)):
         return math.inf
     round_one = not body.boxes or bool((body.fill < 1.0).any())  # cells of another shape may be of a round body
     resting = alone if round_one else CALL + n_cells * RESTING * (ITERATION + force)
     return resting / (CALL + n_cells * pbd)
+
+
+def _block(body: Body, spec: PbdSpec) -> float:
+    """Cost of a block in one substep [us]."""
+    damped = body.material.retardation_time or spec.damping.stiffness
+    return BLOCK * (spec.sweeps + (DAMPING if damped > 0.0 else 0.0))
 
 
 def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool, whole: bool = False) -> int:
@@ -123,4 +131,4 @@ def substeps(body: Body, spec: PbdSpec, dt: float, touched: bool, whole: bool = 
     if (body.fill < 1.0).any():
         frequency *= PARTLY
     rate, damped = frequency / limit, body.material.retardation_time or spec.damping.stiffness
-    return max(1, math.ceil(dt * rate * max(1.0, rate * damped)))
+    return max(1, math.ceil(dt * rate * shorter_by(rate, damped)))

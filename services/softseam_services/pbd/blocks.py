@@ -8,16 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.materials.point import NEO_HOOKEAN
 
 from .forms import SIGNS, build_forms
 from .hourglass import block_constants
-from .kernels.block import Constants
+from .kernels.block import MU, Constants, G
 from .kernels.form import N_FORM
 from .kernels.lanes import LANES
 from .levels import Levels, build_levels
 from .particles.kernels.coloring import MOST_COLORS, color_tiles
 
 Longs = NDArray[np.int64]
+
+VERY_FLAT, MOSTLY = 5.0, 5.0
+"""longest edge over the shortest, and a damping time in longest undamped substeps (0136)"""
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,33 @@ def build_blocks(
         padding_x=padding_x,
         law=body.material.number,
     )
+
+
+def make_viscous(blocks: Blocks, times: float) -> None:
+    """Have neo-Hookean blocks count with the compliance of the axis that has most in their local solve, in place.
+
+    With one for each axis (`kernels.block`, eq. (4)) what a sweep adds to a flat block's stress has a moment. Stress
+    catches up with shape within a few substeps, but not where it is viscous: there the moment turns the block, and
+    damping is half of what is asked for, or a fifth more. times: damping time in longest undamped substeps. Blocks that
+    are `VERY_FLAT` would gain energy below `MOSTLY`, and keep what they have there.
+    """
+    if blocks.law == NEO_HOOKEAN:
+        table = blocks.constants.table
+        most, least = table[:, G : G + 3].max(axis=1), table[:, G : G + 3].min(axis=1)
+        even = (times > 1.0) & ((times > MOSTLY) | (most < VERY_FLAT**2 * least))
+        table[:, G : G + 3] = np.where(even[:, None], most[:, None], table[:, G : G + 3])
+
+
+def mean_lag(blocks: Blocks, softness: Floats) -> float:
+    """8 max w_i V 2 mu G of the blocks, V/mu their weights [1/s^2]; softness (b, 4) is 8 max w_i [1/kg].
+
+    Shear is what slow modes are made of. Where materials differ, the softer one deforms.
+    """
+    own, boxes = blocks.constants.table[blocks.constants.number], blocks.constants.table.ndim == 2
+    mu, slope = (own[:, MU, None], own[:, G : G + 3, None]) if boxes else (own[:, MU], own[:, G : G + 3])
+    weight = blocks.volume / mu
+    lag = softness * blocks.volume * 2.0 * mu * slope.mean(axis=1)
+    return float((weight * lag).sum() / weight.sum())
 
 
 def _colours(ids: Longs, nodes: Ints, n_nodes: int) -> Longs:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
 
-from .blocks import build_blocks
+from .blocks import build_blocks, make_viscous
 from .kernels.block import new_workspace
 from .kernels.crew import new_crew
 from .kernels.probe import probe_seam
@@ -54,6 +54,7 @@ class SeamProbe:
             inside = reached[all_nodes].any(axis=1)
             reached[all_nodes[inside]] = True
         blocks = build_blocks(model.body, region, model.spec.hourglass, levels, octants[inside])
+        make_viscous(blocks, model.viscous_times)
         used = blocks.nodes < model.n_nodes
         ids = np.unique(np.concatenate([blocks.nodes[used], model.seam]))
         number = np.full(model.n_nodes + 8, -1, dtype=np.int32)

@@ -134,6 +134,8 @@ class Solve(NamedTuple):
     """damping that is proportional to mass [1/s]"""
     stiffness_time: float
     """damping that is proportional to stiffness [s]"""
+    lag: float
+    """by how much sweeps show less of it, see `kernels.damping` [1/s^2]"""
     asked: Floats
     """stress that shapes ask for, see `kernels.damping` (b, N_STRESS), or (0, N_STRESS) without damping"""
     frame: Floats
@@ -217,6 +219,7 @@ def solve_arrays(model: PbdModel, blocks: Blocks, substeps: int, tolerance: floa
         used=np.zeros(substeps if tolerance > 0.0 else 0, dtype=np.int32),
         mass_rate=spec.damping.mass,
         stiffness_time=spec.damping.stiffness,
+        lag=model.lag,
         asked=aligned(damped, N_STRESS),
         frame=aligned(damped, N_FRAME),
         figures=np.zeros((b if tolerance > 0.0 else 0, N_FIGURES)),

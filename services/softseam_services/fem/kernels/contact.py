@@ -2,12 +2,19 @@
 
 A candidate is a pair (point, tool) that may touch in this step. With the multiplier f of the last step split along the
 tool's normal n into lambda_n = f . n and lambda_t, the gap g at the end of the step, the tangential displacement D of
-the point relative to the tool over the step, and the penalty r [N/m]:
-  p = max(0, lambda_n - r g),   t = lambda_t - r D,   tau = t min(1, mu p/|t|)                                  (1)
-and p n + tau is both the force on the body and the next multiplier: in a hold the gap and the slip tend to zero.
+the point relative to the tool over the step, its offset d from its anchor before it, and the penalty r [N/m]:
+  p = max(0, lambda_n - r g),   t = lambda_t - r (d + D),   tau = t min(1, mu p/|t|)                            (1)
+and p n + tau is both the force on the body and the next multiplier: in a hold the gap and the offset tend to zero.
 Tangent -df/dx, symmetric and positive definite, dp/dx in the friction bound dropped:
   stick  r I,    slip  r (B/|t|)(I - n n^T - q e e^T) + r n n^T,   B = mu p,  e = t/|t|                         (2)
 with q = 1/2 where the same contact slipped the same way in the iterate before, else 0.
+
+The anchor goes with the tool's material. Where a point slips it is where the point is, so that the force stays in a
+hold; where it sticks the offset is, with the part c of the multiplier that is carried over (1 but at edges, below),
+  d_next = c (d + D)                                                                                            (3)
+so that t = -r x/(1 - c) of the whole way x since it stuck: at c = 1 it comes back, at c = 0 it is held by a spring.
+Of a point that two tools hold neither keeps an offset: both ask for a place, the places differ by what is left of
+either offset, and multipliers that followed both would grow against each other until one slips.
 
 A point meets the side of a box that it faces when the step begins: at the step's end another side may be nearer, and a
 plate that is raised would push down what it holds, one that comes fast would pinch what it should press.
@@ -19,11 +26,12 @@ and only the part c = (covered share of the face)^8 of lambda_n is carried over:
 A multiplier that is carried over follows the gap one step late: a point of mass m that implicit Euler moves in steps h
 gains energy in contact where r h^2 < m, and keeps less of an oscillation the larger r h^2/m is (0.42 a step at 20). So
 short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they would press another body: there r is
-stiffer along n by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as
-it is. With F at its bound nothing is carried over, and nothing lags.
+stiffer by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as it is.
+With F at its bound nothing is carried over, and nothing lags.
 
-A step that is a part of the one asked for takes out only that part of the penetration that it starts with: all of it in
-a shorter time would throw the body off. There g is g - (1 - pace) g_0.
+A step that is a part of the one asked for takes out only that part of the penetration and of the offset that it starts
+with: all of it in a shorter time would throw the body off. There g is g - (1 - pace) g_0, and pace d takes the place of
+d in (1), which leaves d_next = c D + (1 - pace (1 - c)) d.
 """
 
 from __future__ import annotations
@@ -49,6 +57,9 @@ that did not touch before, came in beside that side"""
 # columns of work.contact
 GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
 N_COLUMNS = 13
+# columns of a contact state (p, t, 9): force on the body [N], slip since contact began [m], anchor [m]
+FORCE, SLIP_SO_FAR, ANCHOR = 0, 3, 6
+N_STATE = 9
 
 
 @njit(cache=True, error_model="numpy")
@@ -69,15 +80,22 @@ def firmness(model, point, inertia):
 
 
 @njit(cache=True, error_model="numpy")
+def _turn_along(tools, tool, vector, out):
+    """out (3,) <- a vector that turns with the tool, from the step's start to its end."""
+    vx, vy, vz = rotate_back(tools.orientation[tool], vector[0], vector[1], vector[2])
+    out[0], out[1], out[2] = rotate(tools.orientation_next[tool], vx, vy, vz)
+
+
+@njit(cache=True, error_model="numpy")
 def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     """Pairs whose gap to the tool at the end of the step is below `reach`, that carry a force, or that the factor has.
 
-    x (n, 3) positions at the start, multiplier (p, t, 6) contact state at the start, inertia: of `firmness`, pace:
-    share of the penetration that the step may take out; fills work.pair, work.start, work.multiplier and resets the
-    states; returns how many.
+    x (n, 3) positions at the start, multiplier (p, t, 9) contact state at the start, inertia: of `firmness`, pace:
+    share of the penetration and of the offset that the step may take out; fills work.pair, start, begun, offset,
+    multiplier, hold and side, and resets the states; returns how many.
     """
     n_tools = len(tools.kind)
-    xp = np.empty(3)
+    xp, away = np.empty(3), np.empty(3)
     count = 0
     patches = np.sqrt(len(model.point_face[model.point_face >= 0]) / max(1, len(model.face_nodes)))
     for point in range(len(model.point_stiffness)):
@@ -85,6 +103,13 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
             continue
         point_position(x, model, point, xp)
         face = model.point_face[point]
+        n_holding = 0
+        for tool in range(n_tools):
+            n_holding += (
+                multiplier[point, tool, 0] != 0.0
+                or multiplier[point, tool, 1] != 0.0
+                or multiplier[point, tool, 2] != 0.0
+            )
         for tool in range(n_tools):
             # on faces with points of their own a tool with an edge touches at these, all others at nodes
             if face != ALONE and model.edged[tool] != (face >= 0):
@@ -119,19 +144,26 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                 work.pair[count, 0] = point
                 work.pair[count, 1] = tool
                 work.start[count] = xp
+                for i in range(3):
+                    away[i] = xp[i] - tools.position[tool, i]
+                _turn_along(tools, tool, away, work.begun[count])
+                for i in range(3):
+                    work.begun[count, i] += tools.position_next[tool, i]
+                    away[i] = xp[i] - multiplier[point, tool, ANCHOR + i] if touched and n_holding == 1 else 0.0
+                _turn_along(tools, tool, away, work.offset[count])
                 work.multiplier[count, 0] = f0
                 work.multiplier[count, 1] = f1
                 work.multiplier[count, 2] = f2
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
                 firm, stiffness = firmness(model, point, inertia), share * model.point_stiffness[point]
-                work.hold[count, 3] = firm * stiffness
                 if carry < 1.0:
                     firm = min(firm, 1.0 / (1.0 - carry))
                     carry = 1.0 - firm * (1.0 - carry)
                 work.hold[count, 0] = firm * stiffness
                 work.hold[count, 1] = carry
                 work.hold[count, 2] = 0.0
+                work.hold[count, 3] = pace
                 if pace < 1.0:
                     position, turn = tools.position[tool], tools.orientation[tool]
                     if side < 0:
@@ -150,7 +182,7 @@ def evaluate_contacts(x, model, tools, count, work):
 
     Returns how many candidates touch whose stiffness the factor does not have.
     """
-    xp, previous = np.empty(3), np.empty(3)
+    xp = np.empty(3)
     missing = 0
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
@@ -162,7 +194,7 @@ def evaluate_contacts(x, model, tools, count, work):
         else:
             gap, nx, ny, nz = side_gap(work.side[c], tools.shape[tool], tools.position_next[tool], orientation, xp)
         f = work.multiplier[c]
-        stiffness, carry, grip = work.hold[c, 0], work.hold[c, 1], work.hold[c, 3]
+        stiffness, carry = work.hold[c, 0], work.hold[c, 1]
         along = f[0] * nx + f[1] * ny + f[2] * nz
         pressure = carry * max(0.0, along) - stiffness * (gap - work.hold[c, 2])
         was = work.state[c]
@@ -171,23 +203,14 @@ def evaluate_contacts(x, model, tools, count, work):
             row[PRESSURE:] = 0.0
             work.state[c] = OPEN
             continue
-        # where the tool's material point that is now at xp was when the step began
-        bx, by, bz = rotate_back(
-            orientation,
-            xp[0] - tools.position_next[tool, 0],
-            xp[1] - tools.position_next[tool, 1],
-            xp[2] - tools.position_next[tool, 2],
-        )
-        bx, by, bz = rotate(tools.orientation[tool], bx, by, bz)
-        previous[0] = tools.position[tool, 0] + bx
-        previous[1] = tools.position[tool, 1] + by
-        previous[2] = tools.position[tool, 2] + bz
-        dx, dy, dz = previous[0] - work.start[c, 0], previous[1] - work.start[c, 1], previous[2] - work.start[c, 2]
+        dx, dy, dz = xp[0] - work.begun[c, 0], xp[1] - work.begun[c, 1], xp[2] - work.begun[c, 2]
         across = dx * nx + dy * ny + dz * nz
         dx, dy, dz = dx - across * nx, dy - across * ny, dz - across * nz
-        tx = f[0] - along * nx - grip * dx
-        ty = f[1] - along * ny - grip * dy
-        tz = f[2] - along * nz - grip * dz
+        pace, offset = work.hold[c, 3], work.offset[c]
+        across = offset[0] * nx + offset[1] * ny + offset[2] * nz
+        tx = f[0] - along * nx - stiffness * (dx + pace * (offset[0] - across * nx))
+        ty = f[1] - along * ny - stiffness * (dy + pace * (offset[1] - across * ny))
+        tz = f[2] - along * nz - stiffness * (dz + pace * (offset[2] - across * nz))
         size = np.sqrt(tx * tx + ty * ty + tz * tz)
         bound = tools.friction[tool] * pressure
         sticks = size <= bound
@@ -285,7 +308,7 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
             if row[GAP] > ahead:
                 continue
             work.factored_state[point, tool] = STICK
-        stiffness, tangential = work.hold[c, 0], work.hold[c, 3]
+        stiffness = tangential = work.hold[c, 0]
         relaxed = 0.0
         if work.state[c] == SLIP:
             tangential *= tools.friction[tool] * row[PRESSURE] / row[TRIAL]
@@ -318,6 +341,19 @@ def firm_way(count, work):
             pressure += work.contact[c, PRESSURE]
             stiffness += work.hold[c, 0]
     return pressure / stiffness if stiffness > 0.0 else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def next_anchor(c, xp, work, anchor):
+    """anchor (3,) [m] <- that of candidate c, whose point is at xp (3,) when the step ends; eq. (3)."""
+    row, carry, pace, offset = work.contact[c], work.hold[c, 1], work.hold[c, 3], work.offset[c]
+    sticks = work.state[c] == STICK
+    across = offset[0] * row[NORMAL] + offset[1] * row[NORMAL + 1] + offset[2] * row[NORMAL + 2]
+    for i in range(3):
+        anchor[i] = xp[i]
+        if sticks:
+            left = offset[i] - across * row[NORMAL + i]
+            anchor[i] -= carry * row[SLIDE + i] + (1.0 - pace * (1.0 - carry)) * left
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,6 +5,8 @@ With A = M/dt^2 + K the matrix of the step's last iteration, contacts and the ot
     A dx = L^T f,   x += dx,   v += dx/dt                                                                    (1)
 
 for implicit Euler, where v = (x - x0)/dt. On a free body the sum of M dv is dt times the sum of f: momentum is exact.
+Anchors of points that stick stay where they are (kernels/contact.py), so that the next step knows of dx. Points that a
+factor was made to take as touching, as they were near a tool, and that do not touch, are held in (1) all the same.
 """
 
 from __future__ import annotations

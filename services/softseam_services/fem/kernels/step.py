@@ -8,6 +8,7 @@ from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish
 from softseam_services.fem.integrators.symplectic_euler import march
 from softseam_services.fem.kernels.contact import (
+    ANCHOR,
     GAP,
     NORMAL,
     OPEN,
@@ -17,6 +18,7 @@ from softseam_services.fem.kernels.contact import (
     augment,
     evaluate_contacts,
     find_candidates,
+    next_anchor,
     point_position,
 )
 from softseam_services.fem.kernels.crushed import share_cells
@@ -39,7 +41,7 @@ _SAME = 1e-9
 
 @njit(cache=True, error_model="numpy")
 def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, out):
-    """Forces and slip of the candidates into contact (p, t, 6); wrenches, work and counts into the rest."""
+    """Forces, slip and anchors of the candidates into contact (p, t, 9); wrenches, work and counts into the rest."""
     contact[:] = 0.0
     wrench[:] = 0.0
     out[PENETRATION] = out[SLIPPED] = out[N_CONTACTS] = out[TOOL_WORK] = 0.0
@@ -63,6 +65,7 @@ def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, ou
         if tools.near[tool]:
             out[SLIPPED] = max(out[SLIPPED], np.sqrt(slipped))
         point_position(x, model, point, arm)
+        next_anchor(c, arm, work, contact[point, tool, ANCHOR:])
         fx, fy, fz = contact[point, tool, 0], contact[point, tool, 1], contact[point, tool, 2]
         out[TOOL_WORK] += (
             fx * (arm[0] - work.start[c, 0]) + fy * (arm[1] - work.start[c, 1]) + fz * (arm[2] - work.start[c, 2])

@@ -57,7 +57,7 @@ def probe_seam(
     kind, shape, motion = tools.kind, tools.shape, contacts.motion
     n = len(x_start)
     h = dt / n_substeps
-    keep, damped = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
+    keep, damped = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, solve.lag, h, n_sweeps)
     stress_start = np.zeros((len(nodes), N_STRESS))
     for i in range(n):
         for c in range(3):

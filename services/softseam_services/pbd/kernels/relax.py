@@ -8,7 +8,7 @@ from softseam_services.compiled_once import njit
 
 from .contact import project_contacts
 from .crew import done, first_share, next_share, wait_for
-from .damping import begin_damping, damping_share, end_damping
+from .damping import LEAST_KAPPA, begin_damping, damping_share, end_damping
 from .hold import soften_held_blocks
 from .monitor import batch_residuals, residual
 from .sweep import sweep
@@ -64,19 +64,26 @@ def relax(
     Returns before and stretch as they are then.
     """
     nodes, constants, law = blocks.nodes, blocks.constants, blocks.law
-    share = damping_share(solve.stiffness_time, h)
+    share = damping_share(solve.stiffness_time, solve.lag, h, n_sweeps)
     blocks_h = h * np.sqrt(1.0 + share)
+    if share > 0.0:
+        kappa = max(kappa, LEAST_KAPPA)
     for round_ in range(n_sweeps + 1):
         if round_ > 0:
             before, stretch = sweep_together(
                 ws, xw, blocks, stress, kappa, blocks_h, parts, rank, crew, before, stretch
             )
         elif share > 0.0:
-            first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST)
-            while first < end:
-                begin_damping(ws, xw, nodes, constants, law, share, solve.asked, solve.frame, stress, first, end)
-                first, end = next_share(crew, stretch, rank, end - first, LEAST)
-            before, stretch = before + len(nodes), stretch + 1
+            for part in range(len(parts) - 1):
+                begin, n = parts[part], parts[part + 1] - parts[part]
+                first, end = first_share(crew, before, stretch, n, rank, LEAST)
+                while first < end:
+                    begin_damping(
+                        *(ws, xw, nodes, constants, law, share, h * h, solve.asked, solve.frame, stress),
+                        *(begin + first, begin + end),
+                    )
+                    first, end = next_share(crew, stretch, rank, end - first, LEAST)
+                before, stretch = before + n, stretch + 1
         if rank == 0:
             wait_for(crew, before)
             project_contacts(

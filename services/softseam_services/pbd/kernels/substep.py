@@ -127,7 +127,7 @@ def advance_step(
     seam, gravity, figures = nodes_of.seam, nodes_of.gravity, scratch.figures
     n = len(x)
     h = dt / n_substeps
-    keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, h)
+    keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, solve.lag, h, n_sweeps)
     before, stretch = 1, 0
     seam_work = 0.0
     if rank == 0:

@@ -1,0 +1,264 @@
+"""References that ship with scenes: read as they were written, refused where spoilt, taken in place of any run."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from softseam.chart import command, shipped
+from softseam.chart.assemble import assemble, counted
+from softseam.chart.configurations import Frame, fem_one, frame_of
+from softseam.chart.ladder import Ladder
+from softseam.chart.measure import Outcome, Told, quantity_names
+from softseam.chart.reference import Reference, origin
+from softseam.chart.series import Series
+from softseam.embedded import solver_digest
+from softseam.errors import BadInput
+from softseam.plan import command as planning
+from softseam.plan.command import finer
+from softseam.plan.planner import Goal, NoPlan, choose, counts_to, known_to
+from softseam.scenes import load_scene, references_folder
+from softseam.variants import AS_GIVEN, with_settings
+
+TIME = np.arange(100) / 100
+NAMES = ("grip_force", "sag", "slip", "peak_von_mises", "compression")
+CELLS = [(across, 0.01) for across in (2, 3, 4, 6)]
+STEPS = [(2, 0.01), (2, 0.005), (2, 0.0025)]
+FILES = sorted(references_folder().glob("*.json"))
+
+
+class Known(Ladder):
+    """Levels of tofu_grasp by formulas: one with a limit, a vague one, one that grows, a faint one and one that is
+    zero."""
+
+    def __init__(self, *settings: str, names: tuple[str, ...] = NAMES, cost: float = math.inf) -> None:
+        scene = with_settings(load_scene("tofu_grasp"), settings)
+        super().__init__("tofu_grasp", settings, Frame(scene, np.full(3, 0.05)), names)
+        self.cost, self.asked = cost, list[tuple[int, float]]()
+
+    def cached(self, across: int, step: float) -> Outcome | None:
+        return self.done.get((across, step))
+
+    def seconds(self, across: int, step: float) -> float:
+        return self.cost * across**3
+
+    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+        self.asked.append((across, step))
+        wave = 1.0 + 0.1 * np.sin(9.0 * TIME)
+        values = {
+            "grip_force": 13.0 * wave * (1.0 + 0.1 / across**2 + step),
+            "sag": 2e-3 * wave * (1.0 + 0.6 / across),
+            "slip": np.zeros(len(TIME)),
+            "peak_von_mises": 4e3 * wave * (1.0 + 0.3 * across),
+            "compression": 0.15 * wave * (1.0 + 0.9 * (-0.1) ** across),
+        }
+        series = Series(TIME, np.zeros(len(TIME)), {name: values[name] for name in self.names})
+        self.spent += (taken := self.seconds(across, step))
+        cells = across**3
+        self.done[across, step] = Outcome(
+            "done", series=series, walls=(taken,), spent=taken, simulated=1.0, n_cells=cells
+        )
+        return self.done[across, step]
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reference:
+    """A reference made from those levels, which ships from now on."""
+    monkeypatch.setattr(shipped, "references_folder", lambda: tmp_path)
+    ladder = Known(cost=0.01)
+    for rung in (*CELLS, *STEPS):
+        ladder.run(*rung, 1.0)
+    found = assemble(ladder, CELLS, STEPS, True)
+    shipped.write(shipped.shipping(found, ladder, "code", "a machine"), shipped.path_of("tofu_grasp"))
+    return found
+
+
+def taken(*settings: str, names: tuple[str, ...] = NAMES, known: float = 0.05) -> Reference | None:
+    return shipped.shipped(Known(*settings, names=names), known_to(0.05), known)
+
+
+@pytest.mark.parametrize("tolerance", [0.02, 0.1, 0.2, 0.6])
+def test_what_ships_counts_as_what_was_made(made: Reference, tolerance: float) -> None:
+    """Whatever the tolerance: sag, known to a tenth, counts from 20 % on, and stress, which grows, never does."""
+    known = counts_to(tolerance)
+    found, here = taken(known=known), counted(made, NAMES, known_to(0.05), known)
+    assert found is not None and found.shipped and not here.shipped
+    assert found.counted == here.counted and found.nothing == here.nothing == ("slip",)
+    assert ("sag" in found.counted) is (tolerance >= 0.2) and "peak_von_mises" not in found.counted
+    assert (found.time == here.time).all() and found.levels == here.levels
+    for name, true in here.truth.items():
+        again = found.truth[name]
+        assert (again.left_out, again.has_limit) == (true.left_out, true.has_limit)
+        assert again.uncertainty == pytest.approx(true.uncertainty, rel=2e-5)
+        off = np.abs(again.values - true.values).max()
+        assert off <= 0.5 * shipped.DIGITS * true.uncertainty * true.scale + 1e-6 * true.scale
+    assert origin(found).startswith("ships with the scene, made from 6 runs, known to ")
+
+
+def test_what_nobody_knows_is_written_and_read(made: Reference) -> None:
+    """A single level says nothing about its limit: infinite, and no order."""
+    ladder = Known(cost=0.01)
+    ladder.run(2, 0.01, 1.0)
+    only = assemble(ladder, CELLS[:1], STEPS[:1], False)
+    shipped.write(shipped.shipping(only, ladder, "code", "a machine"), shipped.path_of("tofu_grasp"))
+    found = taken()
+    assert found is not None and found.truth["sag"].uncertainty == math.inf
+    part = found.parts["sag"]
+    assert part.uncertainty_cells == part.uncertainty_steps == math.inf and math.isnan(part.order_cells)
+
+
+def test_of_another_scene_or_of_other_quantities_nothing_ships(made: Reference) -> None:
+    assert taken() is not None and taken(names=("grip_force", "slip")) is not None
+    assert taken("regions.near.within=0.01", "body.cell=0.01") is not None, "only simulated otherwise"
+    assert taken("body.material.young=21.0e3") is None and taken("step=0.02") is None
+    assert taken(names=("grip_force",)) is not None
+    path = shipped.path_of("tofu_grasp")
+    found = shipped.read(path)
+    assert found is not None
+    shipped.write(found.model_copy(update={"nothing": []}), path)
+    assert taken(names=("grip_force", "slip")) is None, "nobody looked at slip"
+    path.unlink()
+    assert taken() is None and shipped.digest_of("tofu_grasp") == ""
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda text: text[:-40], "corrupt"),
+        (lambda text: "[]", "corrupt"),
+        (lambda text: text.replace('"step":0.01', '"step":0.02', 1), "do not match its digest"),
+    ],
+)
+def test_a_spoilt_file_is_refused_by_name(made: Reference, spoil: Callable[[str], str], why: str) -> None:
+    path = shipped.path_of("tofu_grasp")
+    path.write_text(spoil(path.read_text()))
+    with pytest.raises(BadInput, match=rf"tofu_grasp.json is corrupt \(.*{'' if why == 'corrupt' else why}"):
+        taken()
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"softseam_reference": 2}, "softseam_reference: Input should be 1"),
+        ({"more": 1}, "more: Extra inputs"),
+        ({"time": [0.0]}, "unequal length"),
+        ({"levels": []}, "no levels"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_by_name(made: Reference, change: dict[str, object], why: str) -> None:
+    path = shipped.path_of("tofu_grasp")
+    document = json.loads(path.read_text()) | change
+    del document["digest"]
+    path.write_text(json.dumps(document | {"digest": shipped._digest(document)}))
+    with pytest.raises(BadInput, match=f"tofu_grasp.json is corrupt .*{why}.*delete it"):
+        taken()
+
+
+def test_a_plan_with_what_ships_runs_no_reference(made: Reference) -> None:
+    """Nothing of the ladder is asked for, though what does not count is nearly known well enough."""
+    ladder = Known()
+    wanted = fem_one(ladder._frame, (2, 2, 2), 0.02)
+    good = Series(TIME, np.zeros(len(TIME)), {name: true.values for name, true in made.truth.items()})
+    levels = finer(ladder, ladder._frame, 0.1, 60.0, lambda text, seconds: pytest.fail(text))
+    run = Outcome("done", series=good, walls=(1.0,), simulated=1.0)
+    plan = choose(Goal(0.1), next(levels), [wanted], lambda one: run, lambda: next(levels, None), ladder.tried)
+    assert not ladder.asked and plan.choice.label == wanted.label and plan.truth.startswith("ships with the scene")
+
+
+def test_where_nothing_is_accurate_levels_are_run_for_plans_and_judged_by_what_ships(made: Reference) -> None:
+    ladder = Known(names=("grip_force",), cost=0.001)
+    bad = Series(TIME, np.zeros(len(TIME)), {"grip_force": 2.0 * made.truth["grip_force"].values})
+    wanted = fem_one(ladder._frame, (1, 1, 1), 0.02)
+    run = Outcome("done", series=bad, walls=(1.0,), simulated=1.0)
+    levels = finer(ladder, ladder._frame, 0.05, 0.3, lambda text, seconds: lambda done: None)
+    plan = choose(Goal(0.05), next(levels), [wanted], lambda one: run, lambda: next(levels, None), ladder.tried)
+    assert ladder.asked and plan.truth.startswith("ships with the scene") and plan.choice.label == "FEM 2x2x2, 10 ms"
+    assert plan.choice.error == pytest.approx(math.hypot(0.1 / 4 + 0.01, plan.uncertainty), rel=1e-3)
+    # and where these are too dear to begin with, what is told is what is wrong with the sweep
+    dear = Known(names=("grip_force",), cost=1e3)
+    dear.run = lambda *_: Outcome("stopped")  # type: ignore[method-assign]
+    levels = finer(dear, dear._frame, 0.05, 0.3, lambda text, seconds: lambda done: None)
+    with pytest.raises(NoPlan, match="nothing that was tried is accurate to 5 %"):
+        choose(Goal(0.05), next(levels), [wanted], lambda one: run, lambda: next(levels, None), dear.tried)
+
+
+def test_what_was_made_here_is_better_where_it_is_as_fine_and_claims_more(made: Reference) -> None:
+    ships = taken()
+    assert ships is not None
+    ladder = Known(cost=0.01)
+    for rung in (*CELLS, (8, 0.01), *STEPS):
+        ladder.run(*rung, 1.0)
+    better, coarse = assemble(ladder, [*CELLS, (8, 0.01)], STEPS, True), assemble(ladder, CELLS[:3], STEPS, True)
+    assert shipped.better_of(ships, better) is better
+    assert shipped.better_of(ships, coarse) is ships
+    lucky = counted(coarse, ("grip_force",))
+    assert shipped.better_of(ships, lucky) is ships, "fewer and coarser levels claim more by luck"
+
+
+def test_a_chart_with_what_ships_runs_no_reference(
+    made: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(command, "climb", lambda *_: pytest.fail("a reference was made"))
+    monkeypatch.setattr(command, "_write", lambda *_: None)
+    budgets = list[float]()
+
+    def swept(scene: object, settings: object, frame: object, names: object, wanted: object, *rest: object) -> object:
+        budgets.append(rest[1])  # type: ignore[arg-type]
+        return {one.key: Outcome("left out", "not now") for one in wanted}  # type: ignore[attr-defined]
+
+    monkeypatch.setattr(command, "sweep", swept)
+    monkeypatch.setattr(command, "quantity_names", lambda scene: NAMES)
+    console = Console(record=True, width=200)
+    _, reference = command.chart(command.Wishes("tofu_grasp", out=tmp_path / "out", minutes=1.0), console)
+    assert reference.shipped and budgets[0] > 50.0, "nearly all of the minute is the sweep's"
+    assert "the reference ships with the scene, made from 6 runs, known to" in console.export_text()
+
+
+def test_a_plan_for_one_quantity_keeps_runs_of_all(
+    made: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plan for others, later, would take a run that lacks them for infinitely wrong."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    asked = list[tuple[str, ...]]()
+
+    def measured(scene: object, settings: object, names: tuple[str, ...], **how: object) -> Outcome:
+        asked.append(names)
+        return Outcome("failed", "not now")
+
+    monkeypatch.setattr(planning, "measure", measured)
+    wishes = planning.Wishes("tofu_grasp", tolerance=0.1, quantities=("grip_force",), minutes=1e-3)
+    with pytest.raises(NoPlan):
+        planning.find(wishes, Console(quiet=True))
+    assert {*asked} == {load_scene("tofu_grasp").quantities}
+
+
+def ladder_of(name: str) -> Ladder:
+    scene = with_settings(load_scene(name), AS_GIVEN)
+    return Ladder(name, AS_GIVEN, frame_of(scene, name, AS_GIVEN), quantity_names(scene))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
+    found, ladder = shipped.read(path), ladder_of(path.stem)
+    assert found is not None and found.knows(ladder.names)
+    assert found.scene == ladder.key, f"{path.stem} has changed since its reference was made: make references"
+    assert path.stat().st_size < 100e3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_what_ships_is_still_true(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A moderate level does what it did when the reference was made."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    found, ladder = shipped.read(path), ladder_of(path.stem)
+    assert found is not None
+    ladder.open(solver_digest(), fresh=False)
+    off = shipped.moved(found, ladder)
+    assert not off, f"{path.stem} no longer does what it did (moved by {off}): make references"
