@@ -23,8 +23,9 @@ from typing import Any
 from rich.console import Console
 
 from softseam.chart.climb import climb
-from softseam.chart.configurations import Configuration, configurations, frame_of
+from softseam.chart.configurations import Configuration, configurations
 from softseam.chart.errors import Error, not_counted, sure
+from softseam.chart.frame import frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told, quantity_names
 from softseam.chart.progress import ChartProgress

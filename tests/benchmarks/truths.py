@@ -22,8 +22,8 @@ from rich.table import Table
 
 from softseam.chart.assemble import counted
 from softseam.chart.climb import climb
-from softseam.chart.configurations import frame_of
 from softseam.chart.errors import KNOWN
+from softseam.chart.frame import frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import quantity_names
 from softseam.chart.progress import ChartProgress

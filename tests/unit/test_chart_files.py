@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softseam.chart.configurations import Configuration, Frame, configurations, fem_one
+from softseam.chart.configurations import Configuration, configurations, fem_one
 from softseam.chart.errors import Truth
+from softseam.chart.frame import Frame
 from softseam.chart.landmarks import ASKED, read_rivals
 from softseam.chart.measure import Outcome, measure
 from softseam.chart.reference import Part, Reference

@@ -9,7 +9,7 @@ import pytest
 
 from softseam.chart.assemble import NEAR
 from softseam.chart.climb import ACROSS, climb, steps_at
-from softseam.chart.configurations import Frame
+from softseam.chart.frame import Frame
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
 from softseam.chart.series import Series

@@ -11,7 +11,8 @@ import pytest
 from rich.console import Console
 
 from softseam.chart.climb import levels_of
-from softseam.chart.configurations import Frame, configurations, fem_one
+from softseam.chart.configurations import configurations, fem_one
+from softseam.chart.frame import Frame
 from softseam.checking import check_scene
 from softseam.errors import SceneRefused
 from softseam.scenes import load_scene

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from softseam.chart.climb import ACROSS, levels_of, refines
-from softseam.chart.configurations import Frame, configurations, fem_one
+from softseam.chart.configurations import configurations, fem_one
+from softseam.chart.frame import Frame
 from softseam.checking import check_scene
 from softseam.scenes import load_scene
 from softseam.variants import with_settings

@@ -13,7 +13,8 @@ from rich.console import Console
 
 from softseam.chart import command, shipped
 from softseam.chart.assemble import assemble, counted
-from softseam.chart.configurations import Frame, fem_one, frame_of
+from softseam.chart.configurations import fem_one
+from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told, quantity_names
 from softseam.chart.reference import Reference, origin

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
 import softseam
-from softseam.chart.configurations import Frame, configurations
+from softseam.chart.configurations import configurations
+from softseam.chart.frame import Frame
 from softseam.chart.ladder import Ladder
 from softseam_protocol.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.messages import Advanced, BodyState

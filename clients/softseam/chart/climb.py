@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from softseam.chart.assemble import assemble
-from softseam.chart.configurations import Frame
 from softseam.chart.errors import KNOWN, is_faint, is_nothing, largest_stress
+from softseam.chart.frame import Frame
 from softseam.chart.ladder import COARSEST, Ladder
 from softseam.chart.measure import Told
 from softseam.chart.reference import TARGET, Reference

@@ -10,8 +10,9 @@ from time import perf_counter
 from rich.console import Console
 
 from softseam.chart.climb import climb
-from softseam.chart.configurations import METHODS, configurations, frame_of
+from softseam.chart.configurations import METHODS, configurations
 from softseam.chart.errors import not_counted
+from softseam.chart.frame import frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
 from softseam.chart.measure import quantity_names

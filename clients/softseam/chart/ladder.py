@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.configurations import Configuration, Frame, fem_one, fem_seconds, fem_settings, is_viscous
+from softseam.chart.configurations import Configuration, fem_one, fem_seconds, fem_settings
 from softseam.chart.errors import rms
+from softseam.chart.frame import Frame, is_viscous
 from softseam.chart.measure import Outcome, Told, measure, quantity_names
 from softseam.chart.reference import Level
 from softseam.chart.richardson import Limit, limit

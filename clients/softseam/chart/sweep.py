@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from softseam.chart.configurations import Configuration, Frame
+from softseam.chart.configurations import Configuration
+from softseam.chart.frame import Frame
 from softseam.chart.measure import RUNS, Outcome, Told, measure
 from softseam.chart.store import Store
 

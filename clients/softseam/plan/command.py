@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from softseam.chart.climb import Watch, climb
-from softseam.chart.configurations import Configuration, Frame, configurations, frame_of
+from softseam.chart.configurations import Configuration, configurations
 from softseam.chart.errors import uncounted
+from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, measure, quantity_names
 from softseam.chart.progress import ChartProgress

@@ -1,0 +1,247 @@
+"""What configurations of a scene are made from: the scene, the extent of its body, and cells that fit both."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam.duration import expected_duration
+from softseam.errors import SceneRefused
+from softseam.session import open_as_given
+from softseam_protocol.inner_ball import Ball, inner_ball
+from softseam_protocol.material_borders import (
+    Piece,
+    Planes,
+    are_equal,
+    cells_along,
+    material_borders,
+    pieces,
+    wanted_for,
+)
+from softseam_protocol.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene_motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene_tools import BoxTool, CylinderTool
+from softseam_protocol.spec import Vector
+from softseam_protocol.tool_borders import tool_borders
+
+Floats = NDArray[np.float64]
+Counts = tuple[int, int, int]
+"""cells along x, y and z"""
+
+LONGER = 2.0
+"""cells are this many times as long as they are wide along an axis that little changes along [1]"""
+UNKNOWN_LENGTH = 3.0
+"""for estimates, where the length of the motion is not known before [s]"""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What configurations of a scene are made from."""
+
+    scene: Scene
+    extent: Floats
+    """of the body (3,) [m]"""
+    follows: bool = True
+    """whether cells may follow a ball in the block, which a seam does not let them"""
+
+    @property
+    def length(self) -> float:
+        """Expected length of the motion [s]."""
+        return expected_duration(self.scene) or UNKNOWN_LENGTH
+
+    def across(self, count: int) -> Counts:
+        """Nearly cubic cells, `count` of them along the body's shortest edge, that end where its materials meet; longer
+        ones along `even`."""
+        edges = np.full(3, self.extent.min() / count)
+        if self.even is not None:
+            edges[self.even] *= LONGER
+        return self._to_borders(self._counts(edges))
+
+    def _to_borders(self, counts: Counts) -> Counts:
+        """About as many cells that end where materials meet."""
+        lines = zip(self.extent.tolist(), counts, self.borders, strict=True)
+        x, y, z = (cells_along(edge, edge / count, planes) for edge, count, planes in lines)
+        return x, y, z
+
+    @property
+    def borders(self) -> tuple[Planes, Planes, Planes]:
+        """Planes that cells end in, where materials meet or around a ball, along x, y and z [m]; none in what is no
+        block."""
+        body = self.scene.body
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+            return (), (), ()
+        if self.ball is not None:
+            return self.ball.planes
+        return material_borders(body.shape.size, body.position, body.inclusions)
+
+    @property
+    def ball(self) -> Ball | None:
+        """The ball that cells of a block follow."""
+        body = self.scene.body
+        if not (self.follows and isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+            return None
+        return inner_ball(body.shape.size, body.position, body.inclusions)
+
+    def refines(self, counts: Counts, first: Counts) -> bool:
+        """Whether every cell of `first` is divided alike, in each piece between borders of materials."""
+        if self.ball is not None:
+            return counts == first
+        if not any(self.borders):
+            return True
+        fine, coarse = ([piece for line in self._pieces(each) for piece in line] for each in (counts, first))
+        if [ends for *ends, _ in fine] != [ends for *ends, _ in coarse]:
+            return False
+        along = {n / before for (*_, n), (*_, before) in zip(fine, coarse, strict=True)}
+        return len(along) == 1 and along.pop().is_integer()
+
+    def _pieces(self, counts: Counts) -> list[tuple[Piece, ...]]:
+        """Along x, then y, then z: where each piece between borders begins and ends [m], and how many cells it has."""
+        wanted = self._wanted_to_borders(counts) or (self.extent / np.array(counts)).tolist()
+        lines = zip(self.extent.tolist(), wanted, self.borders, strict=True)
+        return [pieces(*line) for line in lines]
+
+    def n_cells(self, counts: Counts) -> int:
+        """Of these counts along the block's edges, with those around a ball."""
+        return self.ball.n_cells(self._pieces(counts)) if self.ball is not None else int(np.prod(counts))
+
+    def across_ball(self, counts: Counts) -> int:
+        """Cells along the longest edge of the box around a ball; 0 where there is none."""
+        if self.ball is None:
+            return 0
+        ends = [self.ball.span(line, axis) for axis, line in enumerate(self._pieces(counts))]
+        return max(last - first for first, last in ends)
+
+    @property
+    def even(self) -> int | None:
+        """The axis of a block of one material that every tool is a cylinder along, from beyond one face to beyond the
+        other, and that nothing clamps, pulls, moves or turns along: what happens changes little along it."""
+        body, tools = self.scene.body, list(self.scene.tools.values())
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and tools):
+            return None
+        if body.inclusions or body.fixed or any(body.spin):
+            return None
+        middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * body.shape.size[2]])
+        for axis, edge in enumerate(body.shape.size):
+            across = all(isinstance(tool, CylinderTool) and _reaches(tool, axis, middle[axis], edge) for tool in tools)
+            if across and not (self.scene.gravity[axis] or body.velocity[axis] or _moves_along(self.scene, axis)):
+                return axis
+        return None
+
+    @property
+    def own(self) -> Counts | None:
+        """The scene's own cells; None where it leaves them to the solver."""
+        body = self.scene.body
+        if not isinstance(body, BodySpec) or body.cell is None:
+            return None
+        counts = self._counts(np.array(body.cell))
+        to_borders = isinstance(body.shape, BlockShape) and body.shape.borders == "materials"
+        return self._to_borders(counts) if to_borders else counts
+
+    @property
+    def own_to_borders(self) -> Counts | None:
+        """The scene's own cells where as many can end where its materials meet, else about as many that do."""
+        own = self.own
+        if own is None or not (any(self.borders) or self.ball) or self._wanted_to_borders(own) is not None:
+            return own
+        return self._to_borders(own)
+
+    def _counts(self, edge: Floats | float) -> Counts:
+        along = np.maximum(1, np.floor(self.extent / edge + 0.5))
+        return int(along[0]), int(along[1]), int(along[2])
+
+    @property
+    def edged(self) -> tuple[str, ...]:
+        """Boxes whose edges will lie inside a face of the block, so that cells can end there."""
+        body = self.scene.body
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+            return ()
+        boxes = [name for name, tool in self.scene.tools.items() if isinstance(tool, BoxTool)]
+        return tuple(name for name in boxes if _ends_inside(self.scene, body.shape.size, body.position, name))
+
+    def cells(self, counts: Counts, grading: float = 1.0, towards: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """The settings that ask for these cells."""
+        own = self.scene.body.shape if isinstance(self.scene.body, BodySpec) else None
+        edges, asked = (self.extent / np.array(counts)).tolist(), False
+        wanted = self._wanted_to_borders(counts)
+        if wanted is not None:
+            uneven = self.ball is not None or not all(map(are_equal, self.extent.tolist(), wanted, self.borders))
+            edges, asked = (wanted, True) if uneven or grading != 1.0 or towards else (edges, False)
+        found = [f"body.cell={json.dumps(edges)}"]
+        if isinstance(own, BlockShape) and asked != (own.borders == "materials"):
+            found.append(f"body.shape.borders={'materials' if asked else 'even'}")
+        if isinstance(own, BlockShape) and grading != own.grading:
+            found.append(f"body.shape.grading={grading:g}")
+        if isinstance(own, BlockShape) and towards != own.towards:
+            found.append(f"body.shape.towards={json.dumps(towards)}")
+        return tuple(found)
+
+    def _wanted_to_borders(self, counts: Counts) -> list[float] | None:
+        """Wanted edges that lead to these cells where they end where materials meet [m]; None where nothing does."""
+        found = [wanted_for(*each) for each in zip(self.extent.tolist(), counts, self.borders, strict=True)]
+        known = [edge for edge in found if edge is not None]
+        return known if len(known) == 3 and (any(self.borders) or self.ball is not None) else None
+
+    def size(self, counts: Counts) -> float:
+        """Edge of a cube of a cell's mean volume [m]; along `even`, of a square of its cross-section."""
+        if self.ball is not None:
+            return float((np.prod(self.extent) / self.n_cells(counts)) ** (1.0 / 3.0))
+        edges = self.extent / np.array(counts)
+        if self.even is not None:
+            edges = np.delete(edges, self.even)
+        return float(np.prod(edges) ** (1.0 / len(edges)))
+
+
+def _reaches(tool: CylinderTool, axis: int, middle: float, edge: float) -> bool:
+    """Whether a cylinder along this axis covers all of a block's edge."""
+    along = abs(tool.axis[axis]) >= (1.0 - 1e-9) * float(np.linalg.norm(tool.axis))
+    return along and abs(tool.position[axis] - middle) + 0.5 * edge <= 0.5 * tool.length
+
+
+def _moves_along(scene: Scene, axis: int) -> bool:
+    """Whether a phase turns tools, or has some move along this axis."""
+    for phase in scene.motion:
+        if isinstance(phase, TurnPhase) or (isinstance(phase, MovePhase) and phase.move[axis]):
+            return True
+        if isinstance(phase, ClosePhase):
+            ends = [tool.position[axis] for name in phase.tools if isinstance(tool := scene.tools[name], CylinderTool)]
+            if len(set(ends)) > 1:
+                return True
+    return False
+
+
+def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> bool:
+    """Whether an edge of this box comes to lie inside a face of the block."""
+    try:
+        return any(line.planes for line in tool_borders(size, position, scene.tools, (tool,)))
+    except ValueError:  # it stands askew, or looks at no face
+        return False
+
+
+def is_viscous(scene: Scene) -> bool:
+    """Whether the body's material has a retardation time, which not every integrator knows."""
+    return retardation_time(scene) > 0.0
+
+
+def retardation_time(scene: Scene) -> float:
+    """Of the body's material, 0 where it has none [s]."""
+    return scene.body.material.retardation_time if isinstance(scene.body, BodySpec) else 0.0
+
+
+def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:
+    """Measure the scene's body; a mesh is read for it. Raises SceneRefused, also for what FEM cannot simulate."""
+    if not isinstance(scene.body, BodySpec):
+        raise SceneRefused(
+            f"the scene {scene.name!r} has a {scene.body.kind}, which only particles simulate: "
+            "charts and plans compare with FEM, so they need a solid body"
+        )
+    shape = scene.body.shape
+    if isinstance(shape, BlockShape):
+        return Frame(scene, np.array(shape.size))
+    with open_as_given(name, settings=settings) as session:
+        surface = session.reset().surface
+    return Frame(scene, surface.max(axis=0) - surface.min(axis=0))
