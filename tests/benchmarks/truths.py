@@ -5,9 +5,9 @@ what was interrupted goes on, and another call of as many minutes goes on to fin
 this is run last, when physics does not change any more. The minutes are processor time, without compiling; all scenes
 together take 12 times as much, on a machine without other work: 4 hours.
 
-A file that is there is first checked with one of its levels, run anew. Where this does what it did, a scene that is
+A file that is there is first checked with two of its levels, run anew. Where these do what they did, a scene that is
 only written otherwise (a new key, say) has its file stamped anew, and no ladder is climbed; else a file is replaced by
-what is known better only. Delete it to have another made in any case.
+what comes from levels as fine or finer only, whatever is claimed of these. Delete it to have another in any case.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from softseam.chart.ladder import Ladder
 from softseam.chart.measure import quantity_names
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Reference, in_words, origin
-from softseam.chart.shipped import DIGITS, Shipped, better_of, moved, path_of, read, shipping, write
+from softseam.chart.shipped import DIGITS, Shipped, is_as_fine, moved, path_of, read, shipping, write
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.scenes import load_scene
@@ -57,8 +57,8 @@ def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
         return path, counted(there.reference, ladder.names)
     with ChartProgress(console) as progress:
         reference = climb(ladder, frame, 60.0 * minutes, progress.reference, TARGET, KNOWN)
-    if there is not None and better_of(ships := counted(there.reference, ladder.names), reference) is ships:
-        console.print("what is there is known as well or better, and stays")
+    if there is not None and not is_as_fine(reference, ships := counted(there.reference, ladder.names)):
+        console.print("what is there comes from finer levels, and stays")
         return path, ships
     write(shipping(reference, ladder, code[:16], machine()), path)
     return path, reference
@@ -68,10 +68,14 @@ def holds(there: Shipped, ladder: Ladder, console: Console) -> bool:
     """Whether a file is of what today's code does in today's scene; of one that was changed, to its last digit."""
     if not there.knows(ladder.names):
         return False
-    off = moved(there, ladder) if there.scene == ladder.key else moved(there, ladder, DIGITS, 1e-5)
+    try:
+        off = moved(there, ladder) if there.scene == ladder.key else moved(there, ladder, DIGITS, 1e-5)
+    except SoftseamError as error:
+        console.print(f"what is there no longer holds: {error}", markup=False)
+        return False
     if off:
         told = ", ".join(f"{label(name)} by {in_words(change)}" for name, change in off.items())
-        console.print(f"what is there no longer holds: a level of {there.check.across} cells across moved, {told}")
+        console.print(f"what is there no longer holds: a level moved, {told}")
     return not off
 
 

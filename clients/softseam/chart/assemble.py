@@ -75,7 +75,7 @@ def counted(found: Reference, names: Iterable[str], target: float = TARGET, know
         if is_faint(name, true.scale, stress):
             has_limit, why = False, f"below {100 * FAINT:g} % of the largest stress"
         elif not has_limit:
-            why = "no limit: finer cells change it by as much as coarser ones did"
+            why = "no limit: it grows with every refinement"
         elif part.uncertainty > known:
             why = f"known to {in_words(part.uncertainty)} only" if part.uncertainty < 1.0 else _DISAGREE
         truth[name] = replace(true, left_out=why, has_limit=has_limit)

@@ -44,7 +44,7 @@ class Part:
     extrapolated: float
     """norm of what the limit differs from the finest cells by, relative to the scale [1]"""
     converges: bool = True
-    """whether the differences between ever finer cells fall"""
+    """whether ever finer cells lead anywhere"""
 
     @property
     def uncertainty(self) -> float:
@@ -116,4 +116,6 @@ def in_words(uncertainty: float) -> str:
 
 
 def _number(value: float) -> float | None:
+    if isinstance(value, bool):
+        return value
     return float(f"{value:.5g}") if np.isfinite(value) else None

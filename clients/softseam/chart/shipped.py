@@ -33,8 +33,11 @@ DIGITS = 0.01
 SAME = 0.1
 """a level that moved by less than this share of what a quantity is known to, or by `MOVED`, is still the same [1]"""
 MOVED = 1e-3
+LOOSER = 5.0
+"""times as much at a shorter step than the scene's: where contact chatters, processors that round otherwise differ [1]"""
 CHECKED = 5.0
-"""the level that later code is checked with is the finest one that took no longer [s]"""
+"""the levels that later code is checked with took no longer [s]: that of most cells at the longest step, and that of the
+shortest step, where alone a material's viscosity shows and contact rings"""
 
 
 class _Strict(BaseModel):
@@ -81,7 +84,7 @@ class Shipped(_Strict):
     machine: str
     integrator: str
     levels: list[_Level]
-    check: Check
+    checks: list[Check]
     nothing: list[str]
     time: list[float]
     quantities: dict[str, _Quantity]
@@ -122,27 +125,54 @@ def shipped(ladder: Ladder, target: float = TARGET, known: float = KNOWN) -> Ref
 
 
 def moved(found: Shipped, ladder: Ladder, share: float = SAME, least: float = MOVED) -> dict[str, float]:
-    """What of a file today's code no longer leads to: quantities of the checked level that are not what they were, and
-    by how much, relative to the scale [1]. Runs that level, which takes some seconds.
+    """What of a file today's code no longer leads to: quantities of a checked level that are not what they were, and
+    by how much, relative to the scale [1]; infinite where it ends earlier. Runs those levels, which takes some seconds.
 
     share, least  of what a quantity is known to, and of its scale, that counts as no change [1]
+
+    Raises SoftseamError where a level cannot be computed any more.
     """
-    check, reference = found.check, found.reference
-    ladder.run(check.across, check.step, math.inf)
-    was = {n: replace(t, values=np.array(check.values[n]), uncertainty=0.0) for n, t in reference.truth.items()}
-    now = errors(ladder.series((check.across, check.step)), reference.time, was)
+    reference = found.reference
     bound = {name: max(least, share * min(1.0, true.uncertainty)) for name, true in reference.truth.items()}
-    return {name: error.value for name, error in now.items() if not error.value <= bound[name]}
+    off: dict[str, float] = {}
+    longest = max(check.step for check in found.checks)
+    for check in found.checks:
+        factor = 1.0 if check.step == longest else LOOSER
+        ladder.run(check.across, check.step, math.inf)
+        series = ladder.series((check.across, check.step))
+        was = {n: replace(t, values=np.array(check.values[n]), uncertainty=0.0) for n, t in reference.truth.items()}
+        ended = series.time[-1] < reference.time[-1] - 1e-9
+        for name, error in errors(series, reference.time, was).items():
+            change = math.inf if ended else error.value
+            if not change <= factor * bound[name]:
+                off[name] = max(change, off.get(name, 0.0))
+    return off
 
 
 def better_of(ships: Reference, made: Reference) -> Reference:
-    """Of two references of a scene the one that is known better: the one that was made here only where it is as fine.
+    """Of two references of a scene the one that is known better: the one that was made here only where it is as fine,
+    in cells and in steps, and what counts in both is known better.
 
-    Coarse levels that happen to lie close together claim more than finer ones that do not.
+    Few levels that happen to lie close together claim more than many that do not.
     """
-    finest = (max(level.n_cells for level in one.levels) for one in (ships, made))
-    vague = (sum(min(1.0, true.uncertainty) for true in one.truth.values()) for one in (ships, made))
-    return made if next(finest) <= next(finest) and next(vague) > next(vague) else ships
+    both = {*ships.counted} & {*made.counted}
+    known = _worst(made, both) < _worst(ships, both)
+    return made if both and known and is_as_fine(made, ships) else ships
+
+
+def _worst(reference: Reference, names: Iterable[str]) -> float:
+    """What the least known of these quantities is known to [1]; infinite for none."""
+    return max((reference.truth[name].uncertainty for name in names), default=math.inf)
+
+
+def is_as_fine(one: Reference, other: Reference) -> bool:
+    """Whether the finest cells and the shortest step of one are no coarser than the other's."""
+
+    def finest(reference: Reference) -> tuple[int, float]:
+        return max(level.n_cells for level in reference.levels), min(level.step for level in reference.levels)
+
+    (n_cells, step), (n_others, others) = finest(one), finest(other)
+    return n_cells >= n_others and step <= others * (1.0 + 1e-9)
 
 
 def path_of(scene: str) -> Path:
@@ -168,7 +198,9 @@ def read(path: Path) -> Shipped | None:
         found = Shipped.model_validate(document)
         if not found.levels or not found.quantities:
             raise ValueError("it has no levels, or no quantities")
-        columns = [found.check.values[name] for name in found.quantities]
+        if not found.checks:
+            raise ValueError("it has nothing to be checked with")
+        columns = [check.values[name] for check in found.checks for name in found.quantities]
         columns += [one.values for one in found.quantities.values()]
         if any(len(column) != len(found.time) for column in columns):
             raise ValueError("columns of unequal length")
@@ -182,11 +214,16 @@ def read(path: Path) -> Shipped | None:
 
 def shipping(reference: Reference, ladder: Ladder, code: str, machine: str) -> Shipped:
     """The file of a reference that was just made from the levels of a ladder."""
-    step = max(level.step for level in reference.levels)
-    quick = [level for level in reference.levels if level.step == step and level.seconds <= CHECKED]
-    check = max(quick or reference.levels[:1], key=lambda level: level.n_cells)
-    series = ladder.series((check.across, step))
-    did = {n: replace(t, values=series.at(n, reference.time)) for n, t in reference.truth.items()}
+    quick = [level for level in reference.levels if level.seconds <= CHECKED] or [*reference.levels[:1]]
+    chosen = {
+        max((level for level in quick if level.step == step), key=lambda level: level.n_cells)
+        for step in {max(level.step for level in quick), min(level.step for level in quick)}
+    }
+    checks = []
+    for level in sorted(chosen, key=lambda level: -level.step):
+        series = ladder.series((level.across, level.step))
+        did = {n: _rounded(replace(t, values=series.at(n, reference.time))) for n, t in reference.truth.items()}
+        checks.append({"across": level.across, "step": level.step, "values": did})
     document = {
         "softseam_reference": 1,
         "scene": ladder.key,
@@ -194,7 +231,7 @@ def shipping(reference: Reference, ladder: Ladder, code: str, machine: str) -> S
         "machine": machine,
         "integrator": reference.integrator,
         "levels": [asdict(replace(level, seconds=_digits(level.seconds, 3))) for level in reference.levels],
-        "check": {"across": check.across, "step": step, "values": {n: _rounded(t) for n, t in did.items()}},
+        "checks": checks,
         "nothing": list(reference.nothing),
         "time": [_digits(value, 9) for value in reference.time],
         "quantities": {
@@ -241,7 +278,7 @@ def _text(document: Mapping[str, Any]) -> str:
         if key == "quantities":
             text = lines((f"{json.dumps(name)}: {_plain(one)}" for name, one in value.items()), "{", "}")
         else:
-            text = lines(map(_plain, value), "[", "]") if key == "levels" else _plain(value)
+            text = lines(map(_plain, value), "[", "]") if key in ("levels", "checks") else _plain(value)
         parts.append(f" {json.dumps(key)}: {text}")
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
