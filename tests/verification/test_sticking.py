@@ -7,6 +7,7 @@ import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 
+from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.fem.face_forces import point_positions
 
@@ -73,10 +74,17 @@ def test_a_block_on_a_slope_does_not_creep() -> None:
     assert np.abs(run.x - before).max() < 1e-9
 
 
+@pytest.mark.parametrize("edged", [False, True], ids=["whole", "edged"])
 @pytest.mark.parametrize("friction", [0.6, 5.0])
-def test_tools_that_hold_the_same_points_do_not_work_against_each_other(friction: float) -> None:
-    """The cube's lower edges touch the ground and a plate; nothing moves, so no force may grow."""
-    run = FemRun(tofu(friction=friction))
+def test_tools_that_hold_the_same_nodes_do_not_work_against_each_other(friction: float, edged: bool) -> None:
+    """The cube's lower edges touch the ground and a plate, or, where a plate ends on a face, points inside that hang on
+    the edge's nodes do; nothing moves, so no force may grow."""
+    scene = tofu(friction=friction).model_dump()
+    if edged:
+        for name, x in (("left", -0.0305), ("right", 0.0305)):
+            scene["tools"][name] |= {"size": (0.01, 0.08, 0.04), "position": (x, 0.0, 0.02)}
+    run = FemRun(Scene.model_validate(scene))
+    assert bool(run.solver._model.edged.any()) == edged
     run.run(0.1, CLOSE)
     before = run.run(0.3)[-1].wrench
     after = run.run(1.0)[-1].wrench

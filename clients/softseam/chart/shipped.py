@@ -34,10 +34,10 @@ SAME = 0.1
 """a level that moved by less than this share of what a quantity is known to, or by `MOVED`, is still the same [1]"""
 MOVED = 1e-3
 LOOSER = 5.0
-"""times as much at a shorter step than the scene's: where contact chatters, processors that round otherwise differ [1]"""
+"""times as much at a shorter step than the scene's: where contact chatters, results hang on rounding [1]"""
 CHECKED = 5.0
-"""the levels that later code is checked with took no longer [s]: that of most cells at the longest step, and that of the
-shortest step, where alone a material's viscosity shows and contact rings"""
+"""the levels that later code is checked with took no longer [s]: that of most cells at the longest step, and that of
+the shortest step, where alone a material's viscosity shows and contact rings"""
 
 
 class _Strict(BaseModel):

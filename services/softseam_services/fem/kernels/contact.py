@@ -13,8 +13,9 @@ The anchor goes with the tool's material. Where a point slips it is where the po
 hold; where it sticks the offset is, with the part c of the multiplier that is carried over (1 but at edges, below),
   d_next = c (d + D)                                                                                            (3)
 so that t = -r x/(1 - c) of the whole way x since it stuck: at c = 1 it comes back, at c = 0 it is held by a spring.
-Of a point that two tools hold neither keeps an offset: both ask for a place, the places differ by what is left of
-either offset, and multipliers that followed both would grow against each other until one slips.
+Of points that hang on a node through which two tools hold the body none keeps an offset: both ask for a place, the
+places differ by what is left of either offset, and multipliers that followed both would grow against each other until
+one slips.
 
 A point meets the side of a box that it faces when the step begins: at the step's end another side may be nearer, and a
 plate that is raised would push down what it holds, one that comes fast would pinch what it should press.
@@ -54,6 +55,7 @@ _STUCK = 0.999
 _BESIDE = 0.25
 """depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and
 that did not touch before, came in beside that side"""
+_NOBODY, _SEVERAL = -1, -2
 # columns of work.contact
 GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
 N_COLUMNS = 13
@@ -87,6 +89,24 @@ def _turn_along(tools, tool, vector, out):
 
 
 @njit(cache=True, error_model="numpy")
+def _holders(model, multiplier, n_nodes):
+    """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `_SEVERAL`."""
+    holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
+    for point in range(len(model.point_stiffness)):
+        for tool in range(multiplier.shape[1]):
+            f = multiplier[point, tool]
+            if f[0] == 0.0 and f[1] == 0.0 and f[2] == 0.0:
+                continue
+            for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+                node = model.point_node[entry]
+                if holder[node] == _NOBODY:
+                    holder[node] = tool
+                elif holder[node] != tool:
+                    holder[node] = _SEVERAL
+    return holder
+
+
+@njit(cache=True, error_model="numpy")
 def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     """Pairs whose gap to the tool at the end of the step is below `reach`, that carry a force, or that the factor has.
 
@@ -98,18 +118,15 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     xp, away = np.empty(3), np.empty(3)
     count = 0
     patches = np.sqrt(len(model.point_face[model.point_face >= 0]) / max(1, len(model.face_nodes)))
+    holder = _holders(model, multiplier, len(x))
     for point in range(len(model.point_stiffness)):
         if model.point_stiffness[point] == 0.0:
             continue
         point_position(x, model, point, xp)
         face = model.point_face[point]
-        n_holding = 0
-        for tool in range(n_tools):
-            n_holding += (
-                multiplier[point, tool, 0] != 0.0
-                or multiplier[point, tool, 1] != 0.0
-                or multiplier[point, tool, 2] != 0.0
-            )
+        alone = True
+        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            alone = alone and holder[model.point_node[entry]] != _SEVERAL
         for tool in range(n_tools):
             # on faces with points of their own a tool with an edge touches at these, all others at nodes
             if face != ALONE and model.edged[tool] != (face >= 0):
@@ -149,7 +166,7 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                 _turn_along(tools, tool, away, work.begun[count])
                 for i in range(3):
                     work.begun[count, i] += tools.position_next[tool, i]
-                    away[i] = xp[i] - multiplier[point, tool, ANCHOR + i] if touched and n_holding == 1 else 0.0
+                    away[i] = xp[i] - multiplier[point, tool, ANCHOR + i] if touched and alone else 0.0
                 _turn_along(tools, tool, away, work.offset[count])
                 work.multiplier[count, 0] = f0
                 work.multiplier[count, 1] = f1

@@ -175,7 +175,8 @@ def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model
     derive: in place of the step its `seam_compliance` at the end x, into inverse (3s, 3s) [m/N]: a kernel of its own
     would be compiled from the same hundred and forty functions once more.
 
-    pace: share of a penetration at the start that the step takes out, 1 but for parts of a step; see kernels/contact.py
+    pace: share of a penetration and of an offset at the start that the step takes out, 1 but for parts of a step; see
+    kernels/contact.py
     x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
     CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
     """
