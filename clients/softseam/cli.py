@@ -136,8 +136,9 @@ def check(scene: SceneArgument, settings: Settings = None) -> None:
 
 @app.command(
     epilog="[bold]What it does[/bold]\n\n"
-    "The reference is FEM alone, refined in cells and step until Richardson's extrapolation knows every quantity of "
-    "the scene to 1 %; it is kept in ~/.cache/softseam. With many of softseam's own scenes one ships. Then FEM, XPBD "
+    "The reference is FEM alone, refined in cells and step until every quantity of the scene is known to 1 %, or half "
+    "of the minutes are over; it is kept in ~/.cache/softseam. With many of softseam's own scenes one ships, which is "
+    "taken as it is. Then FEM, XPBD "
     "and both together run on several cells, with several steps, elements, substeps and sweeps, and each is compared "
     "with the reference: error is the L2 norm over "
     "time of the difference, relative to the reference, of the worst quantity. Left behind: chart.png, chart.html "
@@ -173,7 +174,7 @@ def chart(
 @app.command(
     epilog="[bold]What it does[/bold]\n\n"
     "FEM alone is refined until every quantity of the scene is known to a quarter of the tolerance, but for many of "
-    "softseam's own scenes, with which a reference ships that is known better. Then the "
+    "softseam's own scenes, with which a reference ships; it is refined only where that is too vague. Then the "
     "configurations of [bold]softseam chart[/bold] are tried, cheapest first, until no other can be faster than the "
     "best one that is accurate enough. The plan is kept in ~/.cache/softseam, and "
     "[bold]softseam run --tolerance[/bold] follows it.\n\n"
