@@ -21,6 +21,7 @@ from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
+from softseam_protocol.scene_materials import SpherePart
 from softseam_protocol.spec import BoxRegion
 
 _SWIFT = 4.0
@@ -271,6 +272,14 @@ def _cut_by_borders(scene: Scene, spec: BodySpec, body: Body) -> list[str]:
         what = "say body.shape.borders: materials, and they follow it"
         alone = "" if scene.regions.near is None else ", which takes one model: leave out regions.near"
         return [f"a sphere inside the block is made up of octants of cells, as a staircase: {what}{alone}"]
+    ball = inner_ball(spec.shape.size, spec.position, spec.inclusions)
+    spheres = [part for part in spec.inclusions if isinstance(part.shape, SpherePart)]
+    if spec.shape.borders == "materials" and ball is None and spheres:
+        return [
+            "no cells follow the spheres in spite of body.shape.borders: materials; they are made up of octants, as a "
+            "staircase: cells follow one sphere alone, a tenth of its radius or more from the block's faces, with "
+            "nothing but boxes along the axes beside it"
+        ]
     lower = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * spec.shape.size
     ends = body.x_rest[body.cell_nodes[:, [0, 26]]].reshape(-1, 3) - lower
     inside = [

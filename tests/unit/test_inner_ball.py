@@ -167,3 +167,5 @@ def test_check_tells_of_a_staircase(tmp_path: Path) -> None:
     assert "staircase" in told("regions={default: pbd}") and "leave out regions.near" not in told(ALONE[0])
     assert "leave out regions.near" in told()
     assert "staircase" not in told(*ALONE) and "sphere: " in told(*ALONE)
+    near_the_ground = "body.inclusions.0.shape.position=[0, 0, 0.0131]"
+    assert "no cells follow the spheres" in told(*ALONE, near_the_ground), "asked for, and not there"
