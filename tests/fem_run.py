@@ -94,12 +94,19 @@ class FemRun:
         dt: float | None = None,
         exchange: int = 0,
         compliance: bool = False,
+        turned: Floats | None = None,
     ) -> Advance:
+        """turned: the tools' orientations when the step ends (t, 4)"""
         dt = self.scene.step if dt is None else dt
         velocity = np.zeros_like(self.position)
         for name, value in (velocities or {}).items():
             velocity[self.tools.names.index(name)] = value
-        motion = ToolMotion(self.position, self.orientation, self.position + dt * velocity, self.orientation)
+        motion = ToolMotion(
+            self.position,
+            self.orientation,
+            self.position + dt * velocity,
+            self.orientation if turned is None else turned,
+        )
         header = Header(1, "test", "near", 0, self.n_steps, exchange, 0.0)
         seam_force = np.zeros((len(self.region.seam), 3)) if force is None else force
         return Advance(header, dt, seam_force, motion, compliance)
@@ -109,7 +116,7 @@ class FemRun:
         request = self.request(velocities, **rest)
         reply = self.solver.advance(request)
         assert reply.status == "converged", reply.status
-        self.position = request.tools.position_next
+        self.position, self.orientation = request.tools.position_next, request.tools.orientation_next
         self.n_steps += 1
         return reply
 

@@ -91,6 +91,28 @@ def test_tools_that_hold_the_same_nodes_do_not_work_against_each_other(friction:
     np.testing.assert_allclose(after, before, atol=1e-3 * np.abs(before).max())
 
 
+def test_a_cube_that_pads_turn_is_held_as_it_was() -> None:
+    """Half a turn about the axis along which two pads close, without weight, from rest to rest: in the pads' frame
+    points of the body are where they were, and what holds them is the same."""
+    scene = tofu(friction=2.0, gravity=0.0).model_dump()
+    del scene["tools"]["ground"]
+    for name, x in (("left", -0.0305), ("right", 0.0305)):
+        scene["tools"][name] |= {"size": (0.01, 0.03, 0.03), "position": (x, 0.0, 0.025)}
+    run = FemRun(Scene.model_validate(scene))
+    assert run.solver._model.edged.all()
+    run.run(0.1, CLOSE)
+    run.run(0.3)
+    sideways = run.solver.state.contact[:, :, 1:3]
+    before, held = run.x.copy(), float(np.abs(sideways).sum())
+    for angle in 0.5 * np.pi * (1.0 - np.cos(np.linspace(0.0, np.pi, 201)[1:])):
+        turned = np.tile([np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0], (2, 1))
+        run.step(turned=turned)
+    run.run(0.5)
+    away = (run.x - [0.0, 0.0, 0.025]) * [1.0, -1.0, -1.0] + [0.0, 0.0, 0.025] - before
+    assert np.abs(away).max() < 1e-6
+    assert np.abs(run.solver.state.contact[:, :, 1:3]).sum() == pytest.approx(held, rel=1e-3)
+
+
 @pytest.mark.parametrize("step", [0.02, 0.005, 0.00125])
 @pytest.mark.parametrize("friction", [0.3, 5.0])
 def test_no_step_of_a_kicked_body_gains_energy(friction: float, step: float) -> None:

@@ -9,8 +9,9 @@ Tangent -df/dx, symmetric and positive definite, dp/dx in the friction bound dro
   stick  r I,    slip  r (B/|t|)(I - n n^T - q e e^T) + r n n^T,   B = mu p,  e = t/|t|                         (2)
 with q = 1/2 where the same contact slipped the same way in the iterate before, else 0.
 
-The anchor goes with the tool's material. Where a point slips it is where the point is, so that the force stays in a
-hold; where it sticks the offset is, with the part c of the multiplier that is carried over (1 but at edges, below),
+The anchor goes with the tool's material, and with a tool that turns lambda_t does. Where a point slips the anchor is
+where the point is, so that the force stays in a hold; where it sticks the offset is, with the part c of the multiplier
+that is carried over (1 but at edges, below),
   d_next = c (d + D)                                                                                            (3)
 so that t = -r x/(1 - c) of the whole way x since it stuck: at c = 1 it comes back, at c = 0 it is held by a spring.
 Of points that hang on a node through which two tools hold the body none keeps an offset: both ask for a place, the
@@ -86,6 +87,38 @@ def _turn_along(tools, tool, vector, out):
     """out (3,) <- a vector that turns with the tool, from the step's start to its end."""
     vx, vy, vz = rotate_back(tools.orientation[tool], vector[0], vector[1], vector[2])
     out[0], out[1], out[2] = rotate(tools.orientation_next[tool], vx, vy, vz)
+
+
+@njit(cache=True, error_model="numpy")
+def _turns(tools, tool):
+    """Whether a tool turns in this step."""
+    for i in range(4):
+        if tools.orientation[tool, i] != tools.orientation_next[tool, i]:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _turn_force(tools, tool, side, xp, force):
+    """force (3,): its part along the normal of the step's start goes on along that of its end, for a roller's normal
+    stays where the body is; the rest turns along with the tool, as the anchor does. Updated. side: of a box, or -1
+    """
+    kind, shape, position, turn = tools.kind[tool], tools.shape[tool], tools.position[tool], tools.orientation[tool]
+    ahead, turned = tools.position_next[tool], tools.orientation_next[tool]
+    if side < 0:
+        _, nx, ny, nz = tool_gap(kind, shape, position, turn, xp)
+        _, ex, ey, ez = tool_gap(kind, shape, ahead, turned, xp)
+    else:
+        _, nx, ny, nz = side_gap(side, shape, position, turn, xp)
+        _, ex, ey, ez = side_gap(side, shape, ahead, turned, xp)
+    along = force[0] * nx + force[1] * ny + force[2] * nz
+    force[0] -= along * nx
+    force[1] -= along * ny
+    force[2] -= along * nz
+    _turn_along(tools, tool, force, force)
+    force[0] += along * ex
+    force[1] += along * ey
+    force[2] += along * ez
 
 
 @njit(cache=True, error_model="numpy")
@@ -171,6 +204,8 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                 work.multiplier[count, 0] = f0
                 work.multiplier[count, 1] = f1
                 work.multiplier[count, 2] = f2
+                if touched and _turns(tools, tool):
+                    _turn_force(tools, tool, side, xp, work.multiplier[count])
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
                 firm, stiffness = firmness(model, point, inertia), share * model.point_stiffness[point]
