@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from softseam.chart.assemble import counted
-from softseam.chart.errors import KNOWN, Truth, errors
+from softseam.chart.errors import KNOWN, Truth, rms
 from softseam.chart.ladder import Ladder
 from softseam.chart.reference import TARGET, Level, Part, Reference
 from softseam.errors import BadInput
@@ -34,7 +34,7 @@ SAME = 0.1
 """a level that moved by less than this share of what a quantity is known to, or by `MOVED`, is still the same [1]"""
 MOVED = 1e-3
 LOOSER = 5.0
-"""times as much at a shorter step than the scene's, where contact chatters and results hang on rounding [1]"""
+"""times as much at a shorter step than the scene's, where contact chatters and results may hang on rounding [1]"""
 CHECKED = 5.0
 """the levels that later code is checked with took no longer [s]: that of most cells at the longest step, and that of
 the shortest step, where alone a material's viscosity shows and contact rings"""
@@ -137,16 +137,13 @@ def moved(found: Shipped, ladder: Ladder, share: float = SAME, least: float = MO
     off: dict[str, float] = {}
     longest = max(check.step for check in found.checks)
     for check in found.checks:
-        shorter = check.step < longest
         ladder.run(check.across, check.step, math.inf)
-        series = ladder.series((check.across, check.step))
-        was = {n: replace(t, values=np.array(check.values[n]), uncertainty=0.0) for n, t in reference.truth.items()}
-        ended = series.time[-1] < reference.time[-1] - 1e-9
-        for name, error in errors(series, reference.time, was).items():
-            if shorter and reference.truth[name].uncertainty > KNOWN:
-                continue  # it hangs on rounding there
-            change = math.inf if ended else error.value
-            if not change <= (LOOSER if shorter else 1.0) * bound[name]:
+        series, time = ladder.series((check.across, check.step)), reference.time
+        ended = series.time[-1] < time[-1] - 1e-9
+        for name, true in reference.truth.items():
+            # at the common times, where all of it is looked at
+            change = math.inf if ended else rms(series.at(name, time) - np.array(check.values[name]), time) / true.scale
+            if not change <= (LOOSER if check.step < longest else 1.0) * bound[name]:
                 off[name] = max(change, off.get(name, 0.0))
     return off
 
