@@ -25,7 +25,8 @@ from fem_run import FemRun, tofu
 from timing import least
 
 from softseam_services.fem import model as fem_model
-from softseam_services.fem.kernels.contact import add_contact_tangents, find_candidates
+from softseam_services.fem.kernels.candidates import find_candidates
+from softseam_services.fem.kernels.contact import add_contact_tangents
 from softseam_services.fem.kernels.elements import add_cell_tangents
 from softseam_services.fem.kernels.fronts import ALL, ROW, VALUES, add_diagonal, solve
 from softseam_services.fem.kernels.multigrid import MULTIGRID, conjugate_gradients, prepare

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
 from softseam_services.fem.face_forces import point_positions
+from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
     ANCHOR,
     HELD,
@@ -20,7 +21,6 @@ from softseam_services.fem.kernels.contact import (
     add_contact_tangents,
     any_held,
     evaluate_contacts,
-    find_candidates,
     hold_what_stuck,
     lets_go,
     next_anchor,

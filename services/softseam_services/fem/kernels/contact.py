@@ -41,10 +41,8 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.compiled_once import njit
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side
 from softseam_services.fem.kernels.fronts import add_block
-from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
-from softseam_services.tools.tool_set import BOX
+from softseam_services.tools.kernels import side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
@@ -53,10 +51,6 @@ ALONE = -2
 """in model.point_face: a point that touches every tool; -1 a node of a face that has points of its own"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
-_BESIDE = 0.25
-"""depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and
-that did not touch before, came in beside that side"""
-_NOBODY, _SEVERAL = -1, -2
 # columns of work.contact
 GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
 N_COLUMNS = 13
@@ -74,158 +68,6 @@ def point_position(x, model, point, out):
         out[0] += weight * x[node, 0]
         out[1] += weight * x[node, 1]
         out[2] += weight * x[node, 2]
-
-
-@njit(cache=True, error_model="numpy")
-def firmness(model, point, inertia):
-    """Factor on a point's stiffness that keeps r at 20 times the inertia of what the point stands for [1]."""
-    return max(1.0, model.swiftness[point] * inertia)
-
-
-@njit(cache=True, error_model="numpy")
-def _turn_along(tools, tool, vector, out):
-    """out (3,) <- a vector that turns with the tool, from the step's start to its end."""
-    vx, vy, vz = rotate_back(tools.orientation[tool], vector[0], vector[1], vector[2])
-    out[0], out[1], out[2] = rotate(tools.orientation_next[tool], vx, vy, vz)
-
-
-@njit(cache=True, error_model="numpy")
-def _turns(tools, tool):
-    """Whether a tool turns in this step."""
-    for i in range(4):
-        if tools.orientation[tool, i] != tools.orientation_next[tool, i]:
-            return True
-    return False
-
-
-@njit(cache=True, error_model="numpy")
-def _turn_force(tools, tool, side, xp, force):
-    """force (3,): its part along the normal of the step's start goes on along that of its end, for a roller's normal
-    stays where the body is; the rest turns along with the tool, as the anchor does. Updated. side: of a box, or -1
-    """
-    kind, shape, position, turn = tools.kind[tool], tools.shape[tool], tools.position[tool], tools.orientation[tool]
-    ahead, turned = tools.position_next[tool], tools.orientation_next[tool]
-    if side < 0:
-        _, nx, ny, nz = tool_gap(kind, shape, position, turn, xp)
-        _, ex, ey, ez = tool_gap(kind, shape, ahead, turned, xp)
-    else:
-        _, nx, ny, nz = side_gap(side, shape, position, turn, xp)
-        _, ex, ey, ez = side_gap(side, shape, ahead, turned, xp)
-    along = force[0] * nx + force[1] * ny + force[2] * nz
-    force[0] -= along * nx
-    force[1] -= along * ny
-    force[2] -= along * nz
-    _turn_along(tools, tool, force, force)
-    force[0] += along * ex
-    force[1] += along * ey
-    force[2] += along * ez
-
-
-@njit(cache=True, error_model="numpy")
-def _holders(model, multiplier, n_nodes):
-    """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `_SEVERAL`."""
-    holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
-    for point in range(len(model.point_stiffness)):
-        for tool in range(multiplier.shape[1]):
-            f = multiplier[point, tool]
-            if f[0] == 0.0 and f[1] == 0.0 and f[2] == 0.0:
-                continue
-            for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-                node = model.point_node[entry]
-                if holder[node] == _NOBODY:
-                    holder[node] = tool
-                elif holder[node] != tool:
-                    holder[node] = _SEVERAL
-    return holder
-
-
-@njit(cache=True, error_model="numpy")
-def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
-    """Pairs whose gap to the tool at the end of the step is below `reach`, that carry a force, or that the factor has.
-
-    x (n, 3) positions at the start, multiplier (p, t, 9) contact state at the start, inertia: of `firmness`, pace:
-    share of the penetration and of the offset that the step may take out; fills work.pair, start, begun, offset,
-    multiplier, hold and side, and resets the states; returns how many.
-    """
-    n_tools = len(tools.kind)
-    xp, away = np.empty(3), np.empty(3)
-    count = 0
-    patches = np.sqrt(len(model.point_face[model.point_face >= 0]) / max(1, len(model.face_nodes)))
-    holder = _holders(model, multiplier, len(x))
-    for point in range(len(model.point_stiffness)):
-        if model.point_stiffness[point] == 0.0:
-            continue
-        point_position(x, model, point, xp)
-        face = model.point_face[point]
-        alone = True
-        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            alone = alone and holder[model.point_node[entry]] != _SEVERAL
-        for tool in range(n_tools):
-            # on faces with points of their own a tool with an edge touches at these, all others at nodes
-            if face != ALONE and model.edged[tool] != (face >= 0):
-                continue
-            kind, shape = tools.kind[tool], tools.shape[tool]
-            position, turn = tools.position_next[tool], tools.orientation_next[tool]
-            f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
-            touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
-            share, carry, side = 1.0, 1.0, -1
-            if face >= 0:
-                share, whole, side = covered(
-                    x, model.face_nodes[face], xp, patches, model.point_patch[point], shape,
-                    tools.position[tool], tools.orientation[tool],
-                )  # fmt: skip
-                if side < 0:
-                    share, whole, side = entered(
-                        x, model.face_nodes[face], xp, patches, model.point_patch[point], shape,
-                        tools.position[tool], tools.orientation[tool], position, turn, _BESIDE * model.face_edge[face],
-                    )  # fmt: skip
-                carry = whole**CARRY_POWER
-                if side >= 0:
-                    gap = side_gap(side, shape, position, turn, xp)[0]
-                    before = side_gap(side, shape, tools.position[tool], tools.orientation[tool], xp)[0]
-                if side < 0 or (max(gap, before) < -_BESIDE * model.face_edge[face] and not touched):
-                    work.factored_state[point, tool] = OPEN
-                    continue
-            else:
-                gap = tool_gap(kind, shape, position, turn, xp)[0]
-            if gap < reach or touched or work.factored_state[point, tool] != OPEN:
-                if face < 0 and kind == BOX:
-                    side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)
-                work.pair[count, 0] = point
-                work.pair[count, 1] = tool
-                work.start[count] = xp
-                for i in range(3):
-                    away[i] = xp[i] - tools.position[tool, i]
-                _turn_along(tools, tool, away, work.begun[count])
-                for i in range(3):
-                    work.begun[count, i] += tools.position_next[tool, i]
-                    away[i] = xp[i] - multiplier[point, tool, ANCHOR + i] if touched and alone else 0.0
-                _turn_along(tools, tool, away, work.offset[count])
-                work.multiplier[count, 0] = f0
-                work.multiplier[count, 1] = f1
-                work.multiplier[count, 2] = f2
-                if touched and _turns(tools, tool):
-                    _turn_force(tools, tool, side, xp, work.multiplier[count])
-                work.state[count] = OPEN
-                work.contact[count] = 0.0
-                firm, stiffness = firmness(model, point, inertia), share * model.point_stiffness[point]
-                if carry < 1.0:
-                    firm = min(firm, 1.0 / (1.0 - carry))
-                    carry = 1.0 - firm * (1.0 - carry)
-                work.hold[count, 0] = firm * stiffness
-                work.hold[count, 1] = carry
-                work.hold[count, 2] = 0.0
-                work.hold[count, 3] = pace
-                if pace < 1.0:
-                    position, turn = tools.position[tool], tools.orientation[tool]
-                    if side < 0:
-                        gap = tool_gap(kind, shape, position, turn, xp)[0]
-                    else:
-                        gap = side_gap(side, shape, position, turn, xp)[0]
-                    work.hold[count, 2] = (1.0 - pace) * min(0.0, gap)
-                work.side[count] = side
-                count += 1
-    return count
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,13 +13,13 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import begin
+from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
     RELAXED,
     add_contact_forces,
     add_contact_tangents,
     any_held,
     evaluate_contacts,
-    find_candidates,
     firm_way,
     hold_what_stuck,
     lets_go,

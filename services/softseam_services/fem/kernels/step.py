@@ -7,6 +7,7 @@ import numpy as np
 from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish
 from softseam_services.fem.integrators.symplectic_euler import march
+from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
     ANCHOR,
     GAP,
@@ -17,7 +18,6 @@ from softseam_services.fem.kernels.contact import (
     TRACTION,
     augment,
     evaluate_contacts,
-    find_candidates,
     next_anchor,
     point_position,
 )
