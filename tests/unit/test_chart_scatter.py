@@ -97,3 +97,9 @@ def test_what_scatters_is_not_taken_for_growth() -> None:
 
 def test_levels_that_are_all_alike_are_known() -> None:
     assert fitted(SIZES, [TRUE] * len(SIZES), norm).uncertainty == pytest.approx(0.0, abs=1e-12)
+
+
+def test_sizes_that_do_not_fall_are_refused() -> None:
+    for sizes in ((1.0, 0.5, 0.5, 0.25), (1.0, 0.5, 0.25)):
+        with pytest.raises(ValueError, match="h that falls"):
+            fitted(sizes, [TRUE] * 4, norm)

@@ -62,8 +62,7 @@ def limit(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
     more. To and fro, to the whole way of the last four levels. Three levels cannot tell luck from order: what either
     of their changes leaves at the slowest order counts, too. With two levels, all of that way.
     """
-    if len(h) != len(levels) or not levels or any(b >= a for a, b in pairwise(h)):
-        raise ValueError("give one level for each h, and h that falls")
+    demand_falling(h, levels)
     finest = levels[-1]
     if len(levels) == 1:
         return Limit(finest, float("inf"), float("nan"), True)
@@ -86,6 +85,12 @@ def limit(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
     coarser = _extrapolated(h[-3], h[-2], levels[-3], levels[-2], order)
     others = [finest, coarser, *(slowest if len(levels) < RECENT else ())]
     return Limit(value, max(norm(value - other) for other in others), order, True)
+
+
+def demand_falling(h: Sequence[float], levels: Sequence[Floats]) -> None:
+    """Raises ValueError unless there is a level for each h, and h falls."""
+    if len(h) != len(levels) or not levels or any(b >= a for a, b in pairwise(h)):
+        raise ValueError("give one level for each h, and h that falls")
 
 
 def turns_back(first: Floats, then: Floats, norm: Norm) -> bool:

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Floats, Limit, Norm, limit
+from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Floats, Limit, Norm, demand_falling, limit
 
 ORDERS = (SLOWEST, 1.5, 2.0, 3.0, FASTEST)
 """that are tried: between them no levels that scatter can tell"""
@@ -56,7 +56,10 @@ def fitted(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
 
     levels  at least one, of equal shape
     norm    of a difference of two of them, in the units of the uncertainty
+
+    Raises ValueError unless there is a level for each h, and h falls.
     """
+    demand_falling(h, levels)
     if len(levels) < RECENT:
         return limit(h, levels, norm)
     sizes, values = np.array(h[-FITTED:]) / h[-1], np.array(levels[-FITTED:])

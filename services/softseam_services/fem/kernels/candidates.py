@@ -39,18 +39,22 @@ def _turns(tools, tool):
 
 
 @njit(cache=True, error_model="numpy")
+def _normal(tools, tool, side, position, orientation, xp):
+    """Of the tool in this pose (3,), (4,) at a point (3,); of this side of a box, where it is not -1."""
+    if side < 0:
+        _, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], position, orientation, xp)
+    else:
+        _, nx, ny, nz = side_gap(side, tools.shape[tool], position, orientation, xp)
+    return nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy")
 def _turn_force(tools, tool, side, xp, force):
     """force (3,): its part along the normal of the step's start goes on along that of its end, for a roller's normal
     stays where the body is; the rest turns along with the tool, as the anchor does. Updated. side: of a box, or -1
     """
-    kind, shape, position, turn = tools.kind[tool], tools.shape[tool], tools.position[tool], tools.orientation[tool]
-    ahead, turned = tools.position_next[tool], tools.orientation_next[tool]
-    if side < 0:
-        _, nx, ny, nz = tool_gap(kind, shape, position, turn, xp)
-        _, ex, ey, ez = tool_gap(kind, shape, ahead, turned, xp)
-    else:
-        _, nx, ny, nz = side_gap(side, shape, position, turn, xp)
-        _, ex, ey, ez = side_gap(side, shape, ahead, turned, xp)
+    nx, ny, nz = _normal(tools, tool, side, tools.position[tool], tools.orientation[tool], xp)
+    ex, ey, ez = _normal(tools, tool, side, tools.position_next[tool], tools.orientation_next[tool], xp)
     along = force[0] * nx + force[1] * ny + force[2] * nz
     force[0] -= along * nx
     force[1] -= along * ny
