@@ -245,6 +245,25 @@ def ladder_of(name: str) -> Ladder:
     return Ladder(name, AS_GIVEN, frame_of(scene, name, AS_GIVEN), quantity_names(scene))
 
 
+@pytest.mark.parametrize(
+    ("settings", "same"),
+    [
+        (("quantities=[slip]",), True),
+        (("models.pbd.substeps=4", "models.fem.element=hex8"), True),
+        (("seam.tolerance=0.01", "regions={default: pbd}", "body.cell=0.01"), True),
+        (("tolerance=0.05", "budget={rtf: 20}"), True),
+        (("body.material.young=21e3",), False),
+        (("tools.left.friction=0.5",), False),
+        (("step=0.005",), False),
+    ],
+)
+def test_a_reference_belongs_to_what_moves(settings: tuple[str, ...], same: bool) -> None:
+    """However XPBD would simulate it, and whatever is asked for."""
+    scene = with_settings(load_scene("tofu_grasp"), settings)
+    ladder = Ladder("tofu_grasp", settings, frame_of(scene, "tofu_grasp", settings), quantity_names(scene))
+    assert (ladder.key == ladder_of("tofu_grasp").key) == same
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
     found, ladder = shipped.read(path), ladder_of(path.stem)

@@ -26,6 +26,8 @@ from softseam.scenes import bundle_of
 from softseam.variants import with_settings
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
+from softseam_protocol.scene_models import ModelsSpec
+from softseam_protocol.scene_regions import SeamSpec
 
 Floats = NDArray[np.float64]
 Rung = tuple[int, float]
@@ -65,10 +67,14 @@ class Ladder:
 
     @property
     def key(self) -> str:
-        """Hash of all that is true of the scene's motion: of its coarsest level."""
+        """Hash of all that FEM alone depends on: of the coarsest level, but not how XPBD or a seam would do, nor what
+        is asked for.
+        """
         scene, bundle = bundle_of(self._name)
         coarsest = with_settings(with_settings(scene, self._settings), self._level(COARSEST, self._frame.scene.step))
-        return scene_hash(bundle_scene(coarsest, bundle.files))
+        others = {"models": ModelsSpec(fem=coarsest.models.fem), "seam": SeamSpec(), "quantities": ()}
+        nothing = {"tolerance": None, "budget": None}
+        return scene_hash(bundle_scene(coarsest.model_copy(update=others | nothing), bundle.files))
 
     def seconds(self, across: int, step: float) -> float:
         """Foreseen wall time of a level that is not done [s]; no less than one that was begun before said it takes."""
