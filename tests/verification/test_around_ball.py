@@ -17,6 +17,7 @@ from softseam_protocol.scene import BodySpec, Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
+from softseam_services.body.errors import MeshError
 from softseam_services.body.hexahedra import cell_volumes_at
 from softseam_services.fem.kernels.elements import cauchy_stress
 
@@ -105,6 +106,15 @@ def test_cells_are_valid_wherever_the_ball_is(seed: int) -> None:
         whole, ball = parts(build_body(asked, {}))  # raises where a cell is inverted
         assert whole == pytest.approx(size.prod(), rel=1e-10)
         assert ball == pytest.approx(4.0 / 3.0 * np.pi * radius**3, rel=1e-10)
+
+
+def test_a_ball_that_cells_cannot_follow_is_refused_with_a_remedy() -> None:
+    """Cells as long as a long block: those between the ball and the box turn inside out."""
+    long = scene(0.01, size=(1.0, 0.05, 0.05), centre=(0.0, 0.0, 0.025), radius=0.0125, young=2e6)
+    assert isinstance(long.body, BodySpec)
+    long = long.model_copy(update={"body": long.body.model_copy(update={"cell": (1.0, 0.05, 0.05)})})
+    with pytest.raises(MeshError, match=r"inverted or degenerate.* give shorter cells in body\.cell"):
+        build_body(long, {})
 
 
 @pytest.mark.parametrize("element", ELEMENTS)

@@ -2,7 +2,8 @@
 
 What is true of a scene does not depend on the machine, so whoever charts or plans it need not find it out again. A file
 belongs to a scene by its hash (`Ladder.key`): of body, tools, motion and step, not of how it is simulated or what is
-asked for. Of a scene whose body or motion was changed nothing ships. Numbers are rounded to a hundredth of what they are known to.
+asked for. Of a scene whose body or motion was changed nothing ships. Numbers are rounded to a hundredth of what they
+are known to.
 """
 
 from __future__ import annotations

@@ -31,6 +31,11 @@ from softseam_services.body.particles import ParticleBody
 from softseam_services.body.tet_mesh import build_tet_mesh
 
 _CLAMP_TOLERANCE = 1e-9
+_ROUNDER = (
+    "give shorter cells in body.cell, leave body.shape.towards out where a tool's edge lies close to the ball, or "
+    "leave body.shape.borders out"
+)
+"""what to do about cells round a ball that are of poor shape"""
 
 
 AnyBody = Body | ParticleBody
@@ -100,7 +105,8 @@ def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
         cut = [pieces(edge, cell, line.planes) for edge, cell, line in zip(shape.size, wanted, borders, strict=True)]
         x, cell_nodes = block_around(lines, [ball.span(each, axis) for axis, each in enumerate(cut)], ball)
         lower = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * shape.size
-        return _of_hexahedra(scene, spec, numbered_cells("block", x + lower, cell_nodes, spec.material.density))
+        cells = numbered_cells("block", x + lower, cell_nodes, spec.material.density, remedy=_ROUNDER)
+        return _of_hexahedra(scene, spec, cells)
     counts = np.array([len(line) - 1 for line in lines], dtype=np.int32)
     if shape.grading == 1.0 and not shape.towards and all(_even(line) for line in lines):
         return _block(scene, spec, shape, np.array(shape.size) / counts)

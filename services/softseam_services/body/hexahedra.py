@@ -77,7 +77,7 @@ def own_cells(path: str, raw: RawHexahedra, scale: float, up: str, at: Floats, d
     axis = "xyz".index(up)
     points = scale * raw.points[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
     x, corner, turned = _lattice(path, points, raw.cells)
-    _quality(path, x)
+    _quality(path, x, "put its corners in order, or remesh there")
     cell_nodes, x_rest = _number(path, x, corner)
     low, high = x_rest.min(axis=0), x_rest.max(axis=0)
     x_rest += at - np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
@@ -85,10 +85,17 @@ def own_cells(path: str, raw: RawHexahedra, scale: float, up: str, at: Floats, d
     return numbered_cells(path, x_rest, cell_nodes, density, notes)
 
 
-def numbered_cells(path: str, x_rest: Floats, cell_nodes: Ints, density: float, notes: Sequence[str] = ()) -> OwnCells:
-    """Cells (C, 27) of nodes (N, 3) [m] that are where they belong; raises MeshError."""
+def numbered_cells(
+    path: str,
+    x_rest: Floats,
+    cell_nodes: Ints,
+    density: float,
+    notes: Sequence[str] = (),
+    remedy: str = "remesh there",
+) -> OwnCells:
+    """Cells (C, 27) of nodes (N, 3) [m] that are where they belong; raises MeshError, which tells the remedy."""
     x = x_rest[cell_nodes]
-    least, volume = _quality(path, x)
+    least, volume = _quality(path, x, remedy)
     outer = _outer_faces(path, cell_nodes)
     surface = _surface(x_rest, cell_nodes, outer)
     nodes = cell_nodes[surface.cell, ((surface.local + 1.0) @ np.array([1.0, 3.0, 9.0])).astype(np.int64)]
@@ -99,7 +106,7 @@ def numbered_cells(path: str, x_rest: Floats, cell_nodes: Ints, density: float, 
         notes = (
             *notes,
             f"{int(poor.sum())} of {len(x)} cells are badly distorted, the worst is number {int(np.argmin(least))}, "
-            f"whose volume ratio falls to {least.min():.2g} of its mean: expect less accuracy there, or remesh",
+            f"whose volume ratio falls to {least.min():.2g} of its mean: expect less accuracy there, or {remedy}",
         )
     edge = np.linalg.norm(x[:, _ENDS[:, 0]] - x[:, _ENDS[:, 1]], axis=2)
     return OwnCells(
@@ -170,7 +177,7 @@ def cell_volumes_at(x: Floats) -> Floats:
     return _jacobians(x, _GAUSS) @ _WEIGHTS
 
 
-def _quality(path: str, x: Floats) -> tuple[Floats, Floats]:
+def _quality(path: str, x: Floats, remedy: str) -> tuple[Floats, Floats]:
     """Least J of each cell over its mean (C,), and its volume (C,) [m^3]; raises MeshError where J is not positive."""
     inner, outer = _jacobians(x, _GAUSS), _jacobians(x, _PLACES)
     volume = inner @ _WEIGHTS
@@ -182,8 +189,7 @@ def _quality(path: str, x: Floats) -> tuple[Floats, Floats]:
         centre = np.array2string(x[worst].mean(axis=0), precision=4)
         raise MeshError(
             f"{path}: {int(bad.sum())} of {len(x)} hexahedra are inverted or degenerate, the worst is number {worst} "
-            f"around {centre} m, whose volume ratio falls to {least[worst]:.2g} of its mean; put its corners in order, "
-            "or remesh there"
+            f"around {centre} m, whose volume ratio falls to {least[worst]:.2g} of its mean; {remedy}"
         )
     return least, volume
 
