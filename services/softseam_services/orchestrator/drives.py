@@ -10,6 +10,12 @@ whatever k is. Free tools (f_0 = 0) have c = k = 0. k begins as what the whole c
 body can resist with, at once and at rest: k_0 = rho c_p A/dt + 2 (lambda + 2 mu) A/width; then it follows the ratio of
 the last changes of force and way, where these tell something, falling by no more than a fifth a step, and rising to no
 more than twice of it.
+
+The resistance is known a step late, and in steps shorter than a wave takes through a cell most of it is the inertia of
+the nodes that the tool pushes: a lighter tool would be thrown to and fro with ever more force (added mass: Causin,
+Gerbeau and Nobile, Comput. Methods Appl. Mech. Engrg. 194 (2005) 4506). There m is the tool's own mass and
+  m_a = rho A h (1 - c_p dt/h)/4,                                                                                 (3)
+h the length of the body's cells: of a layer of them these nodes have a sixth.
 """
 
 from __future__ import annotations
@@ -24,7 +30,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_motion import ClosePhase, MovePhase
 from softseam_protocol.scene_tools import PlaneTool, ToolSpec
-from softseam_services.body.body import Body
+from softseam_services.body.body import Body, Material
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.program import Progress
@@ -40,6 +46,8 @@ _LEAST = 0.02
 """of k_0: below it a resistance that does not grow is not believed"""
 _MOST = 4.0
 """of k_0: points that stick after a reversal resist with up to three times what they do in the long run"""
+_ADDED = 0.25
+"""of the mass of a layer of cells, at most, for a tool to be heavier than the nodes that it pushes [1]"""
 _TOLD = 0.01
 """changes of the resistance below this part of it tell nothing of k"""
 
@@ -61,7 +69,7 @@ class Drive:
     limit: float
     """[N], or inf"""
     mass: float
-    """of one tool [kg]"""
+    """of one tool, and what eq. (3) adds [kg]"""
     stiffness: float
     """k_0 [N/m]"""
 
@@ -162,7 +170,7 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
                     asked=0.0 if phase.force is None else phase.close,
                     force=force,
                     limit=limit,
-                    mass=0.5 * sum(_mass(spec) for spec in specs),
+                    mass=0.5 * sum(_mass(spec) for spec in specs) + _added(body, grip.width, scene.step),
                     stiffness=_stiffness(body, grip.width, scene.step),
                 )
             )
@@ -174,8 +182,9 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
                     continue
                 width = float(np.ptp(body.x_rest @ way))
                 stiffness = _stiffness(body, width, scene.step)
+                mass = _mass(spec) + _added(body, width, scene.step)
                 tool = (names.index(name),)
-                found.append(Drive(number, tool, None, way, 0.0, math.inf, _limit(spec), _mass(spec), stiffness))
+                found.append(Drive(number, tool, None, way, 0.0, math.inf, _limit(spec), mass, stiffness))
     return found
 
 
@@ -205,7 +214,23 @@ def _mass(spec: ToolSpec) -> float:
 
 def _stiffness(body: Body, width: float, dt: float) -> float:
     """k_0 of a body of this width, as if all of it were of its stiffest material [N/m]."""
-    material = max(body.materials, key=lambda each: each.elastic.p_wave)
+    material = _stiffest(body)
     modulus = material.lambda_ + 2.0 * material.mu
-    area = float(body.cell_mass.sum()) / (body.mean_density * width)
+    area = _cross_section(body, width)
     return material.density * material.wave_speed * area / dt + 2.0 * modulus * area / width
+
+
+def _added(body: Body, width: float, dt: float) -> float:
+    """m_a of eq. (3) for a body of this width [kg]; 0 where a wave crosses a cell within a step."""
+    cell = float(body.edges.max())
+    layer = body.mean_density * _cross_section(body, width) * cell
+    return _ADDED * layer * max(0.0, 1.0 - _stiffest(body).wave_speed * dt / cell)
+
+
+def _cross_section(body: Body, width: float) -> float:
+    """Mean over the width [m^2]."""
+    return float(body.cell_mass.sum()) / (body.mean_density * width)
+
+
+def _stiffest(body: Body) -> Material:
+    return max(body.materials, key=lambda each: each.elastic.p_wave)
