@@ -78,7 +78,7 @@ compared with the whole sweep of its scene and with the reference that ships wit
 that {minutes:g} min gave): does it really meet its tolerance, and what does the fastest configuration of the sweep cost
 that does? The planner uses what ships as well, so both see the same truth. It demands that a run's distance from it and
 what it may be off by be within the tolerance together; here the distance alone counts. *Error* is the worst of the
-quantities that are known to three quarters of the tolerance, or to 5 %, each as in [chart.md](chart.md), and of what
+quantities that are known to three quarters of the tolerance, or of 5 %, each as in [chart.md](chart.md), and of what
 others that have a limit are off by at least; *cost* is the plan's run over that fastest one's.
 
 | tolerance | plans | meet it | cost at most {dearer:g} times the least |

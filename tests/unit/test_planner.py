@@ -15,7 +15,7 @@ from softseam.chart.measure import Outcome
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
 from softseam.plan.command import Wishes
-from softseam.plan.planner import Goal, NoPlan, Plan, choose
+from softseam.plan.planner import Goal, NoPlan, Plan, choose, counts_to
 from softseam.plan.watch import PlanWatch
 from softseam_protocol.messages import ErrorEstimate
 
@@ -86,6 +86,18 @@ def test_what_the_reference_may_be_off_by_counts_as_an_error() -> None:
 def test_a_reference_that_is_not_known_well_enough_makes_no_plan() -> None:
     with pytest.raises(NoPlan, match=r"known to 4 % only, too little to plan for 5 %: give more --minutes"):
         choose(Goal(0.05), reference(0.04), WANTED, Bench({}))
+
+
+@pytest.mark.parametrize(("tolerance", "forbids"), [(0.2, False), (0.1, False), (0.05, False), (0.02, True)])
+def test_only_below_5_percent_does_what_counts_forbid_a_plan(tolerance: float, forbids: bool) -> None:
+    """What is known too little for a plan of 5 % does not count there, however near it comes."""
+    runs = {"cheap": outcome(0.1, 0.0), "middle": outcome(1.0, 0.0), "dear": outcome(10.0, 0.0)}
+    vaguest = reference(counts_to(tolerance))
+    if forbids:
+        with pytest.raises(NoPlan, match="too little to plan"):
+            choose(Goal(tolerance), vaguest, WANTED, Bench(runs))
+    else:
+        assert choose(Goal(tolerance), vaguest, WANTED, Bench(runs)).choice.label == "cheap"
 
 
 def test_where_nothing_is_accurate_the_nearest_is_named() -> None:

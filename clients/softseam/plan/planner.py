@@ -36,8 +36,11 @@ FASTER = 1.2
 
 
 def counts_to(tolerance: float) -> float:
-    """How uncertain a quantity may be that counts in a plan of this tolerance [1]."""
-    return max(KNOWN, WORST_REFERENCE * tolerance)
+    """How uncertain a quantity may be that counts in a plan of this tolerance [1].
+
+    Whoever wants less than 5 % wants it of all that a plan of 5 % counts; what is known too little for that forbids it.
+    """
+    return WORST_REFERENCE * max(KNOWN, tolerance)
 
 
 def known_to(tolerance: float) -> float:
