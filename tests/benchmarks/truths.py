@@ -7,7 +7,8 @@ processor time, without compiling; all scenes together take 12 times as much, on
 
 A file that is there is first checked with two of its levels, run anew. Where these do what they did, a scene that is
 only written otherwise (a new key, say) has its file stamped anew, and no ladder is climbed; else a file is replaced by
-what comes from levels as fine or finer only, whatever is claimed of these. Delete it to have another in any case.
+what comes from levels as fine or finer only, whatever is claimed of these. Delete it to have another in any case, as
+where only steps changed that are shorter than those checked.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import argparse
 import json
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.plans import SCENES
@@ -42,6 +44,7 @@ from softseam_protocol.facts import machine
 MINUTES = 20.0
 TARGET = 1e-4
 """as good as none: a ladder is climbed for as long as given [1]"""
+REMEDY = "compute the levels anew"
 ALIKE = 1e-5
 """a level that other code computed is this code's where quantities differ by less, relative to their size [1]"""
 
@@ -71,43 +74,52 @@ def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
 
 
 def take_over(ladder: Ladder, code: str, console: Console) -> None:
-    """Keep as this code's what other code computed, where it did what this code does in two of its levels: that of
-    most cells at the longest step and that of the shortest step, of those that took a few seconds.
+    """Keep as this code's what other code computed, where it did what this code does in two of its levels: of those
+    that took a few seconds that of most cells at the longest step, and that of the shortest step. What was computed in
+    shorter steps than these stays behind.
     """
-    folder = cache_folder() / f"{ladder.scene}-{ladder.key[:12]}"
-    ours = Store(folder.with_name(f"{folder.name}-{code[:8]}"), Identity(ladder.key, code), "")
-    for other in sorted(folder.parent.glob(f"{folder.name}-*")):
-        files = [path for path in other.glob("level-*-looked.json") if not ours.path(path.stem).is_file()]
-        data = {path.stem: json.loads(path.read_text(encoding="utf-8"))["data"] for path in files}
-        levels = {name: Outcome.from_json(found) for name, found in data.items()}
-        quick = sorted((step, across, name) for name in levels for across, step in [rung_of(name)])
-        quick = [rung for rung in quick if levels[rung[2]].spent <= CHECKED]
-        if not quick:
+    stem = f"{ladder.scene}-{ladder.key[:12]}"
+    ours = Store(cache_folder() / f"{stem}-{code[:8]}", Identity(ladder.key, code), REMEDY)
+    for folder in sorted(cache_folder().glob(f"{stem}-*")):
+        if folder == ours.folder:
             continue
-        # the last has the longest step, and of these the most cells; the first has the shortest
-        off = max(apart(ladder, (across, step), levels[name]) for step, across, name in (quick[-1], quick[0]))
-        alike = off <= ALIKE
-        told = f"are {'' if alike else 'not '}taken over: two of them now differ by {in_words(off)}"
-        console.print(f"{len(levels)} levels of {other.name} {told}", markup=False)
-        for name, found in data.items() if alike else ():
-            ours.write(name, found)
+        try:
+            found = levels_in(folder, ladder.key)
+            quick = sorted((step, across) for across, step, _, level in found if level.spent <= CHECKED)
+            if not quick:
+                continue
+            off = max(apart(ladder, across, step, found) for step, across in {quick[0], quick[-1]})
+        except (SoftseamError, KeyError, TypeError, ValueError) as error:
+            console.print(f"{folder.name} is not taken over: {error}", markup=False)
+            continue
+        new = [(name, level) for _, step, name, level in found if step >= quick[0][0] and not ours.path(name).is_file()]
+        told = f"now differ by {in_words(off)}: {len(new)} levels are {'' if off <= ALIKE else 'not '}taken over"
+        console.print(f"two levels of {folder.name} {told}", markup=False)
+        for name, level in new if off <= ALIKE else ():
+            ours.write(name, level.as_json())
 
 
-def rung_of(name: str) -> tuple[int, float]:
-    """Cells across and step [s] of a level, from its file's name."""
-    _, across, step, _ = name.split("-")
-    return int(across), 1e-3 * float(step.removesuffix("ms"))
+def levels_in(folder: Path, key: str) -> list[tuple[int, float, str, Outcome]]:
+    """Cells across, step [s], file and outcome of all levels that are kept of other code."""
+    found = []
+    for path in sorted(folder.glob("level-*.json")):
+        identity = json.loads(path.read_text(encoding="utf-8"))["identity"]
+        data = Store(folder, Identity(key, identity["code"]), REMEDY).read(path.stem)
+        _, across, step, _ = path.stem.split("-")
+        found.append((int(across), 1e-3 * float(step.removesuffix("ms")), path.stem, Outcome.from_json(data or {})))
+    return found
 
 
-def apart(ladder: Ladder, rung: tuple[int, float], then: Outcome) -> float:
-    """By how much a level, run anew, differs from what it did: the worst quantity, relative to its scale [1]."""
-    ladder.run(*rung, math.inf)
-    now, time = ladder.series(rung), ladder.common([rung])
-    if then.series is None or len(then.series.time) != len(time) or not {*now.values} <= {*then.series.values}:
+def apart(ladder: Ladder, across: int, step: float, found: Sequence[tuple[int, float, str, Outcome]]) -> float:
+    """By how much a level differs from what it did: the worst quantity, relative to its scale [1]."""
+    ladder.run(across, step, math.inf)
+    now, time = ladder.series((across, step)), ladder.common([(across, step)])
+    then = next(level.series for cells, dt, _, level in found if (cells, dt) == (across, step))
+    if then is None or len(then.time) != len(time) or not {*now.values} <= {*then.values}:
         return math.inf
-    found = ((name, now.at(name, time), then.series.at(name, time)) for name in now.values)
+    differ = {name: now.at(name, time) - then.at(name, time) for name in now.values}
     scale = {name: scale_of(name, now.at(name, time), now.travel, time) for name in now.values}
-    return max(rms(a - b, time) / scale[name] if (a != b).any() else 0.0 for name, a, b in found)
+    return max(rms(off, time) / scale[name] if off.any() else 0.0 for name, off in differ.items())
 
 
 def holds(there: Shipped, ladder: Ladder, console: Console) -> bool:

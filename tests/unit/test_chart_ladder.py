@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import ACROSS, climb, steps_at
+from softseam.chart.climb import ACROSS, HALVINGS, HELD, climb, halvings, steps_at
 from softseam.chart.frame import Frame
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
 from softseam.chart.series import Series
 from softseam.scenes import load_scene
+from softseam.variants import with_settings
 from softseam_protocol.scene import Scene
 
 TIME = np.arange(0.0, 1.0, 0.01)
@@ -114,3 +115,36 @@ def test_levels_are_kept_of_all_quantities_and_each_ladder_sees_its_own(
     assert [*first.series((2, 0.002)).values] == ["tip_deflection"]
     found = again.cached(2, 0.002)
     assert found is not None and found.series is not None and [*found.series.values] == [*scene.quantities]
+
+
+def test_scenes_that_ask_for_others_keep_their_levels_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They belong to one motion, and share what both ask for."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    asked = ("tip_deflection",), ("peak_von_mises",), ("peak_von_mises", "tip_deflection")
+    ladders = []
+    for names in asked:
+        settings = ("duration=0.01", f"quantities=[{', '.join(names)}]")
+        scene = with_settings(load_scene("cantilever"), settings)
+        ladders.append(Ladder("cantilever", settings, Frame(scene, np.array([0.2, 0.05, 0.05])), names))
+        ladders[-1].open("code", fresh=False)
+    for ladder in ladders[:2]:
+        assert ladder.cached(2, 0.002) is None
+        ladder.run(2, 0.002, 60.0)
+    assert all(ladder.cached(2, 0.002) is not None for ladder in ladders[:2])
+    assert ladders[2].cached(2, 0.002) is None
+    ladders[2].run(2, 0.002, 60.0)
+    assert all(ladder.cached(2, 0.002) is not None for ladder in ladders)
+
+
+@pytest.mark.parametrize(
+    ("settings", "most"),
+    [
+        ((), HALVINGS),
+        (("tools.left.force_limit=3",), HELD),
+        (("motion=[{tools: [left, right], close: 0.02, force: 2.0, until: {time: 1.0}}]",), HELD),
+    ],
+)
+def test_where_a_force_is_held_the_step_is_halved_less_often(settings: tuple[str, ...], most: int) -> None:
+    assert halvings(Frame(with_settings(load_scene("tofu_grasp"), settings), np.full(3, 0.05))) == most

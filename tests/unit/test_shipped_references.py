@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.plans import SCENES
 from rich.console import Console
 
 from softseam.chart import command, shipped
@@ -262,6 +263,17 @@ def test_a_reference_belongs_to_what_moves(settings: tuple[str, ...], same: bool
     scene = with_settings(load_scene("tofu_grasp"), settings)
     ladder = Ladder("tofu_grasp", settings, frame_of(scene, "tofu_grasp", settings), quantity_names(scene))
     assert (ladder.key == ladder_of("tofu_grasp").key) == same
+
+
+def test_a_file_is_checked_in_what_a_scene_asks_for(made: Reference) -> None:
+    """It holds more, and belongs to a scene that asks for less."""
+    found, less = shipped.read(shipped.path_of("tofu_grasp")), Known(names=("grip_force",))
+    assert found is not None and found.knows(less.names) and found.scene == less.key
+    assert shipped.moved(found, less) == {}
+
+
+def test_the_whole_suite_has_references() -> None:
+    assert {path.stem for path in FILES} == {*SCENES}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -10,8 +10,12 @@ import pytest
 
 from softseam_protocol.messages import Bundle, StepReport
 from softseam_protocol.scene import Scene
+from softseam_services.body.build import build_body
+from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.grip import grips_by_phase
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.tools.build import build_tools
 
 NEAR = {"default": "pbd", "near": {"model": "fem", "within": 0.012, "tools": ["left", "right"]}}
 SPEED, STEP = 0.02, 0.005
@@ -181,10 +185,25 @@ def test_a_force_that_is_never_reached_is_refused() -> None:
 
 @pytest.mark.parametrize("step", [1.25e-3, 0.15625e-3])
 def test_a_finger_without_mass_holds_its_force_in_short_steps(step: float) -> None:
-    """Without that of a layer of cells it is thrown to and fro: up to 11 N in place of 5, and 6 N on average."""
+    """Without that of the nodes it pushes it is thrown to and fro: 5.14 N at most at 1.25 ms, 11 at 0.16 ms."""
     spec = scene([close(force=5.0, until={"time": 0.2})], {"default": "fem"}).model_copy(update={"step": step})
     grip = np.array([report.quantities["grip_force"] for report in simulate(spec)[0]])
-    assert grip.max() < 5.0 * 1.05
+    assert grip.max() < 5.0 * 1.015
     held = grip[round(0.75 * len(grip)) :]
     assert np.abs(held / 5.0 - 1.0).max() < 0.02
     assert held.mean() == pytest.approx(5.0, rel=5e-3)
+
+
+@pytest.mark.parametrize(("cell", "step"), [(0.025, 5e-3), (0.025, 1e-3), ([0.01, 0.05, 0.05], 1e-3), (0.01, 2e-3)])
+def test_what_short_steps_add_to_a_finger_is_part_of_the_cells_it_pushes(cell: Any, step: float) -> None:
+    """rho A h (1 - c dt/h)/4, h along the way; nothing where a wave crosses h in a step: there all is as it was."""
+    made = scene([close(force=5.0, until={"time": 0.2})], {"default": "fem"}, {"mass": 0.3}).model_dump()
+    made["body"]["cell"] = cell
+    spec = Scene.model_validate(made | {"step": step})
+    body = build_body(spec, {})
+    (drive,) = Drives(spec, body, grips_by_phase(spec, build_tools(spec), body.x_rest)).drives
+    h = cell if isinstance(cell, float) else cell[0]
+    c = np.sqrt(2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4)) / 1050.0)
+    added = 0.25 * 1050.0 * 0.05**2 * max(0.0, h - c * step)
+    assert drive.mass - 0.3 == pytest.approx(added, abs=1e-12)
+    assert (added == 0.0) == (step >= h / c)

@@ -18,6 +18,7 @@ from softseam.chart.reference import TARGET, Reference
 from softseam.chart.richardson import Limit
 from softseam.errors import SoftseamError
 from softseam_protocol.scene_motion import ClosePhase
+from softseam_protocol.scene_tools import PlaneTool
 
 ACROSS = (COARSEST, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""
@@ -30,7 +31,7 @@ FINEST_STEPS_AT = 4
 HALVINGS = 7
 """most halvings of the step"""
 HELD = 4
-"""where a force is held: with a lag of one step, which in very short steps is noise (docs/decisions/0141)"""
+"""where a force is held or limited: with a lag of one step, which in very short steps is noise (docs/decisions/0141)"""
 CLEAR = 4
 """levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
 
@@ -115,7 +116,8 @@ def steps_at(frame: Frame) -> int:
 def halvings(frame: Frame) -> int:
     """Most halvings of the step."""
     held = any(isinstance(phase, ClosePhase) and phase.force is not None for phase in frame.scene.motion)
-    return HELD if held else HALVINGS
+    limited = any(not isinstance(tool, PlaneTool) and tool.force_limit for tool in frame.scene.tools.values())
+    return HELD if held or limited else HALVINGS
 
 
 def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:

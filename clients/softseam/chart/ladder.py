@@ -5,6 +5,7 @@ An interrupted reference goes on where it was, and a later one with more time re
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -67,8 +68,8 @@ class Ladder:
 
     @property
     def key(self) -> str:
-        """Hash of all that FEM alone depends on: of the coarsest level, but not how XPBD or a seam would do, nor what
-        is asked for.
+        """Hash of all that FEM alone depends on, and of probes: of the coarsest level, but not how XPBD or a seam would
+        do, nor which quantities are asked for.
         """
         scene, bundle = bundle_of(self._name)
         coarsest = with_settings(with_settings(scene, self._settings), self._level(COARSEST, self._frame.scene.step))
@@ -102,7 +103,7 @@ class Ladder:
             found = measure(
                 self._name,
                 (*self._settings, *self._level(across, step)),
-                quantity_names(self._frame.scene),  # all: another ladder may ask for others
+                quantity_names(self._frame.scene),  # all: another ladder of this scene may ask for others
                 runs=0,
                 limit=limit_s,
                 length=self._frame.length,
@@ -136,17 +137,17 @@ class Ladder:
     def cached(self, across: int, step: float) -> Outcome | None:
         """A level that was computed before."""
         assert self._store is not None
-        name = self._file(across, step)
-        data = self._store.read(name)
-        if data is None:
-            return None
-        try:
-            found = Outcome.from_json(data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise self._store.refused(name, f"is corrupt ({error})") from None
-        # levels were once kept of the quantities alone that were asked for
-        there = found.series is not None and {*self.names} <= {*found.series.values}
-        return self._own(found) if there else None
+        for name in self._store.names(self._rung(across, step)):
+            data = self._store.read(name)
+            assert data is not None
+            try:
+                found = Outcome.from_json(data)
+            except (KeyError, TypeError, ValueError) as error:
+                raise self._store.refused(name, f"is corrupt ({error})") from None
+            # a scene that asks for others keeps levels of its own beside these
+            if found.series is not None and {*self.names} <= {*found.series.values}:
+                return self._own(found)
+        return None
 
     def _own(self, outcome: Outcome) -> Outcome:
         """With the series of this ladder's quantities only."""
@@ -171,8 +172,13 @@ class Ladder:
     def _level(self, across: int, step: float) -> tuple[str, ...]:
         return fem_settings(self._frame, self._frame.across(across), step, integrator=self.integrator)
 
+    @staticmethod
+    def _rung(across: int, step: float) -> str:
+        return f"level-{across}-{1e3 * step:.6g}ms-"
+
     def _file(self, across: int, step: float) -> str:
-        return f"level-{across}-{1e3 * step:.6g}ms-looked"
+        names = ",".join(sorted(quantity_names(self._frame.scene)))
+        return self._rung(across, step) + hashlib.sha256(names.encode()).hexdigest()[:8]
 
     def level(self, across: int, step: float) -> Level:
         """Facts of a level that is done."""

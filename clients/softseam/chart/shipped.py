@@ -1,9 +1,9 @@
 """References that ship with the scenes: one file of plain JSON each, made once by `make references` in many minutes.
 
 What is true of a scene does not depend on the machine, so whoever charts or plans it need not find it out again. A file
-belongs to a scene by its hash (`Ladder.key`): of body, tools, motion and step, not of how it is simulated or what is
-asked for. Of a scene whose body or motion was changed nothing ships. Numbers are rounded to a hundredth of what they
-are known to.
+belongs to a scene by its hash (`Ladder.key`): of body, tools, motion and step, not of how it is simulated or which
+quantities are asked for. Of a scene whose body, motion or probes were changed nothing ships. Numbers are rounded to a
+hundredth of what they are known to.
 """
 
 from __future__ import annotations
@@ -126,22 +126,23 @@ def shipped(ladder: Ladder, target: float = TARGET, known: float = KNOWN) -> Ref
 
 
 def moved(found: Shipped, ladder: Ladder, share: float = SAME, least: float = MOVED) -> dict[str, float]:
-    """What of a file today's code no longer leads to: quantities of a checked level that are not what they were, and
-    by how much, relative to the scale [1]; infinite where it ends earlier. Runs those levels, which takes some seconds.
+    """What of a file today's code no longer leads to: the ladder's quantities in a checked level that are not what they
+    were, and by how much, relative to the scale [1]; infinite where it ends earlier. Runs those levels, in some seconds.
 
     share, least  of what a quantity is known to, and of its scale, that counts as no change [1]
 
     Raises SoftseamError where a level cannot be computed any more.
     """
     reference = found.reference
-    bound = {name: max(least, share * min(1.0, true.uncertainty)) for name, true in reference.truth.items()}
+    asked = {name: true for name, true in reference.truth.items() if name in ladder.names}
+    bound = {name: max(least, share * min(1.0, true.uncertainty)) for name, true in asked.items()}
     off: dict[str, float] = {}
     longest = max(check.step for check in found.checks)
     for check in found.checks:
         ladder.run(check.across, check.step, math.inf)
         series, time = ladder.series((check.across, check.step)), reference.time
         ended = series.time[-1] < time[-1] - 1e-9
-        for name, true in reference.truth.items():
+        for name, true in asked.items():
             # at the common times, where all of it is looked at
             change = math.inf if ended else rms(series.at(name, time) - np.array(check.values[name]), time) / true.scale
             if not change <= (LOOSER if check.step < longest else 1.0) * bound[name]:

@@ -43,6 +43,10 @@ class Store:
     def path(self, name: str) -> Path:
         return self.folder / f"{name}.json"
 
+    def names(self, prefix: str) -> list[str]:
+        """Of finished pieces that begin so."""
+        return sorted(path.stem for path in self.folder.glob(f"{prefix}*.json"))
+
     def read(self, name: str) -> dict[str, Any] | None:
         """A finished piece, or None where there is none. Raises BadInput, naming a corrupt or foreign file."""
         path = self.path(name)

@@ -15,7 +15,7 @@ The resistance is known a step late, and in steps shorter than a wave takes thro
 the nodes that the tool pushes: a lighter tool would be thrown to and fro with ever more force (added mass: Causin,
 Gerbeau and Nobile, Comput. Methods Appl. Mech. Engrg. 194 (2005) 4506). There m is the tool's own mass and
   m_a = rho A h (1 - c_p dt/h)/4,                                                                                 (3)
-h the length of the body's cells: of a layer of them these nodes have a sixth.
+h the length of the body's cells along the way: of a layer of them these nodes have a sixth.
 """
 
 from __future__ import annotations
@@ -83,23 +83,24 @@ class Drives:
 
     def __init__(self, scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> None:
         self._dt = scene.step
-        self._drives = _drives(scene, body, grips)
-        self._last = _last_phases(scene, self._drives)
+        self.drives = _drives(scene, body, grips)
+        """one of a closing phase, or of a tool that moves by itself up to its limit"""
+        self._last = _last_phases(scene, self.drives)
         self.phases = {
-            number for drive, last in zip(self._drives, self._last, strict=True) for number in range(drive.phase, last)
+            number for drive, last in zip(self.drives, self._last, strict=True) for number in range(drive.phase, last)
         }
         """in which a drive has its say"""
-        self.state = np.zeros((len(self._drives), 5))
-        self._chosen = np.zeros(len(self._drives))
+        self.state = np.zeros((len(self.drives), 5))
+        self._chosen = np.zeros(len(self.drives))
         self.reset()
 
     def reset(self) -> None:
         self.state[:] = 0.0
-        self.state[:, STIFFNESS] = [drive.stiffness for drive in self._drives]
+        self.state[:, STIFFNESS] = [drive.stiffness for drive in self.drives]
 
     def apply(self, command: Floats, progress: Progress, orientation: Floats) -> None:
         """Let the drives at work in this phase have their say: command (t, 6) [m/s, rad/s] updated in place."""
-        for row, drive in enumerate(self._drives):
+        for row, drive in enumerate(self.drives):
             if not drive.phase <= progress.phase < self._last[row]:
                 self._chosen[row] = 0.0
                 continue
@@ -130,7 +131,7 @@ class Drives:
 
     def measured(self, wrench: Floats, orientation: Floats) -> None:
         """Take in what the body did to the tools (t, 6) [N, N m] in a step that `apply` was called for."""
-        for row, drive in enumerate(self._drives):
+        for row, drive in enumerate(self.drives):
             way = drive.direction(orientation)
             felt = [-float(wrench[drive.tools[0], :3] @ way)]
             felt += [float(wrench[other, :3] @ way) for other in drive.tools[1:]]
@@ -170,7 +171,7 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
                     asked=0.0 if phase.force is None else phase.close,
                     force=force,
                     limit=limit,
-                    mass=0.5 * sum(_mass(spec) for spec in specs) + _added(body, grip.width, scene.step),
+                    mass=0.5 * sum(_mass(spec) for spec in specs) + _added(body, grip.axis, grip.width, scene.step),
                     stiffness=_stiffness(body, grip.width, scene.step),
                 )
             )
@@ -182,7 +183,7 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
                     continue
                 width = float(np.ptp(body.x_rest @ way))
                 stiffness = _stiffness(body, width, scene.step)
-                mass = _mass(spec) + _added(body, width, scene.step)
+                mass = _mass(spec) + _added(body, way, width, scene.step)
                 tool = (names.index(name),)
                 found.append(Drive(number, tool, None, way, 0.0, math.inf, _limit(spec), mass, stiffness))
     return found
@@ -220,9 +221,9 @@ def _stiffness(body: Body, width: float, dt: float) -> float:
     return material.density * material.wave_speed * area / dt + 2.0 * modulus * area / width
 
 
-def _added(body: Body, width: float, dt: float) -> float:
-    """m_a of eq. (3) for a body of this width [kg]; 0 where a wave crosses a cell within a step."""
-    cell = float(body.edges.max())
+def _added(body: Body, way: Floats, width: float, dt: float) -> float:
+    """m_a of eq. (3) for a body of this width along a unit vector (3,) [kg]; 0 where waves cross a cell in a step."""
+    cell = float(np.abs(way) @ body.edges)
     layer = body.mean_density * _cross_section(body, width) * cell
     return _ADDED * layer * max(0.0, 1.0 - _stiffest(body).wave_speed * dt / cell)
 
