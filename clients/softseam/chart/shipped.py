@@ -127,7 +127,7 @@ def shipped(ladder: Ladder, target: float = TARGET, known: float = KNOWN) -> Ref
 
 def moved(found: Shipped, ladder: Ladder, share: float = SAME, least: float = MOVED) -> dict[str, float]:
     """What of a file today's code no longer leads to: the ladder's quantities in a checked level that are not what they
-    were, and by how much, relative to the scale [1]; infinite where it ends earlier. Runs those levels, in some seconds.
+    were, and by how much, relative to the scale [1]; infinite where it ends earlier. Runs those levels: seconds.
 
     share, least  of what a quantity is known to, and of its scale, that counts as no change [1]
 
