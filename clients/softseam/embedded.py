@@ -38,10 +38,12 @@ class EmbeddedBackend:
 
     def __init__(self, bundle: Bundle, *, record: Path | None = None) -> None:
         try:
+            from softseam_services.orchestrator import client_view
             from softseam_services.orchestrator.embedded import EmbeddedTransport
             from softseam_services.orchestrator.simulation import Simulation
         except ImportError as error:
             raise missing_extra(error, "simulating in this process") from error
+        self._view = client_view  # of steps: to import it in each would take as long as a message
         self._events: list[Event] = []
         self._bundle = bundle
         self._record = record
@@ -64,34 +66,26 @@ class EmbeddedBackend:
         return self._observation(fields=True)
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
-        from softseam_services.orchestrator.client_view import counted
-        from softseam_services.orchestrator.participants import StepFailed
-        from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
-
         recording = self._recorder is not None
         command = None if velocities is None else {name: velocity.tolist() for name, velocity in velocities.items()}
         with translated():
             for remaining in range(count, 0, -1):
                 try:
                     self._last = self.simulation.step(command, fields=recording or (fields and remaining == 1))
-                except (StepFailed, ParticipantFailed, ParticipantLost) as error:
-                    raise counted(error, count - remaining, count) from error.__cause__
+                except self._view.FAILURES as error:
+                    raise self._view.counted(error, count - remaining, count) from error.__cause__
         return self._observation(fields, taken=True)
 
     def follow(self, most: int | None) -> list[Observation]:
         return [self.step(1, None, fields=False)]
 
     def save(self) -> bytes:
-        from softseam_services.orchestrator.client_view import snapshot
-
         with translated():
-            return snapshot(self.simulation, self._last)
+            return self._view.snapshot(self.simulation, self._last)
 
     def load(self, state: bytes) -> Observation:
-        from softseam_services.orchestrator.client_view import restore
-
         with translated():
-            self._last = restore(self.simulation, state)
+            self._last = self._view.restore(self.simulation, state)
         return self._observation(fields=True)
 
     def estimate(self) -> ErrorEstimate | None:
@@ -107,10 +101,8 @@ class EmbeddedBackend:
             self.unrecorded = "the session ended before it was reset"
 
     def _observation(self, fields: bool, taken: bool = False) -> Observation:
-        from softseam_services.orchestrator.client_view import observation
-
         with translated():
-            return observation(self.simulation, self._last, fields=fields, taken=taken, events=self._events)
+            return self._view.observation(self.simulation, self._last, fields=fields, taken=taken, events=self._events)
 
     def _emit(self, message: Message) -> None:
         if isinstance(message, Event):

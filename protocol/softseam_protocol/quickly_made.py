@@ -2,14 +2,14 @@
 
 A frozen dataclass sets its fields one by one through `object.__setattr__`, a call each: 10 us for a message of 27
 fields, of which a step makes a dozen. Here an instance is of a twin class while it is filled, which has the same fields
-and lets them be set, and of its own from then on.
+and lets them be set, and of its own from then on; what fills it is written out field by field, as dataclasses do.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import MISSING, field, fields, make_dataclass
-from functools import wraps
+from dataclasses import MISSING, fields, make_dataclass
+from functools import update_wrapper
 from operator import attrgetter
 from typing import Any, TypeVar
 
@@ -22,25 +22,30 @@ def quickly_made(declared: type[_T]) -> type[_T]:
 
     Subclasses are made as others are, one field after the other.
     """
-    kept = []
-    for each in fields(declared):  # type: ignore[arg-type]  # any dataclass
-        default: dict[str, Any] = {"default": each.default, "default_factory": each.default_factory}
-        given = {name: value for name, value in default.items() if value is not MISSING}
-        kept.append((each.name, each.type, field(**given)))
-    twin = make_dataclass(declared.__name__, kept, slots="__slots__" in vars(declared), eq=False, repr=False)
-    fill = twin.__init__  # type: ignore[misc]  # of this very class
-    slowly = declared.__init__
-
-    @wraps(slowly)
-    def made(self: Any, *values: Any, **named: Any) -> None:
-        if type(self) is not declared:
-            slowly(self, *values, **named)
-            return
-        _turn_into(self, twin)
-        fill(self, *values, **named)
-        self.__class__ = declared
-
-    declared.__init__ = made  # type: ignore[method-assign]
+    slots, slowly = "__slots__" in vars(declared), declared.__init__
+    names = [each.name for each in fields(declared)]  # type: ignore[arg-type]  # any dataclass
+    twin = make_dataclass(declared.__name__, names, slots=slots, init=False, eq=False, repr=False)
+    known = {"declared_": declared, "twin_": twin, "turn_into_": _turn_into, "slowly_": slowly}
+    marks = slowly.__defaults__ or ()  # the default, or what the dataclass has in place of one that is made
+    first = len(names) - len(marks)
+    takes, fills = names[:first], [f"self.{name} = {name}" for name in names[:first]]
+    for each, mark in zip(fields(declared)[first:], marks, strict=True):  # type: ignore[arg-type]
+        name, value = each.name, each.name
+        known[f"{name}_"] = mark
+        if each.default_factory is not MISSING:
+            known[f"{name}_made_"] = each.default_factory
+            value = f"{name}_made_() if {name} is {name}_ else {name}"
+        takes.append(f"{name}={name}_")
+        fills.append(f"self.{name} = {value}")
+    lines = [
+        f"def made(self, {', '.join(takes)}):",
+        f"    if type(self) is not declared_: return slowly_(self, {', '.join(names)})",
+        "    turn_into_(self, twin_)",
+        *(f"    {line}" for line in fills),
+        "    self.__class__ = declared_",
+    ]
+    exec("\n".join(lines), known)
+    declared.__init__ = update_wrapper(known["made"], slowly)  # type: ignore[method-assign]
     return declared
 
 

@@ -49,6 +49,10 @@ _NOTHING = np.zeros((0, 3))
 _BODIES_KEPT = 4
 _SEATS_KEPT = 64
 """of sessions whose orchestrators may have died without a Release"""
+_TIMED_HERE = (Committed, Fields, SnapshotTaken, Restored)
+"""replies whose seconds are those of the whole answer; a solver tells its own of a step"""
+_NOT_KEPT = (Failure, Fields)
+"""replies that a repeated request is given anew"""
 
 use_one_thread()  # every process that simulates loads this module: results do not depend on the number of cores
 
@@ -170,9 +174,9 @@ class ParticipantServer:
             return kept[1]
         began = perf_counter()
         reply = self._answer(seat, request)
-        if isinstance(reply, Committed | Fields | SnapshotTaken | Restored):
+        if isinstance(reply, _TIMED_HERE):
             reply = altered(reply, seconds=perf_counter() - began)
-        if not isinstance(reply, Failure | Fields):
+        if not isinstance(reply, _NOT_KEPT):
             seat.replies[type(request)] = (request, reply)
         return reply
 

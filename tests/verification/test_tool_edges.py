@@ -10,9 +10,10 @@ from fem_run import FemRun, block
 
 from softseam_protocol.messages import BodyState, Header
 from softseam_services.body.region import build_region, shared_nodes
-from softseam_services.fem.face_forces import gathered_at_nodes, gathering, spread_over_faces
+from softseam_services.fem.face_forces import spread_over_faces, surface_point_of_node
 from softseam_services.fem.face_points import PATCHES, face_points
 from softseam_services.fem.kernels.cover import covered
+from softseam_services.fem.kernels.fields import gather_forces
 from softseam_services.tools.kernels import overlap, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX
 
@@ -132,7 +133,8 @@ def test_forces_at_nodes_and_inside_faces_have_the_same_sums() -> None:
     press(run, [0.05], 5)
     model, n_surface = run.solver._model, len(run.region.points)
     inside = run.solver.state.contact
-    told = gathered_at_nodes(gathering(model, n_surface), inside[:, :, :3])
+    told = np.empty((n_surface, inside.shape[1], 3))
+    gather_forces(inside, model, surface_point_of_node(model, n_surface), told)
     np.testing.assert_allclose(told.sum(axis=0), inside[:, :, :3].sum(axis=0), atol=1e-12)
     assert np.abs(told.sum(axis=(0, 1))).max() < 1e-6 < np.abs(told[:, 0].sum(axis=0)).max()
     given = np.zeros_like(inside)

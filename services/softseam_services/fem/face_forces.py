@@ -3,28 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem.kernels.contact import ANCHOR, FORCE, N_STATE
 from softseam_services.fem.model import FemModel
-
-
-def gathering(model: FemModel, n_surface: int) -> csr_array:
-    """Matrix from forces of all points to forces of the n_surface points of the surface, with the same sums."""
-    inner = np.flatnonzero(model.point_face >= 0)
-    begin = model.point_ptr[n_surface]
-    weights = np.concatenate([np.ones(n_surface), model.point_weight[begin:]])
-    columns = np.concatenate([np.arange(n_surface), np.repeat(inner, np.diff(model.point_ptr)[inner])])
-    to = _surface_point_of_node(model, n_surface)[model.point_node[begin:]]
-    rows = np.concatenate([np.arange(n_surface), to])
-    return csr_array((weights, (rows, columns)), shape=(n_surface, len(model.point_face)))
-
-
-def gathered_at_nodes(gather: csr_array, force: Floats) -> Floats:
-    """Forces (p, t, 3) of all points -> forces (n_surface, t, 3) by the matrix of `gathering`."""
-    n_points, n_tools, _ = force.shape
-    return np.asarray(gather @ force.reshape(n_points, 3 * n_tools)).reshape(gather.shape[0], n_tools, 3)
 
 
 def point_positions(model: FemModel, x: Floats) -> Floats:
@@ -58,7 +40,7 @@ def spread_over_faces(model: FemModel, contact: Floats) -> None:
     n_surface = int(inner[0])
     edged = model.edged[None, :] & (model.point_face[:n_surface, None] == -1)
     moved = np.where(edged[:, :, None], contact[:n_surface, :, :3], 0.0)
-    point_of = _surface_point_of_node(model, n_surface)
+    point_of = surface_point_of_node(model, n_surface)
     begin = model.point_ptr[inner[0]]
     rows = np.repeat(inner, np.diff(model.point_ptr)[inner])
     columns = point_of[model.point_node[begin:]]
@@ -70,7 +52,7 @@ def spread_over_faces(model: FemModel, contact: Floats) -> None:
     contact[:n_surface, :, :3] -= moved
 
 
-def _surface_point_of_node(model: FemModel, n_surface: int) -> np.ndarray:
+def surface_point_of_node(model: FemModel, n_surface: int) -> np.ndarray:
     """Surface point at each node (n,), -1 for none; on a block each follows one node."""
     found = np.full(len(model.mass), -1, dtype=np.int64)
     points = np.arange(n_surface)

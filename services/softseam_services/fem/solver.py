@@ -22,6 +22,9 @@ from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.request_check import problem_of, problem_of_anchor
 from softseam_services.tools.tool_set import ToolSet
 
+_NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
+"""no matrix of the seam, and no vectors"""
+
 
 class FemSolver:
     """One region computed with finite elements; a `participant.Solver`."""
@@ -132,7 +135,7 @@ class FemSolver:
             request.header,
             status,
             stepper.seam_x.copy(),
-            stepper.compliance.copy() if whole else np.zeros((0, 0)),
+            stepper.compliance.copy() if whole else _NONE,
             stepper.wrench.copy(),
             numbers[kernel.KINETIC],
             numbers[kernel.STRAIN],
@@ -153,9 +156,9 @@ class FemSolver:
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
-            seam_v=self.state.v[self._region.seam] if len(request.seam_force_start) else np.zeros((0, 3)),
+            seam_v=self.state.v[self._region.seam] if len(request.seam_force_start) else _FREE,
             settles=settles,
-            seam_yield_root=stepper.news_of_yield() if settles else np.zeros((0, 0)),
+            seam_yield_root=stepper.news_of_yield() if settles else _NONE,
         )
 
     def settle(self, force: Floats) -> None:

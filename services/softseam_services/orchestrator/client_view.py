@@ -11,9 +11,12 @@ from softseam_protocol.messages import SCHEMA_VERSION, Event, Header, Observatio
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 
 AT_REST = ("grip_force", "lift_height", "slip", "sag")
 """quantities that are zero before the first step"""
+FAILURES = (StepFailed, ParticipantFailed, ParticipantLost)
+"""what a step may raise"""
 
 
 def observation(

@@ -24,6 +24,8 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 _ROUNDING = 1e-9
 """of a step or a length: what counts as reached"""
+_WAY, _HANDS = (MovePhase, TurnPhase), (GripPhase, ReleasePhase)
+"""phases in which tools have a way to go, and in which they take or let go particles"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ class Program:
         self._lengths = {
             number: math.hypot(*(phase.move if isinstance(phase, MovePhase) else phase.turn))
             for number, phase in enumerate(phases)
-            if isinstance(phase, MovePhase | TurnPhase)
+            if isinstance(phase, _WAY)
         }
         """ways of moves [m] and angles of turns [rad], by phase"""
 
@@ -125,7 +127,7 @@ class Program:
     def gripping(self, progress: Progress, before: NDArray[np.int8]) -> NDArray[np.int8]:
         """1 for the tools that hold particles in the coming step (t,), after those that did before."""
         phase = None if self.done(progress) else self._phases[progress.phase]
-        if not isinstance(phase, GripPhase | ReleasePhase):
+        if not isinstance(phase, _HANDS):
             return before
         now = before.copy()
         now[[self._index[name] for name in phase.tools]] = isinstance(phase, GripPhase)
@@ -151,9 +153,9 @@ class Program:
         phase = self._phases[progress.phase]
         if isinstance(phase, HoldPhase):
             return max(0.0, phase.hold - progress.elapsed)
-        if isinstance(phase, GripPhase | ReleasePhase):
+        if isinstance(phase, _HANDS):
             return max(0.0, (phase.grip if isinstance(phase, GripPhase) else phase.release) - progress.elapsed)
-        if isinstance(phase, MovePhase | TurnPhase):
+        if isinstance(phase, _WAY):
             return max(0.0, self._lengths[progress.phase] / phase.speed - progress.elapsed)
         bounds = [math.inf]
         if phase.until.compression is not None:
@@ -169,14 +171,14 @@ class Program:
         phase = self._phases[number]
         if isinstance(phase, ClosePhase):
             return _ROUNDING * max(self._dt, self._grips[number].width / (2.0 * phase.close))
-        return (_ROUNDING if isinstance(phase, MovePhase | TurnPhase) else 0.5) * self._dt
+        return (_ROUNDING if isinstance(phase, _WAY) else 0.5) * self._dt
 
     def _waits(self, progress: Progress, way: Floats) -> bool:
         """Whether a phase waits for the next step: a force decides on it, hands open or close, or tools turn twice."""
         phase = self._phases[progress.phase]
         if isinstance(phase, TurnPhase) and way[:, 3:].any():
             return True
-        return progress.phase in self._whole or isinstance(phase, GripPhase | ReleasePhase)
+        return progress.phase in self._whole or isinstance(phase, _HANDS)
 
     def _way(self, number: int, duration: float, position: Floats, orientation: Floats) -> Floats:
         """What a phase does to the tools in a time [s], from poses (t, 3) [m], (t, 4): (t, 6) [m, rad]."""

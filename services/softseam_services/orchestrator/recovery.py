@@ -24,6 +24,8 @@ from softseam_protocol.messages import (
 )
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 
+_STEPS = (Advance, Commit)
+
 
 @dataclass
 class _Log:
@@ -75,7 +77,7 @@ class RecoveringTransport:
         self._inner.close()
 
     def _remember(self, name: str, request: Request, reply: Reply) -> None:
-        if isinstance(request, Advance | Commit):
+        if isinstance(request, _STEPS):
             self._logs[name].since.append(request)  # its arrays are never written again: see `Transport`
         elif isinstance(request, Configure):
             self._logs[name] = _Log(request)

@@ -27,7 +27,7 @@ def tool_motion(tools: ToolSet, position: Floats, orientation: Floats, velocitie
             f"({n_tools}, 6); got {position.shape}, {orientation.shape}, {velocities.shape}"
         )
     orientation_next = orientation
-    for tool, (*_, x, y, z) in enumerate(velocities.tolist()):
+    for tool, (_, _, _, x, y, z) in enumerate(velocities.tolist()):
         if x or y or z:
             if orientation_next is orientation:
                 orientation_next = orientation.copy()

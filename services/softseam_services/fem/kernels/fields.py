@@ -1,0 +1,54 @@
+"""Fields of a state, as a region tells them: stress of its cells, places and forces of its surface's points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.compiled_once import njit
+from softseam_services.fem.kernels import elements
+from softseam_services.fem.kernels.contact import point_position
+
+
+@njit(cache=True, error_model="numpy")
+def gather_forces(contact, model, point_of_node, told):
+    """told (n_surface, t, 3) [N] <- forces of all points on the surface's, with the same sums.
+
+    contact (p, t, 9) contact state; what acts on a point inside a face is shared among the face's nodes by its
+    weights; point_of_node (n,) surface point at each node, -1 for none
+    """
+    n_surface, n_tools = told.shape[0], told.shape[1]
+    for point in range(n_surface):
+        for tool in range(n_tools):
+            for i in range(3):
+                told[point, tool, i] = contact[point, tool, i]
+    for point in range(n_surface, len(model.point_face)):
+        if model.point_face[point] < 0:
+            continue
+        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            to, weight = point_of_node[model.point_node[entry]], model.point_weight[entry]
+            for tool in range(n_tools):
+                for i in range(3):
+                    told[to, tool, i] += weight * contact[point, tool, i]
+
+
+@njit(cache=True, error_model="numpy")
+def read_fields(x, contact, model, point_of_node, work, cauchy, place, force, touched):
+    """Cauchy stress of the octants, cauchy (c, 8, 6) [Pa], and of the surface's points where they are, place
+    (n_surface, 3) [m], the force of all tools, force (n_surface, 3) [N], and which one's is the largest, touched
+    (n_surface,), -1 for none; x (n, 3), contact and point_of_node as above.
+    """
+    elements.cauchy_stress(x, model, work, cauchy)
+    told = np.empty((len(place), contact.shape[1], 3))
+    gather_forces(contact, model, point_of_node, told)
+    for point in range(len(place)):
+        point_position(x, model, point, place[point])
+        largest, which = 0.0, -1
+        sx = sy = sz = 0.0
+        for tool in range(told.shape[1]):
+            fx, fy, fz = told[point, tool, 0], told[point, tool, 1], told[point, tool, 2]
+            square = fx * fx + fy * fy + fz * fz
+            if square > largest:
+                largest, which = square, tool
+            sx, sy, sz = sx + fx, sy + fy, sz + fz
+        force[point, 0], force[point, 1], force[point, 2] = sx, sy, sz
+        touched[point] = which
