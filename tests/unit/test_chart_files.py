@@ -128,6 +128,32 @@ def test_cells_are_longer_along_what_only_cylinders_press() -> None:
     assert Frame(load_scene("cantilever"), np.full(3, 0.05)).even is None
 
 
+def test_one_cell_is_tried_along_what_nothing_acts_along() -> None:
+    """The plates of tofu_grasp cover it along y, close along x and lift along z. Shorter, turned or aside they do not
+    cover it; nor is an axis idle that gravity or a motion has a part along, or the ground leans to."""
+    scene, extent = load_scene("tofu_grasp"), np.full(3, 0.05)
+    frame = Frame(scene, extent)
+    assert frame.idle == 1 and frame.even is None
+    labels = {c.label for c in configurations(frame)}
+    assert {"FEM hex27_reduced 4x1x4, 40 ms", "FEM hex27_reduced 3x1x2, 30 ms"} <= labels
+    for setting in (
+        "tools.left.size=[0.01, 0.049, 0.06]",
+        "tools.left.rotation=[0, 0, 0.1]",
+        "tools.left.position=[-0.0431, 0.001, 0.029]",
+        "tools.ground.normal=[0, 0.1, 1]",
+        "tools.left={kind: sphere, radius: 0.1, position: [-0.15, 0, 0.029]}",
+        "gravity=[0, 0.1, -9.81]",
+        "body.velocity=[0, 0.1, 0]",
+        "motion=[{tools: [left, right], move: [0, 0.01, 0.05], speed: 0.05}]",
+        "motion=[{tools: [left, right], turn: [0, 0.1, 0], speed: 0.05}]",
+    ):
+        other = Frame(with_settings(scene, (setting,)), extent)
+        assert other.idle is None, setting
+        assert not any("x1x" in c.label and "1x1x1" not in c.label for c in configurations(other))
+    assert Frame(with_settings(scene, ("tools.left.rotation=[0, 0.1, 0]",)), extent).idle == 1
+    assert Frame(load_scene("cantilever"), extent).idle is None and Frame(load_scene("tofu_pads"), extent).idle is None
+
+
 @pytest.mark.parametrize(
     ("setting", "even"),
     [

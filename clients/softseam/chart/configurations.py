@@ -21,6 +21,9 @@ TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
 SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125)), (3, (0.25,)))
 """cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
 
+IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (4, 2)), (4, (4, 3, 2)))
+"""cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along"""
+
 
 @dataclass(frozen=True)
 class Configuration:
@@ -79,6 +82,12 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
             x, y, z = (1 if axis == frame.even else n for axis, n in enumerate(frame.across(across)))
             for factor in (2, 1):
                 yield fem_one(frame, (x, y, z), factor * step)
+    elif frame.idle is not None:
+        # the quadratic functions of one cell follow how free faces bulge
+        for counts, factors in _cells_and_factors(frame, IDLE, (8, 5, 4, 3, 2)):
+            x, y, z = (1 if axis == frame.idle else n for axis, n in enumerate(counts))
+            for factor in factors:
+                yield fem_one(frame, (x, y, z), factor * step, "hex27_reduced")
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
     for counts, factors in _cells_and_factors(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:

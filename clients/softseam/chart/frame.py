@@ -25,7 +25,7 @@ from softseam_protocol.material_borders import (
 )
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_motion import ClosePhase, MovePhase, TurnPhase
-from softseam_protocol.scene_tools import BoxTool, CylinderTool
+from softseam_protocol.scene_tools import BoxTool, CylinderTool, PlaneTool, ToolSpec
 from softseam_protocol.spec import Vector
 from softseam_protocol.tool_borders import tool_borders
 
@@ -118,8 +118,14 @@ class Frame:
 
     @property
     def even(self) -> int | None:
-        """The axis of a block of one material that every tool is a cylinder along, from beyond one face to beyond the
-        other, and that nothing clamps, pulls, moves or turns along: what happens changes little along it."""
+        """`idle`, where all tools are cylinders: what happens changes little along it."""
+        long = all(isinstance(tool, CylinderTool) for tool in self.scene.tools.values())
+        return self.idle if long else None
+
+    @property
+    def idle(self) -> int | None:
+        """The axis of a block of one material that every tool reaches along, from beyond one face to beyond the other,
+        and that nothing clamps, pulls, moves or turns along: there free faces bulge, and no more."""
         body, tools = self.scene.body, list(self.scene.tools.values())
         if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and tools):
             return None
@@ -127,7 +133,7 @@ class Frame:
             return None
         middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * body.shape.size[2]])
         for axis, edge in enumerate(body.shape.size):
-            across = all(isinstance(tool, CylinderTool) and _reaches(tool, axis, middle[axis], edge) for tool in tools)
+            across = all(_reaches(tool, axis, middle[axis], edge) for tool in tools)
             if across and not (self.scene.gravity[axis] or body.velocity[axis] or _moves_along(self.scene, axis)):
                 return axis
         return None
@@ -196,10 +202,17 @@ class Frame:
         return float(np.prod(edges) ** (1.0 / len(edges)))
 
 
-def _reaches(tool: CylinderTool, axis: int, middle: float, edge: float) -> bool:
-    """Whether a cylinder along this axis covers all of a block's edge."""
-    along = abs(tool.axis[axis]) >= (1.0 - 1e-9) * float(np.linalg.norm(tool.axis))
-    return along and abs(tool.position[axis] - middle) + 0.5 * edge <= 0.5 * tool.length
+def _reaches(tool: ToolSpec, axis: int, middle: float, edge: float) -> bool:
+    """Whether a tool is the same all along a block's edge on this axis: a plane, a long enough cylinder or box."""
+    if isinstance(tool, PlaneTool):
+        return tool.normal[axis] == 0.0
+    if isinstance(tool, CylinderTool):
+        along, length = abs(tool.axis[axis]) >= (1.0 - 1e-9) * float(np.linalg.norm(tool.axis)), tool.length
+    elif isinstance(tool, BoxTool):
+        along, length = not any(np.delete(tool.rotation, axis)), tool.size[axis]
+    else:
+        return False
+    return along and abs(tool.position[axis] - middle) + 0.5 * edge <= 0.5 * length
 
 
 def _moves_along(scene: Scene, axis: int) -> bool:
@@ -208,10 +221,14 @@ def _moves_along(scene: Scene, axis: int) -> bool:
         if isinstance(phase, TurnPhase) or (isinstance(phase, MovePhase) and phase.move[axis]):
             return True
         if isinstance(phase, ClosePhase):
-            ends = [tool.position[axis] for name in phase.tools if isinstance(tool := scene.tools[name], CylinderTool)]
-            if len(set(ends)) > 1:
+            first, second = (scene.tools[name] for name in phase.tools)
+            if _middle(first)[axis] != _middle(second)[axis]:
                 return True
     return False
+
+
+def _middle(tool: ToolSpec) -> Vector:
+    return tool.point if isinstance(tool, PlaneTool) else tool.position
 
 
 def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> bool:
