@@ -69,6 +69,10 @@ class Program:
             if isinstance(phase, _WAY)
         }
         """ways of moves [m] and angles of turns [rad], by phase"""
+        self._moves = {
+            number: self._all_of(phase) for number, phase in enumerate(phases) if isinstance(phase, MovePhase)
+        }
+        """what moves do to the tools altogether, by phase (t, 6) [m, rad]"""
 
     def done(self, progress: Progress) -> bool:
         return progress.phase >= len(self._phases)
@@ -182,17 +186,15 @@ class Program:
 
     def _way(self, number: int, duration: float, position: Floats, orientation: Floats) -> Floats:
         """What a phase does to the tools in a time [s], from poses (t, 3) [m], (t, 4): (t, 6) [m, rad]."""
-        way = np.zeros((len(position), 6))
         phase = self._phases[number]
+        if isinstance(phase, MovePhase):
+            return phase.speed * duration / self._lengths[number] * self._moves[number]
+        way = np.zeros((len(position), 6))
         if isinstance(phase, ClosePhase):
             grip = self._grips[number]
             each = phase.close * duration * grip.axis_now(orientation)
             way[grip.first, :3] = each
             way[grip.second, :3] = -each
-        elif isinstance(phase, MovePhase):
-            share = phase.speed * duration / self._lengths[number]
-            for name in phase.tools:
-                way[self._index[name], :3] = [share * along for along in phase.move]
         elif isinstance(phase, TurnPhase):
             rotation = phase.speed * duration / self._lengths[number] * np.array(phase.turn)
             turn = quaternion_turning(rotation)
@@ -202,6 +204,12 @@ class Program:
                 arm = position[tool] - centre
                 way[tool, :3] = np.array(rotate(turn, *arm)) - arm
                 way[tool, 3:] = rotation
+        return way
+
+    def _all_of(self, phase: MovePhase) -> Floats:
+        """What a move does to the tools, as above."""
+        way = np.zeros((len(self._index), 6))
+        way[[self._index[name] for name in phase.tools], :3] = phase.move
         return way
 
 

@@ -71,8 +71,9 @@ def _holders(model, multiplier, n_nodes):
     holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
     for point in range(len(model.point_stiffness)):
         for tool in range(multiplier.shape[1]):
-            f = multiplier[point, tool]
-            if f[0] == 0.0 and f[1] == 0.0 and f[2] == 0.0:
+            # number by number, because a view of a row costs as much as all the rest
+            f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
+            if f0 == 0.0 and f1 == 0.0 and f2 == 0.0:
                 continue
             for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
                 node = model.point_node[entry]
@@ -94,7 +95,10 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     n_tools = len(tools.kind)
     xp, away = np.empty(3), np.empty(3)
     count = 0
-    patches = np.sqrt(len(model.point_face[model.point_face >= 0]) / max(1, len(model.face_nodes)))
+    inner = 0
+    for point in range(len(model.point_face)):
+        inner += model.point_face[point] >= 0
+    patches = np.sqrt(inner / max(1, len(model.face_nodes)))
     holder = _holders(model, multiplier, len(x))
     for point in range(len(model.point_stiffness)):
         if model.point_stiffness[point] == 0.0:
