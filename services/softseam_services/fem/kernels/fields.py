@@ -1,4 +1,4 @@
-"""Fields of a state, as a region tells them: stress of its cells, places and forces of its surface's points."""
+"""Fields of a state, as a region tells them: stress of its cells, and forces on its surface's points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels import elements
-from softseam_services.fem.kernels.contact import point_position
 
 
 @njit(cache=True, error_model="numpy")
@@ -32,16 +31,16 @@ def gather_forces(contact, model, point_of_node, told):
 
 
 @njit(cache=True, error_model="numpy")
-def read_fields(x, contact, model, point_of_node, work, cauchy, place, force, touched):
-    """Cauchy stress of the octants, cauchy (c, 8, 6) [Pa], and of the surface's points where they are, place
-    (n_surface, 3) [m], the force of all tools, force (n_surface, 3) [N], and which one's is the largest, touched
-    (n_surface,), -1 for none; x (n, 3), contact and point_of_node as above.
+def read_fields(x, contact, model, point_of_node, work, cauchy, force, touched):
+    """Cauchy stress of the octants, cauchy (c, 8, 6) [Pa], and of the surface's points the force of all tools, force
+    (n_surface, 3) [N], and which tool's is the largest, touched (n_surface,), -1 for none; all three are overwritten.
+
+    x (n, 3); contact and point_of_node as above
     """
     elements.cauchy_stress(x, model, work, cauchy)
-    told = np.empty((len(place), contact.shape[1], 3))
+    told = np.empty((len(force), contact.shape[1], 3))
     gather_forces(contact, model, point_of_node, told)
-    for point in range(len(place)):
-        point_position(x, model, point, place[point])
+    for point in range(len(force)):
         largest, which = 0.0, -1
         sx = sy = sz = 0.0
         for tool in range(told.shape[1]):
