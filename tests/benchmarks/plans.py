@@ -195,7 +195,7 @@ def _surely(row: Row, reference: Reference) -> Row:
     name = max(least, key=lambda name: least[name], default=None)
     if name is None or row.error is None or least[name] <= row.error.value:
         return row
-    error = Error(least[name], False)
+    error = Error(least[name], False, least[name])
     return replace(row, errors=dict(row.errors) | {name: error}, error=error)
 
 

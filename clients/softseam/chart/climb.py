@@ -20,7 +20,7 @@ from softseam.errors import SoftseamError
 from softseam_protocol.scene_motion import ClosePhase
 from softseam_protocol.scene_tools import PlaneTool
 
-ACROSS = (COARSEST, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32)
+ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""
 LEAST_ROUND = 3
 """cells across the box around a ball that a reference begins with"""

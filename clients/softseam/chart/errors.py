@@ -52,6 +52,8 @@ class Error:
     """[1]"""
     bound: bool
     """whether `value` is the reference's uncertainty, below which the error lies and cannot be told"""
+    differs: float
+    """what the run differs from the reference by, told or not [1]"""
 
 
 def rms(values: Floats, time: Floats) -> float:
@@ -95,12 +97,12 @@ def errors(series: Series, time: Floats, truth: Mapping[str, Truth]) -> dict[str
             at = series.looked(name)
             at = at[(at >= time[0]) & (at <= time[-1] + 1e-9)]
         if name not in series.values or not len(at):
-            found[name] = Error(float("inf"), False)
+            found[name] = Error(float("inf"), False, float("inf"))
             continue
         off = rms(series.at(name, at) - np.interp(at, time, true.values), at) / true.scale
         off = off if np.isfinite(off) else float("inf")
         below = off <= true.uncertainty < np.inf
-        found[name] = Error(true.uncertainty if below else off, below)
+        found[name] = Error(true.uncertainty if below else off, below, off)
     return found
 
 

@@ -30,7 +30,9 @@ from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Floats, Limit, N
 ORDERS = (SLOWEST, 1.5, 2.0, 3.0, FASTEST)
 """that are tried: between them no levels that scatter can tell"""
 FITTED = 6
-"""the finest levels that are fitted: coarser ones have errors of other kinds"""
+"""the finest levels are fitted, so many at least: coarser ones have errors of other kinds"""
+ALIKE = 2.5
+"""and all others whose cells are no more than this many times as large as the finest [1]"""
 NEARLY = 10.0
 """orders whose s^2 is no more than so many times the least may be the true one [1]"""
 SAFETY = 1.25
@@ -62,7 +64,8 @@ def fitted(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
     demand_falling(h, levels)
     if len(levels) < RECENT:
         return limit(h, levels, norm)
-    sizes, values = np.array(h[-FITTED:]) / h[-1], np.array(levels[-FITTED:])
+    n = max(FITTED, sum(size <= ALIKE * h[-1] for size in h))
+    sizes, values = np.array(h[-n:]) / h[-1], np.array(levels[-n:])
     fits = [_fit(sizes**order, sizes, values, norm) for order in ORDERS]
     growing = [_fit(x, sizes, values, norm) for x in (np.log(sizes), sizes**GROWING)]
     order, best = min(zip(ORDERS, fits, strict=True), key=lambda each: each[1].scatter)

@@ -24,7 +24,9 @@ from softseam.errors import SoftseamError
 REFERENCE = 0.25
 """the reference is refined until it is known to this share of the tolerance [1]"""
 WORST_REFERENCE = 0.75
-"""and no plan is made with one that is known worse than this [1]"""
+"""where that is not reached, to this share: what is known worse does not count in a plan of 5 % or more [1]"""
+VAGUEST = 0.95
+"""and no plan is made where what counts is known worse than this: next to nothing would be left for runs [1]"""
 HOPE = 1.5
 """a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""
 
@@ -188,7 +190,7 @@ def choose(
 
 def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
     """Try the configurations, cheapest first, until none that is left can be faster than the best one so far."""
-    if not reference.uncertainty <= WORST_REFERENCE * goal.tolerance:
+    if not reference.uncertainty <= VAGUEST * goal.tolerance:
         raise NoPlan(
             f"what is true is known to {in_words(reference.uncertainty)} only, too little to plan for "
             f"{_percent(goal.tolerance)}: give more --minutes, or leave out the quantities that are not known better"
@@ -256,8 +258,8 @@ def _grown(outcome: Outcome, harder: float) -> float:
 
 
 def _with(error: Error, uncertainty: float) -> float:
-    """An error together with the reference's; where it cannot be told from that, it is that."""
-    return error.value if error.bound else float(np.hypot(error.value, uncertainty))
+    """What a run differs from the reference by, together with what that may be off by."""
+    return float(np.hypot(error.differs, uncertainty))
 
 
 def _nearest(goal: Goal, best: Tried | None, tried: Sequence[Tried]) -> str:
