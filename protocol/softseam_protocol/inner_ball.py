@@ -66,14 +66,16 @@ class Ball:
 
 def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpec]) -> Ball | None:
     """The one sphere among inclusions that cells can follow, for a block of `size` with its base's centre at `position`
-    [m]; None where there are more, where others are no boxes along the axes, and where it reaches to a plane in which
-    materials meet, or to a face of the block."""
+    [m]; None where there are more, where others are no boxes along the axes, where a later one covers it, and where it
+    reaches to a plane in which materials meet, or to a face of the block."""
     parts = [inclusion.shape for inclusion in inclusions]
     spheres = [part for part in parts if isinstance(part, SpherePart)]
     boxes = [part for part in parts if isinstance(part, BoxPart) and half_edges(part.size, part.rotation) is not None]
     if len(spheres) != 1 or len(boxes) + 1 != len(parts):
         return None
     radius, away = spheres[0].radius, spheres[0].position
+    if any(_holds(box, away) for box in boxes if parts.index(box) > parts.index(spheres[0])):
+        return None
     centre = (away[0] - position[0] + 0.5 * size[0], away[1] - position[1] + 0.5 * size[1], away[2] - position[2])
     reach = max(REACH * radius, 0.5 * WIDTH * min(size))
     found: list[Planes] = []
@@ -87,3 +89,9 @@ def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpe
         found.append(tuple(sorted((*planes, *box))))
     x, y, z = found
     return Ball(centre, radius, reach / radius, (x, y, z))
+
+
+def _holds(box: BoxPart, point: Vector) -> bool:
+    half = half_edges(box.size, box.rotation)
+    assert half is not None
+    return all(abs(point[axis] - box.position[axis]) < half[axis] for axis in range(3))

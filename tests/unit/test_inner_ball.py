@@ -108,6 +108,13 @@ def test_layers_grow_with_the_cells_across_and_with_the_box() -> None:
     assert one.n_cells(cut) == 6 * 4 * 4 + 2 * 3 * 4 * 2
 
 
+def test_a_ball_that_a_later_box_covers_is_not_followed() -> None:
+    """One inside an earlier box is, for the later part is what is there."""
+    around = {"kind": "box", "position": (0.0, 0.0, 0.02), "size": (0.03, 0.03, 0.03)}
+    assert ball(SPHERE, around) is None
+    assert ball(around, SPHERE) is not None
+
+
 def test_a_sweep_follows_the_ball_but_where_a_seam_does_not_let_it() -> None:
     """Hybrids and a few others are of equal cells; nothing of it is refused."""
     asked = configurations(frame())
