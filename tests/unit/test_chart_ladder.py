@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import HALVINGS, HELD, climb, halvings, steps_at
+from softseam.chart.climb import climb, steps_at
 from softseam.chart.frame import Frame
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
@@ -136,15 +136,3 @@ def test_scenes_that_ask_for_others_keep_their_levels_side_by_side(
     assert ladders[2].cached(2, 0.002) is None
     ladders[2].run(2, 0.002, 60.0)
     assert all(ladder.cached(2, 0.002) is not None for ladder in ladders)
-
-
-@pytest.mark.parametrize(
-    ("settings", "most"),
-    [
-        ((), HALVINGS),
-        (("tools.left.force_limit=3",), HELD),
-        (("motion=[{tools: [left, right], close: 0.02, force: 2.0, until: {time: 1.0}}]",), HELD),
-    ],
-)
-def test_where_a_force_is_held_the_step_is_halved_less_often(settings: tuple[str, ...], most: int) -> None:
-    assert halvings(Frame(with_settings(load_scene("tofu_grasp"), settings), np.full(3, 0.05))) == most

@@ -14,6 +14,7 @@ from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.program import Progress
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.tools.build import build_tools
 
@@ -183,14 +184,17 @@ def test_a_force_that_is_never_reached_is_refused() -> None:
         scene([close(force=5.0, until={"force": 5.0})], {"default": "fem"})
 
 
-@pytest.mark.parametrize("step", [1.25e-3, 0.15625e-3])
-def test_a_finger_without_mass_holds_its_force_in_short_steps(step: float) -> None:
-    """Without that of the nodes it pushes it is thrown to and fro: 5.14 N at most at 1.25 ms, 11 at 0.16 ms."""
+@pytest.mark.parametrize(("step", "over"), [(1.25e-3, 0.015), (0.15625e-3, 0.05)])
+def test_a_finger_without_mass_holds_its_force_in_short_steps(step: float, over: float) -> None:
+    """Without that of the nodes it pushes it is thrown to and fro: 5.14 N at most at 1.25 ms, 11 at 0.16 ms.
+
+    As it brakes from 20 mm/s it may be once off by the body's impedance times that, 7 %.
+    """
     spec = scene([close(force=5.0, until={"time": 0.2})], {"default": "fem"}).model_copy(update={"step": step})
     grip = np.array([report.quantities["grip_force"] for report in simulate(spec)[0]])
-    assert grip.max() < 5.0 * 1.015
+    assert grip.max() < 5.0 * (1.0 + over)
     held = grip[round(0.75 * len(grip)) :]
-    assert np.abs(held / 5.0 - 1.0).max() < 0.02
+    assert np.abs(held / 5.0 - 1.0).max() < 0.01
     assert held.mean() == pytest.approx(5.0, rel=5e-3)
 
 
@@ -205,5 +209,38 @@ def test_what_short_steps_add_to_a_finger_is_part_of_the_cells_it_pushes(cell: A
     h = cell if isinstance(cell, float) else cell[0]
     c = np.sqrt(2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4)) / 1050.0)
     added = 0.25 * 1050.0 * 0.05**2 * max(0.0, h - c * step)
-    assert drive.mass - 0.3 == pytest.approx(added, abs=1e-12)
+    assert drive.mass == 0.3 and drive.added == pytest.approx(added, abs=1e-12)
     assert (added == 0.0) == (step >= h / c)
+
+
+@pytest.mark.parametrize("step", [5e-3, 0.625e-3, 0.15625e-3])
+def test_what_short_steps_add_to_a_finger_is_damped_alike_in_all(step: float) -> None:
+    """At rest, 5 % below its force, k_0 expected: v = (F - f)/(m_a/dt + (k_s m_a)^(1/2) + k_0 dt).
+
+    With 2 (k_0 m_a)^(1/2), which grows as steps get shorter, they would answer later in each.
+    """
+    held = [close(force=5.0, until={"time": 0.2}), {"hold": 0.2}]
+    spec = scene(held, {"default": "fem"}).model_copy(update={"step": step})
+    tools, body = build_tools(spec), build_body(spec, {})
+    drives = Drives(spec, body, grips_by_phase(spec, tools, body.x_rest))
+    (drive,) = drives.drives
+    drives.state[0] = 0.0, drive.stiffness, 4.75, 0.0, 4.75
+    command = np.zeros((3, 6))
+    drives.apply(command, Progress(1, 0.1), tools.orientation)
+    modulus = 2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4))
+    damping = np.sqrt(2.0 * modulus * 0.05 * drive.added)
+    speed = 0.25 / (drive.added / step + damping + drive.stiffness * step)
+    np.testing.assert_allclose(command[1:, 0], [speed, -speed], rtol=1e-9)
+
+
+def test_a_grip_that_stands_does_not_tremble_in_short_steps() -> None:
+    """Soft, all but incompressible, plates that end just above the ground: it did, by 1.6 % of its force a step."""
+    motion = [{"hold": 0.1}, close(until={"compression": 0.05}), {"hold": 0.15}]
+    made = scene(motion, {"default": "fem"}).model_dump()
+    made["body"] |= {"shape": {"kind": "block", "size": [0.04, 0.04, 0.03]}, "cell": [0.02, 0.02, 0.015]}
+    made["body"]["material"] |= {"young": 5e3, "poisson": 0.49, "retardation_time": 2.5e-3}
+    for name, x in (("left", -0.0255), ("right", 0.0255)):
+        made["tools"][name] |= {"position": [x, 0.0, 0.0255], "size": [0.01, 0.05, 0.05]}
+    reports, _ = simulate(Scene.model_validate(made | {"step": 0.3125e-3}))
+    grip = np.array([report.quantities["grip_force"] for report in reports])[-160:]
+    assert np.abs(np.diff(grip)).max() < 1e-4 * grip.mean()

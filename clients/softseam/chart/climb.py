@@ -17,8 +17,6 @@ from softseam.chart.measure import Told
 from softseam.chart.reference import TARGET, Reference
 from softseam.chart.richardson import Limit
 from softseam.errors import SoftseamError
-from softseam_protocol.scene_motion import ClosePhase
-from softseam_protocol.scene_tools import PlaneTool
 
 ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""
@@ -30,8 +28,6 @@ FINEST_STEPS_AT = 4
 """and the most of them: steps are halved up to `HALVINGS` times, which is for moderate cells"""
 HALVINGS = 7
 """most halvings of the step"""
-HELD = 4
-"""where a force is held or limited: with a lag of one step, which in very short steps is noise (docs/decisions/0141)"""
 CLEAR = 4
 """levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
 
@@ -76,7 +72,7 @@ def climb(
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
     at = max((across for across in cells if across <= steps_at(frame)), default=cells[0])
     steps = [step]
-    for halving in range(1, halvings(frame) + 1):
+    for halving in range(1, HALVINGS + 1):
         if not take(at, step / 2**halving, 1.0):
             enough = False
             break
@@ -111,13 +107,6 @@ def steps_at(frame: Frame) -> int:
         return STEPS_AT
     finest = float((frame.extent / np.array(frame.own)).min())
     return int(np.clip(round(float(frame.extent.min()) / finest), COARSEST, FINEST_STEPS_AT))
-
-
-def halvings(frame: Frame) -> int:
-    """Most halvings of the step."""
-    held = any(isinstance(phase, ClosePhase) and phase.force is not None for phase in frame.scene.motion)
-    limited = any(not isinstance(tool, PlaneTool) and tool.force_limit for tool in frame.scene.tools.values())
-    return HELD if held or limited else HALVINGS
 
 
 def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:

@@ -30,6 +30,10 @@ from softseam_services.tools.tool_set import ToolSet
 # Contact penalty r = PENALTY E A / h at a surface point, h half an edge of the cells there: softer lets points sink in
 # between steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
+# In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for: its
+# multipliers lag, and gain energy where r dt^2 is less than the mass they move (kernels/contact.py). Of what
+# nodes of hex27 faces can do, some has r dt^2 = 0.022 of this times its mass (docs/decisions/0142).
+FIRM = 60.0
 # Unknowns beyond which a matrix is not factored. A cube of as many, in contact, takes as long a step either way, and
 # beyond that the factor's time grows with the power 1.8 and its memory with 1.35 (tests/benchmarks/fem.py).
 MOST_FACTORED = 50_000
@@ -118,7 +122,7 @@ class FemModel(NamedTuple):
     point_stiffness: Floats
     """r, 0 at points that are for display only (p,) [N/m]"""
     swiftness: Floats
-    """rho h^2/(3 E), h the spacing of nodes: inertia of the layer rho h/3 of a point over E/h (p,) [s^2]"""
+    """FIRM rho h/3 over PENALTY E/h, h the spacing of nodes: r of a longer step^2 is what statics ask (p,) [s^2]"""
     point_face: Ints
     """face that a point inside it belongs to; these come last, p counts them too. -1 at nodes of such faces, -2 at
     other points (p,)"""
@@ -248,7 +252,7 @@ def build_model(
         point_weight=point_weight,
         point_cell=point_cell,
         point_stiffness=stiffness,
-        swiftness=density * spacing**2 / (3.0 * young),
+        swiftness=FIRM / PENALTY * density * spacing**2 / (3.0 * young),
         point_face=np.concatenate([np.where(inner.alone, ALONE, -1), inner.face]).astype(np.int32),
         point_patch=np.concatenate([np.zeros((len(region.points), 2)), inner.patch]),
         face_nodes=inner.face_nodes,

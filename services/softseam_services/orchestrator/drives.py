@@ -13,9 +13,11 @@ more than twice of it.
 
 The resistance is known a step late, and in steps shorter than a wave takes through a cell most of it is the inertia of
 the nodes that the tool pushes: a lighter tool would be thrown to and fro with ever more force (added mass: Causin,
-Gerbeau and Nobile, Comput. Methods Appl. Mech. Engrg. 194 (2005) 4506). There m is the tool's own mass and
-  m_a = rho A h (1 - c_p dt/h)/4,                                                                                 (3)
-h the length of the body's cells along the way: of a layer of them these nodes have a sixth.
+Gerbeau and Nobile, Comput. Methods Appl. Mech. Engrg. 194 (2005) 4506). There m in (1) and (2) is the tool's own mass
+and m_a, c has c_a added,
+  m_a = rho A h (1 - c_p dt/h)/4,   c_a = (k_s m_a)^(1/2),   k_s = 2 (lambda + 2 mu) A/width,                      (3)
+h the length of the body's cells along the way: of a layer of them these nodes have a sixth. c_a is half of what is
+critical on the body at rest; k, of which k_0 has a wave's impedance over a step, would damp more the shorter the step.
 """
 
 from __future__ import annotations
@@ -69,7 +71,11 @@ class Drive:
     limit: float
     """[N], or inf"""
     mass: float
-    """of one tool, and what eq. (3) adds [kg]"""
+    """of one tool [kg]"""
+    added: float
+    """m_a of eq. (3) [kg]"""
+    added_damping: float
+    """c_a [N s/m]"""
     stiffness: float
     """k_0 [N/m]"""
 
@@ -119,10 +125,10 @@ class Drives:
         """Eq. (2) for the force that is held and for the limit, which is one for each tool; the slower counts."""
         before, stiffness, mean, _, largest = self.state[row].tolist()
         speed = asked
-        inertia = drive.mass / self._dt
+        inertia = (drive.mass + drive.added) / self._dt
         for force, resistance in ((drive.force, mean), (drive.limit, largest)):
             k = stiffness if resistance > 0.0 else 0.0
-            damping = 2.0 * math.sqrt(k * drive.mass)
+            damping = 2.0 * math.sqrt(k * drive.mass) + (drive.added_damping if k > 0.0 else 0.0)
             needed = inertia * (asked - before) + resistance + k * self._dt * asked
             if needed > force:
                 give = inertia + damping + k * self._dt
@@ -162,6 +168,7 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
             if not math.isfinite(min(force, limit)):
                 continue
             grip = grips[number]
+            added, added_damping = _added(body, grip.axis, grip.width, scene.step)
             found.append(
                 Drive(
                     phase=number,
@@ -171,7 +178,9 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
                     asked=0.0 if phase.force is None else phase.close,
                     force=force,
                     limit=limit,
-                    mass=0.5 * sum(_mass(spec) for spec in specs) + _added(body, grip.axis, grip.width, scene.step),
+                    mass=0.5 * sum(_mass(spec) for spec in specs),
+                    added=added,
+                    added_damping=added_damping,
                     stiffness=_stiffness(body, grip.width, scene.step),
                 )
             )
@@ -183,9 +192,11 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
                     continue
                 width = float(np.ptp(body.x_rest @ way))
                 stiffness = _stiffness(body, width, scene.step)
-                mass = _mass(spec) + _added(body, way, width, scene.step)
-                tool = (names.index(name),)
-                found.append(Drive(number, tool, None, way, 0.0, math.inf, _limit(spec), mass, stiffness))
+                added, added_damping = _added(body, way, width, scene.step)
+                tool, mass, limit = (names.index(name),), _mass(spec), _limit(spec)
+                found.append(
+                    Drive(number, tool, None, way, 0.0, math.inf, limit, mass, added, added_damping, stiffness)
+                )
     return found
 
 
@@ -216,16 +227,25 @@ def _mass(spec: ToolSpec) -> float:
 def _stiffness(body: Body, width: float, dt: float) -> float:
     """k_0 of a body of this width, as if all of it were of its stiffest material [N/m]."""
     material = _stiffest(body)
-    modulus = material.lambda_ + 2.0 * material.mu
     area = _cross_section(body, width)
-    return material.density * material.wave_speed * area / dt + 2.0 * modulus * area / width
+    return material.density * material.wave_speed * area / dt + _at_rest(body, width)
 
 
-def _added(body: Body, way: Floats, width: float, dt: float) -> float:
-    """m_a of eq. (3) for a body of this width along a unit vector (3,) [kg]; 0 where waves cross a cell in a step."""
+def _at_rest(body: Body, width: float) -> float:
+    """k_s of eq. (3) [N/m]."""
+    material = _stiffest(body)
+    modulus = material.lambda_ + 2.0 * material.mu
+    return 2.0 * modulus * _cross_section(body, width) / width
+
+
+def _added(body: Body, way: Floats, width: float, dt: float) -> tuple[float, float]:
+    """m_a [kg] and c_a [N s/m] of eq. (3) for a body of this width along a unit vector (3,); 0 where waves cross a cell
+    in a step.
+    """
     cell = float(np.abs(way) @ body.edges)
     layer = body.mean_density * _cross_section(body, width) * cell
-    return _ADDED * layer * max(0.0, 1.0 - _stiffest(body).wave_speed * dt / cell)
+    mass = _ADDED * layer * max(0.0, 1.0 - _stiffest(body).wave_speed * dt / cell)
+    return mass, math.sqrt(_at_rest(body, width) * mass)
 
 
 def _cross_section(body: Body, width: float) -> float:

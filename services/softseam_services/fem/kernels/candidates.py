@@ -18,7 +18,7 @@ _NOBODY, _SEVERAL = -1, -2
 
 @njit(cache=True, error_model="numpy")
 def firmness(model, point, inertia):
-    """Factor on a point's stiffness that keeps r at 20 times the inertia of what the point stands for [1]."""
+    """Factor on a point's stiffness that keeps r at FIRM times the inertia of what the point stands for [1]."""
     return max(1.0, model.swiftness[point] * inertia)
 
 
