@@ -32,7 +32,7 @@ from softseam_services.tools.tool_set import ToolSet
 PENALTY = 20.0
 # In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for: its
 # multipliers lag, and gain energy where r dt^2 is less than the mass they move (kernels/contact.py). Of what
-# nodes of hex27 faces can do, some has r dt^2 = 0.022 of this times its mass (docs/decisions/0142).
+# nodes of hex27 faces can do, some has r dt^2 = 0.022 of this times its mass (docs/decisions/0144).
 FIRM = 60.0
 # Unknowns beyond which a matrix is not factored. A cube of as many, in contact, takes as long a step either way, and
 # beyond that the factor's time grows with the power 1.8 and its memory with 1.35 (tests/benchmarks/fem.py).
