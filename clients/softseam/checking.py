@@ -276,9 +276,9 @@ def _cut_by_borders(scene: Scene, spec: BodySpec, body: Body) -> list[str]:
     spheres = [part for part in spec.inclusions if isinstance(part.shape, SpherePart)]
     if spec.shape.borders == "materials" and ball is None and spheres:
         return [
-            "no cells follow the spheres in spite of body.shape.borders: materials; they are made up of octants, as a "
-            "staircase: cells follow one sphere alone, a tenth of its radius or more from the block's faces, with "
-            "nothing but boxes along the axes beside it"
+            "no cells follow the spheres in spite of body.shape.borders: materials; what is seen of them is made up of "
+            "octants, as a staircase: cells follow one sphere alone, a tenth of its radius or more from the block's "
+            "faces, with nothing but boxes along the axes beside it, and no later one over it"
         ]
     lower = np.array(spec.position) - np.array([0.5, 0.5, 0.0]) * spec.shape.size
     ends = body.x_rest[body.cell_nodes[:, [0, 26]]].reshape(-1, 3) - lower

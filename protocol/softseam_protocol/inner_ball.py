@@ -74,7 +74,7 @@ def inner_ball(size: Vector, position: Vector, inclusions: Sequence[InclusionSpe
     if len(spheres) != 1 or len(boxes) + 1 != len(parts):
         return None
     radius, away = spheres[0].radius, spheres[0].position
-    if any(_holds(box, away) for box in boxes if parts.index(box) > parts.index(spheres[0])):
+    if any(isinstance(part, BoxPart) and _holds(part, away) for part in parts[parts.index(spheres[0]) :]):
         return None
     centre = (away[0] - position[0] + 0.5 * size[0], away[1] - position[1] + 0.5 * size[1], away[2] - position[2])
     reach = max(REACH * radius, 0.5 * WIDTH * min(size))

@@ -140,6 +140,8 @@ def test_one_cell_is_tried_along_what_nothing_acts_along() -> None:
         "tools.left.size=[0.01, 0.049, 0.06]",
         "tools.left.rotation=[0, 0, 0.1]",
         "tools.left.position=[-0.0431, 0.001, 0.029]",
+        "tools={left: {kind: box, size: [0.01, 0.06, 0.06], position: [-0.0431, 0.006, 0.029]}, right: {kind: box, "
+        "size: [0.01, 0.06, 0.06], position: [0.0431, 0.006, 0.029]}}",
         "tools.ground.normal=[0, 0.1, 1]",
         "tools.left={kind: sphere, radius: 0.1, position: [-0.15, 0, 0.029]}",
         "gravity=[0, 0.1, -9.81]",

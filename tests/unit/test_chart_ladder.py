@@ -77,7 +77,7 @@ def test_levels_that_went_no_farther_than_what_has_to_be_known_are_known(
     share: float, counts: bool, target: float
 ) -> None:
     """Though they do not fall, and whatever target they were taken for, which three levels may meet."""
-    ladder = Known(frame(), 1e-4, share * NEAR * 0.05)  # the last four levels halve h nearly
+    ladder = Known(frame(), 1e-4, share * NEAR * 0.05)  # the last four levels halve h, or nearly
     sag = climb(ladder, frame(), 30.0, told, target=target).truth["sag"]
     assert sag.has_limit is counts and (not sag.left_out) is counts
 

@@ -113,6 +113,7 @@ def test_a_ball_that_a_later_box_covers_is_not_followed() -> None:
     around = {"kind": "box", "position": (0.0, 0.0, 0.02), "size": (0.03, 0.03, 0.03)}
     assert ball(SPHERE, around) is None
     assert ball(around, SPHERE) is not None
+    assert ball(around, SPHERE, around) is None
 
 
 def test_a_sweep_follows_the_ball_but_where_a_seam_does_not_let_it() -> None:

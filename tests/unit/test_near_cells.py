@@ -172,6 +172,8 @@ def test_where_one_model_is_enough_no_cut_is_cheaper(cells: tuple[int, int, int]
         ("sausage", ["body.material.retardation_time=0"], False),
         ("dumpling", [], True),
         ("tofu_slab", [], False),
+        ("tofu_slab", ["regions.near.split=when_cheaper"], True),
+        ("tofu_slab", ["regions.near.split=when_cheaper", "body.material.retardation_time=0"], False),
     ],
 )
 def test_one_model_is_enough_where_tools_would_ask_for_it(name: str, keys: list[str], enough: bool) -> None:

@@ -184,15 +184,12 @@ def test_a_force_that_is_never_reached_is_refused() -> None:
         scene([close(force=5.0, until={"force": 5.0})], {"default": "fem"})
 
 
-@pytest.mark.parametrize(("step", "over"), [(1.25e-3, 0.015), (0.15625e-3, 0.05)])
-def test_a_finger_without_mass_holds_its_force_in_short_steps(step: float, over: float) -> None:
-    """Without that of the nodes it pushes it is thrown to and fro: 5.14 N at most at 1.25 ms, 11 at 0.16 ms.
-
-    As it brakes from 20 mm/s it may be once off by the body's impedance times that, 7 %.
-    """
+@pytest.mark.parametrize("step", [1.25e-3, 0.15625e-3])
+def test_a_finger_without_mass_holds_its_force_in_short_steps(step: float) -> None:
+    """Without that of the nodes it pushes it is thrown to and fro: 5.14 N at most at 1.25 ms, 11 at 0.16 ms."""
     spec = scene([close(force=5.0, until={"time": 0.2})], {"default": "fem"}).model_copy(update={"step": step})
     grip = np.array([report.quantities["grip_force"] for report in simulate(spec)[0]])
-    assert grip.max() < 5.0 * (1.0 + over)
+    assert grip.max() < 5.0 * 1.015
     held = grip[round(0.75 * len(grip)) :]
     assert np.abs(held / 5.0 - 1.0).max() < 0.01
     assert held.mean() == pytest.approx(5.0, rel=5e-3)

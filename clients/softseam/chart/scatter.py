@@ -64,7 +64,7 @@ def fitted(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
     demand_falling(h, levels)
     if len(levels) < RECENT:
         return limit(h, levels, norm)
-    n = max(FITTED, sum(size <= ALIKE * h[-1] for size in h))
+    n = max(FITTED, sum(size <= ALIKE * h[-1] * (1.0 + 1e-9) for size in h))
     sizes, values = np.array(h[-n:]) / h[-1], np.array(levels[-n:])
     fits = [_fit(sizes**order, sizes, values, norm) for order in ORDERS]
     growing = [_fit(x, sizes, values, norm) for x in (np.log(sizes), sizes**GROWING)]

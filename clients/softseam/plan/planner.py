@@ -24,7 +24,8 @@ from softseam.errors import SoftseamError
 REFERENCE = 0.25
 """the reference is refined until it is known to this share of the tolerance [1]"""
 WORST_REFERENCE = 0.75
-"""where that is not reached, to this share: what is known worse does not count in a plan of 5 % or more [1]"""
+"""what is known worse than this share of the tolerance, or of 5 %, does not count; while what counts is known worse than
+this share of the tolerance, the reference is refined [1]"""
 VAGUEST = 0.95
 """and no plan is made where what counts is known worse than this: next to nothing would be left for runs [1]"""
 HOPE = 1.5

@@ -53,9 +53,14 @@ def spread_over_faces(model: FemModel, contact: Floats) -> None:
 
 
 def surface_point_of_node(model: FemModel, n_surface: int) -> np.ndarray:
-    """Surface point at each node (n,), -1 for none; on a block each follows one node."""
+    """Surface point at each node (n,), -1 for none; on a block each follows one node.
+
+    Raises ValueError where points inside faces hang on a node without one: their force would be told nowhere.
+    """
     found = np.full(len(model.mass), -1, dtype=np.int64)
     points = np.arange(n_surface)
     single = np.diff(model.point_ptr)[:n_surface] == 1
     found[model.point_node[model.point_ptr[points[single]]]] = points[single]
+    if (found[model.point_node[model.point_ptr[n_surface] :]] < 0).any():
+        raise ValueError("a face that tools touch has a node that is no point of the surface")
     return found

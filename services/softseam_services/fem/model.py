@@ -30,10 +30,11 @@ from softseam_services.tools.tool_set import ToolSet
 # Contact penalty r = PENALTY E A / h at a surface point, h half an edge of the cells there: softer lets points sink in
 # between steps, stiffer slows the stick-slip iteration.
 PENALTY = 20.0
-# In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for: its
-# multipliers lag, and gain energy where r dt^2 is less than the mass they move (kernels/contact.py). Of what
-# nodes of hex27 faces can do, some has r dt^2 = 0.022 of this times its mass (docs/decisions/0144).
-FIRM = 60.0
+# In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for, at nodes
+# and at points inside faces: multipliers lag, and gain energy where r dt^2 is less than the mass they move
+# (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces
+# move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/0144).
+FIRM, FIRM_INSIDE = 20.0, 24.0
 # Unknowns beyond which a matrix is not factored. A cube of as many, in contact, takes as long a step either way, and
 # beyond that the factor's time grows with the power 1.8 and its memory with 1.35 (tests/benchmarks/fem.py).
 MOST_FACTORED = 50_000
@@ -122,7 +123,8 @@ class FemModel(NamedTuple):
     point_stiffness: Floats
     """r, 0 at points that are for display only (p,) [N/m]"""
     swiftness: Floats
-    """FIRM rho h/3 over PENALTY E/h, h the spacing of nodes: r of a longer step^2 is what statics ask (p,) [s^2]"""
+    """FIRM rho h/3 over PENALTY E/h, h the spacing of nodes, inside faces FIRM_INSIDE over SOFT: the square of the step
+    below which r is more than what statics ask (p,) [s^2]"""
     point_face: Ints
     """face that a point inside it belongs to; these come last, p counts them too. -1 at nodes of such faces, -2 at
     other points (p,)"""
@@ -180,6 +182,7 @@ def build_model(
     young = np.array([material.young for material in materials])[of_points]
     density = np.array([material.density for material in materials])[of_points]
     factor = np.repeat([PENALTY, SOFT], [len(region.points), len(inner.cell)])
+    firm = np.repeat([FIRM, FIRM_INSIDE], [len(region.points), len(inner.cell)])
     stiffness = factor * (young / spacing) * np.concatenate([body.surface.area[region.points], inner.area])
     x, shape, boxes = cell_shapes(body, region)
     general = element not in SHARES or body.material.kind not in _SPLITS
@@ -252,7 +255,7 @@ def build_model(
         point_weight=point_weight,
         point_cell=point_cell,
         point_stiffness=stiffness,
-        swiftness=FIRM / PENALTY * density * spacing**2 / (3.0 * young),
+        swiftness=firm / factor * density * spacing**2 / (3.0 * young),
         point_face=np.concatenate([np.where(inner.alone, ALONE, -1), inner.face]).astype(np.int32),
         point_patch=np.concatenate([np.zeros((len(region.points), 2)), inner.patch]),
         face_nodes=inner.face_nodes,

@@ -13,8 +13,8 @@ more than twice of it.
 
 The resistance is known a step late, and in steps shorter than a wave takes through a cell most of it is the inertia of
 the nodes that the tool pushes: a lighter tool would be thrown to and fro with ever more force (added mass: Causin,
-Gerbeau and Nobile, Comput. Methods Appl. Mech. Engrg. 194 (2005) 4506). There m in (1) and (2) is the tool's own mass
-and m_a, c has c_a added,
+Gerbeau and Nobile, Comput. Methods Appl. Mech. Engrg. 194 (2005) 4506). So m in (1) and (2) is the tool's own mass m_t
+and m_a, and c = 2 sqrt(k m_t) + c_a,
   m_a = rho A h (1 - c_p dt/h)/4,   c_a = (k_s m_a)^(1/2),   k_s = 2 (lambda + 2 mu) A/width,                      (3)
 h the length of the body's cells along the way: of a layer of them these nodes have a sixth. c_a is half of what is
 critical on the body at rest; k, of which k_0 has a wave's impedance over a step, would damp more the shorter the step.
