@@ -24,7 +24,7 @@ from softseam.errors import SoftseamError
 REFERENCE = 0.25
 """the reference is refined until it is known to this share of the tolerance [1]"""
 WORST_REFERENCE = 0.75
-"""what is known worse than this share of the tolerance, or of 5 %, does not count; while what counts is known worse than
+"""what is known worse than this share of the tolerance, or of 5 %, does not count; while what does is known worse than
 this share of the tolerance, the reference is refined [1]"""
 VAGUEST = 0.95
 """and no plan is made where what counts is known worse than this: next to nothing would be left for runs [1]"""
