@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from softseam.chart.climb import fine
 from softseam.chart.errors import (
-    Error,
     Truth,
     errors,
     is_faint,
@@ -190,7 +189,7 @@ def test_what_is_vaguely_known_is_off_by_what_it_is_not_known_by_at_least() -> N
 
 def test_below_the_reference_s_uncertainty_an_error_is_a_bound() -> None:
     found = errors(series(TIME, force=1.002 * TRUE), TIME, {"force": truth(TRUE, 0.005)})["force"]
-    assert found == Error(0.005, True, pytest.approx(0.002))
+    assert found.value == 0.005 and found.bound and found.differs == pytest.approx(0.002)
 
 
 def test_an_unknown_uncertainty_bounds_nothing() -> None:

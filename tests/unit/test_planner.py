@@ -226,6 +226,17 @@ def test_a_level_of_the_reference_is_a_run_like_others() -> None:
         choose(Goal(0.05), reference(), WANTED, bench, levels=lambda: levels[:1])
 
 
+def test_a_level_stands_for_a_run_of_the_same_that_did_not_end_in_time() -> None:
+    """It took 8 s as a level; as a configuration it was stopped, and the next better level takes 20."""
+    bench = Bench(
+        {"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.15), "dear": Outcome("stopped", "it takes too long")}
+    )
+    levels = [(configuration("dear", 8.0), outcome(8.0, 0.03)), (configuration("level 8", 20.0), outcome(20.0, 0.02))]
+    better = iter([reference(0.002)])
+    plan = choose(Goal(0.05), reference(), WANTED, bench, lambda: next(better, None), lambda: levels)
+    assert plan.choice.label == "dear" and bench.asked.count("dear") == 1
+
+
 def test_what_a_level_took_is_not_taken_for_a_run_that_was_timed() -> None:
     """A level's first run, twice as long as it takes once it is warm, is that of a configuration of the sweep."""
     bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.03), "dear": outcome(10.0, 0.0)})

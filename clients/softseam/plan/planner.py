@@ -159,16 +159,20 @@ def choose(
     every = {one.key: one for one in wanted}
     timed = set(every)  # by runs of their own: a level's, which is its first, takes longer
     kept: dict[str, Outcome] = {}
+    as_levels: dict[str, Outcome] = {}  # stand for runs that did not end
 
     def once(configuration: Configuration) -> Outcome:
         if configuration.key not in kept:
             kept[configuration.key] = measure(configuration)
-        return kept[configuration.key]
+        found = kept[configuration.key]
+        return found if found.status == "done" else as_levels.get(configuration.key, found)
 
     while True:
         plan, why = None, None
         for one, outcome in levels():
-            if one.key not in timed:
+            if one.key in timed:
+                as_levels[one.key] = outcome
+            else:
                 every[one.key], kept[one.key] = one, outcome
         try:
             plan = _fastest(goal, reference, list(every.values()), once)
