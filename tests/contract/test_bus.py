@@ -283,7 +283,7 @@ def test_whether_anybody_listens(bus: Bus, other: Bus, monkeypatch: pytest.Monke
     monkeypatch.setattr(bus_module, "_INTRODUCTION", 0.0)
     assert not bus.listened(key)
     bus.serve({KEY: lambda _: b"yes" if bus.listened(key) else b"no"}).start()
-    assert served(other)
+    assert until(lambda: served(other))
     for _ in range(20):
         inbox = other.subscribe(KEYS.session_all())
         assert other.request(KEY, b"", 5.0) == b"yes"
