@@ -59,8 +59,8 @@ LEVELS: dict[str, tuple[Level, ...]] = {
 
 Lines = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """where cells end along x, y and z inside the cube, from its lower faces [mm]"""
-REFERENCES = {"grip": 2.98, "above": 3038.0, "beside": 1971.0, "under": 2555.0}
-"""what the finest levels of each probe's series gave [N, Pa]"""
+REFERENCES = {"grip": 2.86, "above": 3080.0, "beside": 1970.0, "under": 2630.0}
+"""docs/verification.md, docs/decisions/0147 [N, Pa]"""
 EVEN_MM, BESIDE_MM = (12.5, 25.0, 37.5), (15.0, 25.0, 35.0, 41.8)
 FEW: tuple[Lines, ...] = (
     (EVEN_MM, EVEN_MM, EVEN_MM),

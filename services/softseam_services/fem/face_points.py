@@ -66,11 +66,11 @@ class FacePoints:
     area: Floats
     """(q,) [m^2]"""
     patch: Floats
-    """middle of the point's patch along u and v, each in [-1, 1]; 0 on boxes, whose patches are alike (q, 2)"""
+    """middle of the point's patch along u and v, each in [-1, 1] (q, 2)"""
     edge: Floats
     """of the face's cell, see `cell_edges` (f,) [m]"""
     face_nodes: Ints
-    """local ids, as `FACE_NODES`; on boxes the middle stands for corners (f, 9)"""
+    """local ids, as `FACE_NODES` (f, 9)"""
     indptr: Ints
     node: Ints
     weight: Floats
@@ -93,9 +93,6 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
     nodes = region.cell_nodes[carrier[:, None], FACE_NODES[side]]
     area = _areas(body, region, outer)
     patch = _PATCHES[side].reshape(-1, 2)
-    if body.boxes:
-        nodes[:, 5:] = nodes[:, :1]
-        patch = np.zeros_like(patch)
     cell, local = np.repeat(carrier, PATCHES**2), _MIDDLES[side].reshape(-1, 3)
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))

@@ -6,7 +6,7 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.contact import ALONE, ANCHOR, OPEN, point_position
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side
+from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, see
 from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX
 
@@ -99,6 +99,7 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     for point in range(len(model.point_face)):
         inner += model.point_face[point] >= 0
     patches = np.sqrt(inner / max(1, len(model.face_nodes)))
+    seen, from_start, from_end = np.full(n_tools, -1), np.empty((n_tools, 9, 3)), np.empty((n_tools, 9, 3))
     holder = _holders(model, multiplier, len(x))
     for point in range(len(model.point_stiffness)):
         if model.point_stiffness[point] == 0.0:
@@ -118,13 +119,18 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
             touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
             share, carry, side = 1.0, 1.0, -1
             if face >= 0:
+                nodes, patch = model.face_nodes[face], model.point_patch[point]
+                if seen[tool] != face:
+                    # points of a face come one after another
+                    seen[tool] = face
+                    see(x, nodes, tools.position[tool], tools.orientation[tool], from_start[tool])
+                    see(x, nodes, position, turn, from_end[tool])
                 share, whole, side = covered(
-                    x, model.face_nodes[face], xp, patches, model.point_patch[point], shape,
-                    tools.position[tool], tools.orientation[tool],
-                )  # fmt: skip
+                    from_start[tool], xp, patches, patch, shape, tools.position[tool], tools.orientation[tool]
+                )
                 if side < 0:
                     share, whole, side = entered(
-                        x, model.face_nodes[face], xp, patches, model.point_patch[point], shape,
+                        x, nodes, from_end[tool], xp, patches, patch, shape,
                         tools.position[tool], tools.orientation[tool], position, turn, _BESIDE * model.face_edge[face],
                     )  # fmt: skip
                 carry = whole**CARRY_POWER
