@@ -35,9 +35,9 @@ PENALTY = 20.0
 # (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces
 # move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/0144).
 FIRM, FIRM_INSIDE = 20.0, 24.0
-# Unknowns beyond which a matrix is not factored. A cube of as many, in contact, takes as long a step either way, and
-# beyond that the factor's time grows with the power 1.8 and its memory with 1.35 (tests/benchmarks/fem.py).
-MOST_FACTORED = 50_000
+# Unknowns beyond which a matrix is not factored: then a factor takes 1.6 GB, and no step less time without one
+# (docs/decisions/0145).
+MOST_FACTORED = 100_000
 # Materials from which mu/2 I1 splits off in kernels/cells.py.
 _SPLITS = ("neo_hookean", "linear")
 
