@@ -6,7 +6,7 @@ best reference and the whole sweep: the error that it really has, and how much f
 meets the tolerance. Levels of references and runs are kept (in the cache, and in out/plans), so what was interrupted
 goes on where it was, and a scene that was done with as many minutes costs nothing; other code begins anew. All scenes
 together take 12 times the minutes, and half as much more where nothing in the sweep is accurate enough, on a machine
-without other work: 54 minutes at most.
+without other work: 54 minutes; and what runs foretell to be accurate enough is run for as long as it takes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from softseam.chart.table import Row, busy_by, core_share, rows_of
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.plan.command import finer, planner_digest
-from softseam.plan.planner import Goal, NoPlan, choose, counts_to, judged, known_to
+from softseam.plan.planner import Goal, Measure, NoPlan, choose, counts_to, judged, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
@@ -63,6 +63,8 @@ SCENES = (
 TOLERANCES = (0.2, 0.1, 0.05, 0.02)
 MINUTES = 3.0
 """for a scene: half for the reference where none ships, the rest for the sweep"""
+FORETOLD = 2400.0
+"""a quarter of it is what a run beside the sweep may be foreseen to take; it is given three times that [s]"""
 RUNS = 0
 """further runs of a configuration: its only one is timed"""
 DEARER = 1.5
@@ -104,6 +106,8 @@ others that have a limit are off by at least; *cost* is the plan's run over that
   one ships, they are made where nothing in the sweep is accurate enough.
 - Every configuration is run once, and plan and comparison share the run: *cost* is not blurred by timing twice.
 - A configuration that would not end within a quarter of the time is left out of the sweep, as in a chart.
+- Cells with shorter steps than the sweep's are run where its runs foretell that they are accurate enough, beside it and
+  for as long as they take: `softseam plan` may need more `--minutes` than its five.
 """
 
 
@@ -167,15 +171,31 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
         rest = 2.0 * half if best.shipped else half
         progress.expect(wanted, rest)
         outcomes = sweep(name, AS_GIVEN, frame, names, wanted, store, rest, progress.configuration, RUNS)
-        plans = []
-        for tolerance in TOLERANCES:
+
+        beside: dict[str, Configuration] = {}
+
+        def measured(one: Configuration) -> Outcome:
+            """Of the sweep; what is foretold only is run now, and kept like the others."""
+            if one.key not in outcomes:
+                beside[one.key] = one
+                outcomes.update(
+                    sweep(name, AS_GIVEN, frame, names, [one], store, FORETOLD, progress.configuration, RUNS)
+                )
+            return outcomes[one.key]
+
+        def planned(tolerance: float) -> Checked:
             # as the planner would, no finer than the tolerance asks for: from what is in the cache, but where the
             # reference ships, whose levels are not there
-            levels = finer(ladder, frame, tolerance, half if best.shipped else 1e-3, progress.reference)
+            levels = finer(ladder, frame, tolerance, lambda: half if best.shipped else 1e-3, progress.reference)
             # a plan of 20 % counts quantities that one of 2 % knows too little of
             known = counts_to(tolerance)
             counting = shipped(ladder, finest, known) or climb(ladder, frame, 1e-3, _silent, finest, known)
-            plans.append(check(tolerance, levels, wanted, outcomes, counting, ladder))
+            return check(tolerance, levels, wanted, outcomes, counting, ladder, measured, beside)
+
+        plans = [planned(tolerance) for tolerance in TOLERANCES]
+        if beside:
+            # held against what was run beside the sweep for other tolerances, too
+            plans = [planned(tolerance) for tolerance in TOLERANCES]
     rows = rows_of(wanted, outcomes, best)
     found = Judged(
         name,
@@ -206,21 +226,23 @@ def check(
     outcomes: Mapping[str, Outcome],
     counting: Reference,
     ladder: Ladder,
+    measure: Measure,
+    beside: Mapping[str, Configuration],
 ) -> Checked:
-    """Plan from the kept outcomes, and compare the choice with what is true of every run."""
-    asked: list[str] = []
+    """Plan from the kept outcomes, and compare the choice with what is true of every run, beside the sweep too."""
+    asked: set[str] = set()
 
     def measured(configuration: Configuration) -> Outcome:
-        asked.append(configuration.key)
-        return outcomes[configuration.key]
+        asked.add(configuration.key)
+        return measure(configuration)
 
     plan, why = None, ""
     try:
         plan = choose(Goal(tolerance), next(levels), wanted, measured, lambda: next(levels, None), ladder.tried)
     except NoPlan as error:
         why = str(error).split(": ")[0]
-    # a level of the ladder is a run that a plan may choose, like those of the sweep
-    every = {one.key: one for one in wanted} | {one.key: one for one, _ in ladder.tried()}
+    # a level of the ladder is a run that a plan may choose, like those of the sweep, and so is what runs foretell
+    every = {one.key: one for one in wanted} | dict(beside) | {one.key: one for one, _ in ladder.tried()}
     ended = dict(outcomes) | {one.key: outcome for one, outcome in ladder.tried()}
     rows = rows_of(list(every.values()), ended, counting)
     truth = {row.configuration.settings: _surely(row, counting) for row in rows if row.error is not None}

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softseam.chart.configurations import Configuration, configurations, fem_one
+from softseam.chart.configurations import Configuration, Fem, configurations
 from softseam.chart.errors import Truth
 from softseam.chart.frame import Frame
 from softseam.chart.landmarks import ASKED, read_rivals
@@ -189,14 +189,14 @@ def test_plain_cells_do_not_end_at_edges_where_a_scene_asks_for_that() -> None:
     """Nor do the reference's, which are plain ones."""
     scene = with_settings(load_scene("tofu_pads"), ("body.shape.towards=[left, right]",))
     frame = Frame(scene, np.full(3, 0.05))
-    plain = with_settings(scene, fem_one(frame, frame.across(3), 0.01).settings).body
+    plain = with_settings(scene, Fem(frame, frame.across(3), 0.01).settings).body
     assert isinstance(plain, BodySpec) and isinstance(plain.shape, BlockShape) and plain.shape.towards == ()
 
 
 def test_a_swept_run_is_looked_at_in_every_step(tmp_path: Path) -> None:
     """What is looked at seldom would be judged at a few instants of a run in long steps."""
     frame = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
-    one = fem_one(frame, (2, 2, 1), 0.04)
+    one = Fem(frame, (2, 2, 1), 0.04).configuration()
     store = Store(tmp_path, Identity("scene", "code"), "")
     ended = sweep(
         "tofu_push", (), frame, ("front.von_mises",), [one], store, 60.0, lambda what, rough: lambda done: None, 0

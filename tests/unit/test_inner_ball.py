@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from softseam.chart.climb import levels_of
-from softseam.chart.configurations import configurations, fem_one
+from softseam.chart.configurations import Fem, configurations
 from softseam.chart.frame import Frame
 from softseam.checking import check_scene
 from softseam.errors import SceneRefused
@@ -90,10 +90,10 @@ def test_others_are_not_followed(parts: tuple[dict[str, Any], ...]) -> None:
 def test_cells_are_counted_as_they_are_built(count: int) -> None:
     asked = frame()
     counts = asked.across(count)
-    settings = fem_one(asked, counts, 0.01).settings
+    settings = Fem(asked, counts, 0.01).settings
     body = built(nut(*settings))
     assert body.n_cells == asked.n_cells(counts) and not body.boxes
-    assert fem_one(asked, counts, 0.01).label == f"FEM {body.n_cells} round, 10 ms"
+    assert Fem(asked, counts, 0.01).configuration().label == f"FEM {body.n_cells} round, 10 ms"
     assert (body.octant_material == body.octant_material[:, :1]).all()
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from softseam.chart.climb import ACROSS, levels_of, refines
-from softseam.chart.configurations import configurations, fem_one
+from softseam.chart.configurations import Fem, configurations
 from softseam.chart.frame import Frame
 from softseam.checking import check_scene
 from softseam.scenes import load_scene
@@ -138,7 +138,7 @@ def test_a_sweep_names_the_cells_that_a_body_has() -> None:
         frame = Frame(layers(border), EDGES)
         for across in (1, 2, 3, 4, 5, 6):
             counts = frame.across(across)
-            assert built(with_settings(frame.scene, fem_one(frame, counts, 0.01).settings)).n_cells == np.prod(counts)
+            assert built(with_settings(frame.scene, Fem(frame, counts, 0.01).settings)).n_cells == np.prod(counts)
 
 
 def test_a_scene_s_own_cells_that_fit_no_border_give_way_to_others() -> None:
@@ -154,11 +154,11 @@ def test_a_scene_s_own_cells_that_fit_no_border_give_way_to_others() -> None:
 
 def test_equal_cells_are_not_asked_for_planes() -> None:
     """They fit by themselves, and one size is fast; a scene that asks keeps its own count."""
-    even = fem_one(Frame(layers(0.02), EDGES), (5, 3, 4), 0.01).settings
+    even = Fem(Frame(layers(0.02), EDGES), (5, 3, 4), 0.01).settings
     assert not any("borders" in setting for setting in even)
     scene = layers(0.013, "body.shape.borders=materials")
     assert Frame(scene, EDGES).own == (4, 3, 4) == Frame(layers(0.013), EDGES).own
-    assert spec(scene).shape == spec(with_settings(scene, fem_one(Frame(scene, EDGES), (4, 3, 4), 0.01).settings)).shape
+    assert spec(scene).shape == spec(with_settings(scene, Fem(Frame(scene, EDGES), (4, 3, 4), 0.01).settings)).shape
     assert not any("borders" in s for c in configurations(Frame(load_scene("tofu_grasp"), EDGES)) for s in c.settings)
 
 

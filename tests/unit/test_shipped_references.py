@@ -14,7 +14,7 @@ from rich.console import Console
 
 from softseam.chart import command, shipped
 from softseam.chart.assemble import assemble, counted
-from softseam.chart.configurations import fem_one
+from softseam.chart.configurations import Fem
 from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told, quantity_names
@@ -165,9 +165,9 @@ def test_a_file_of_another_kind_is_refused_by_name(made: Reference, change: dict
 def test_a_plan_with_what_ships_runs_no_reference(made: Reference) -> None:
     """Nothing of the ladder is asked for, though what does not count is nearly known well enough."""
     ladder = Known()
-    wanted = fem_one(ladder._frame, (2, 2, 2), 0.02)
+    wanted = Fem(ladder._frame, (2, 2, 2), 0.02).configuration()
     good = Series(TIME, np.zeros(len(TIME)), {name: true.values for name, true in made.truth.items()})
-    levels = finer(ladder, ladder._frame, 0.1, 60.0, lambda text, seconds: pytest.fail(text))
+    levels = finer(ladder, ladder._frame, 0.1, lambda: 60.0, lambda text, seconds: pytest.fail(text))
     run = Outcome("done", series=good, walls=(1.0,), simulated=1.0)
     plan = choose(Goal(0.1), next(levels), [wanted], lambda one: run, lambda: next(levels, None), ladder.tried)
     assert not ladder.asked and plan.choice.label == wanted.label and plan.truth.startswith("ships with the scene")
@@ -176,16 +176,16 @@ def test_a_plan_with_what_ships_runs_no_reference(made: Reference) -> None:
 def test_where_nothing_is_accurate_levels_are_run_for_plans_and_judged_by_what_ships(made: Reference) -> None:
     ladder = Known(names=("grip_force",), cost=0.001)
     bad = Series(TIME, np.zeros(len(TIME)), {"grip_force": 2.0 * made.truth["grip_force"].values})
-    wanted = fem_one(ladder._frame, (1, 1, 1), 0.02)
+    wanted = Fem(ladder._frame, (1, 1, 1), 0.02).configuration()
     run = Outcome("done", series=bad, walls=(1.0,), simulated=1.0)
-    levels = finer(ladder, ladder._frame, 0.05, 0.3, lambda text, seconds: lambda done: None)
+    levels = finer(ladder, ladder._frame, 0.05, lambda: 0.3, lambda text, seconds: lambda done: None)
     plan = choose(Goal(0.05), next(levels), [wanted], lambda one: run, lambda: next(levels, None), ladder.tried)
     assert ladder.asked and plan.truth.startswith("ships with the scene") and plan.choice.label == "FEM 2x2x2, 10 ms"
     assert plan.choice.error == pytest.approx(math.hypot(0.1 / 4 + 0.01, plan.uncertainty), rel=1e-3)
     # and where these are too dear to begin with, what is told is what is wrong with the sweep
     dear = Known(names=("grip_force",), cost=1e3)
     dear.run = lambda *_: Outcome("stopped")  # type: ignore[method-assign]
-    levels = finer(dear, dear._frame, 0.05, 0.3, lambda text, seconds: lambda done: None)
+    levels = finer(dear, dear._frame, 0.05, lambda: 0.3, lambda text, seconds: lambda done: None)
     with pytest.raises(NoPlan, match="nothing that was tried is accurate to 5 %"):
         choose(Goal(0.05), next(levels), [wanted], lambda one: run, lambda: next(levels, None), dear.tried)
 

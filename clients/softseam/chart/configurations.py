@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from softseam.chart.frame import Counts, Frame, is_viscous, retardation_time
@@ -14,6 +14,8 @@ METHODS: tuple[Method, ...] = ("FEM, quadratic", "FEM, other elements", "XPBD", 
 
 Factors = tuple[float, ...]
 
+SWIFT = ("hex27", "hex27_reduced")
+"""the default element and a softer one of its cost"""
 OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
 TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
@@ -36,20 +38,65 @@ class Configuration:
     settings: tuple[str, ...]
     seconds: float
     """rough wall time of a run [s]: for the order of the sweep and the time left"""
+    fem: Fem | None = field(default=None, compare=False, repr=False)
+    """what it is made from, where it is FEM alone"""
 
 
-def fem_settings(
-    frame: Frame,
-    counts: Counts,
-    step: float,
-    element: str = "hex27",
-    integrator: str = "implicit_euler",
-    grading: float = 1.0,
-    towards: tuple[str, ...] = (),
-) -> tuple[str, ...]:
-    """FEM alone."""
-    fem = f"models.fem={{element: {element}, integrator: {integrator}}}"
-    return "regions={default: fem}", *frame.cells(counts, grading, towards), f"step={step:.9g}", fem
+@dataclass(frozen=True)
+class Fem:
+    """FEM alone: its cells, step and scheme."""
+
+    frame: Frame
+    counts: Counts
+    step: float
+    """[s]"""
+    element: str = "hex27"
+    integrator: str = "implicit_euler"
+    grading: float = 1.0
+    towards: tuple[str, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """Rough wall time of a run [s]."""
+        swift = fem_seconds(self.frame, self.counts, self.step)
+        return swift if self.element in SWIFT else 2.0 * swift
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether its cells are equal ones of the default element."""
+        return self.element == "hex27" and not self._graded
+
+    @property
+    def n_cells(self) -> int:
+        """Of the body."""
+        return self.frame.n_cells(self.counts)
+
+    @property
+    def cells(self) -> str:
+        """Names its cells and scheme, without the step."""
+        return f"{self.element} {self.integrator} {_cells(self.frame, self.counts)}{self._graded}"
+
+    @property
+    def _graded(self) -> str:
+        return (" to edges" if self.towards else "") + ("" if self.grading == 1.0 else f" graded {self.grading:g}")
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """That ask for it."""
+        fem = f"models.fem={{element: {self.element}, integrator: {self.integrator}}}"
+        cells = self.frame.cells(self.counts, self.grading, self.towards)
+        return "regions={default: fem}", *cells, f"step={self.step:.9g}", fem
+
+    def configuration(self) -> Configuration:
+        """As the sweep tries it, and as a reference's level is."""
+        named = "" if self.element == "hex27" else f" {self.element}"
+        graded = self._graded
+        how = "" if self.integrator == "implicit_euler" else f" {self.integrator}"
+        method: Method = "FEM, quadratic" if self.element in SWIFT else "FEM, other elements"
+        cells = _cells(self.frame, self.counts)
+        label = f"FEM{named} {cells}{graded}, {_ms(self.step)}{how}"
+        key = f"fem-{self.element}-{self.integrator}-{cells}-{_ms(self.step, '')}{graded}".replace(" ", "-")
+        return Configuration(key, method, label, self.settings, self.seconds, self)
 
 
 def configurations(frame: Frame) -> list[Configuration]:
@@ -71,44 +118,44 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     cubic = ((1, (8, 4, 2, 1)), (2, (8, 4, 2, 1, 0.5)), (3, (4, 2, 1, 0.5)), (4, (2, 1, 0.5)), (6, (1, 0.5)))
     for counts, factors in _cells_and_factors(frame, cubic, (4, 2, 1, 0.5)):
         for factor in factors:
-            yield fem_one(frame, counts, factor * step)
+            yield Fem(frame, counts, factor * step).configuration()
     if 0.0 < retardation_time(frame.scene) <= step:
         # a longer step damps more than the material
         for across, factors in SHORTER:
             for factor in factors:
-                yield fem_one(frame, frame.across(across), factor * step)
+                yield Fem(frame, frame.across(across), factor * step).configuration()
     if frame.even is not None:
         for across in (2, 3, 4):
             x, y, z = (1 if axis == frame.even else n for axis, n in enumerate(frame.across(across)))
             for factor in (2, 1):
-                yield fem_one(frame, (x, y, z), factor * step)
+                yield Fem(frame, (x, y, z), factor * step).configuration()
     elif frame.idle is not None:
         # the quadratic functions of one cell follow how free faces bulge
         for counts, factors in _cells_and_factors(frame, IDLE, (8, 5, 4, 3, 2)):
             x, y, z = (1 if axis == frame.idle else n for axis, n in enumerate(counts))
             for factor in factors:
-                yield fem_one(frame, (x, y, z), factor * step, "hex27_reduced")
+                yield Fem(frame, (x, y, z), factor * step, "hex27_reduced").configuration()
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
     for counts, factors in _cells_and_factors(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:
-            yield fem_one(frame, counts, factor * step, "hex27_reduced")
+            yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
     if isinstance(frame.scene.body, BodySpec) and isinstance(frame.scene.body.shape, BlockShape) and not frame.ball:
         # cells that are thinner at the faces, where stress peaks
         for grading, across, factors in ((4.0, 3, (4, 2, 1)), (8.0, 3, (2, 1)), (4.0, 4, (2,)), (4.0, 5, (1,))):
             for factor in factors:
-                yield fem_one(frame, frame.across(across), factor * step, grading=grading)
+                yield Fem(frame, frame.across(across), factor * step, grading=grading).configuration()
     if frame.edged and not frame.ball:
         for across, grading, factor in TOWARDS_EDGES:
-            yield fem_one(frame, frame.across(across), factor * step, grading=grading, towards=frame.edged)
+            yield Fem(frame, frame.across(across), factor * step, grading=grading, towards=frame.edged).configuration()
     if frame.ball is not None:
         # equal cells, of which fewer will do where the ball is hardly stiffer
         equal = replace(frame, follows=False)
         for across, factors in ((2, (4, 2)), (3, (2,)), (4, (2,))):
             for factor in factors:
-                yield fem_one(equal, equal.across(across), factor * step)
+                yield Fem(equal, equal.across(across), factor * step).configuration()
     for element in OTHERS:
         for across in (2, 4):
-            yield fem_one(frame, frame.across(across), step, element)
+            yield Fem(frame, frame.across(across), step, element).configuration()
     # without contact their second order shows; with it, it does not
     second: tuple[tuple[int, Factors], ...] = ((2, (1, 2)),)
     if not frame.scene.tools:
@@ -116,30 +163,7 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     for integrator in ("midpoint",) if is_viscous(frame.scene) else ("midpoint", "bdf2"):
         for across, factors in second:
             for factor in factors:
-                yield fem_one(frame, frame.across(across), factor * step, integrator=integrator)
-
-
-def fem_one(
-    frame: Frame,
-    counts: Counts,
-    step: float,
-    element: str = "hex27",
-    integrator: str = "implicit_euler",
-    grading: float = 1.0,
-    towards: tuple[str, ...] = (),
-) -> Configuration:
-    """FEM alone, as the sweep tries it and as a reference's level is."""
-    settings = fem_settings(frame, counts, step, element, integrator, grading, towards)
-    named = "" if element == "hex27" else f" {element}"
-    graded = (" to edges" if towards else "") + ("" if grading == 1.0 else f" graded {grading:g}")
-    how = "" if integrator == "implicit_euler" else f" {integrator}"
-    swift = element in ("hex27", "hex27_reduced")
-    seconds = fem_seconds(frame, counts, step) * (1.0 if swift else 2.0)
-    method: Method = "FEM, quadratic" if swift else "FEM, other elements"
-    cells = _cells(frame, counts)
-    label = f"FEM{named} {cells}{graded}, {_ms(step)}{how}"
-    key = f"fem-{element}-{integrator}-{cells}-{_ms(step, '')}{graded}".replace(" ", "-")
-    return Configuration(key, method, label, settings, seconds)
+                yield Fem(frame, frame.across(across), factor * step, integrator=integrator).configuration()
 
 
 def _xpbd(frame: Frame) -> Iterator[Configuration]:

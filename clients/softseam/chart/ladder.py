@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.configurations import Configuration, fem_one, fem_seconds, fem_settings
+from softseam.chart.configurations import Configuration, Fem
 from softseam.chart.errors import rms
 from softseam.chart.frame import Frame, is_viscous
 from softseam.chart.measure import Outcome, Told, measure, quantity_names
@@ -82,7 +82,7 @@ class Ladder:
         return max(self._foreseen(across, step), self._begun(across, step))
 
     def _foreseen(self, across: int, step: float) -> float:
-        rough = fem_seconds(self._frame, self._frame.across(across), step)
+        rough = self._fem(across, step).seconds
         known = sorted((a, s) for a, s in self.done if a <= across)
         if not known:
             return rough
@@ -128,11 +128,7 @@ class Ladder:
 
     def tried(self) -> list[tuple[Configuration, Outcome]]:
         """Levels that are done, as configurations that a plan may choose: nothing else is as fine."""
-        frame, how = self._frame, self.integrator
-        return [
-            (fem_one(frame, frame.across(across), step, integrator=how), outcome)
-            for (across, step), outcome in sorted(self.done.items())
-        ]
+        return [(self._fem(*rung).configuration(), outcome) for rung, outcome in sorted(self.done.items())]
 
     def cached(self, across: int, step: float) -> Outcome | None:
         """A level that was computed before."""
@@ -170,7 +166,10 @@ class Ladder:
         return max(1e-3, self.done[level].spent)
 
     def _level(self, across: int, step: float) -> tuple[str, ...]:
-        return fem_settings(self._frame, self._frame.across(across), step, integrator=self.integrator)
+        return self._fem(across, step).settings
+
+    def _fem(self, across: int, step: float) -> Fem:
+        return Fem(self._frame, self._frame.across(across), step, integrator=self.integrator)
 
     @staticmethod
     def _rung(across: int, step: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -106,7 +106,8 @@ def _search(
     budget = 60.0 * wishes.minutes
     spent = 0.0
     with ChartProgress(console) as progress:
-        levels = finer(ladder, frame, goal.tolerance, REFERENCE_SHARE * budget, progress.reference)
+        share = REFERENCE_SHARE * budget
+        levels = finer(ladder, frame, goal.tolerance, lambda: min(share, budget - spent), progress.reference)
         reference = next(levels)
         progress.known(reference)
         progress.expect(wanted, budget)
@@ -116,7 +117,7 @@ def _search(
             data = store.read(configuration.key)
             if data is not None:
                 return Outcome.from_json(data)
-            left = (1.0 - REFERENCE_SHARE) * budget - spent
+            left = budget - spent - (ladder.spent if reference.shipped else share)
             if left < configuration.seconds:
                 return Outcome("left out", "give more --minutes")
             settings = (*wishes.settings, *configuration.settings)
@@ -148,8 +149,11 @@ def planner_digest() -> str:
     return digest.hexdigest()[:8]
 
 
-def finer(ladder: Ladder, frame: Frame, tolerance: float, budget: float, watch: Watch) -> Iterator[Reference]:
-    """References for plans of a tolerance, each known better than the one before, while the budget [s] lasts.
+def finer(
+    ladder: Ladder, frame: Frame, tolerance: float, budget: Callable[[], float], watch: Watch
+) -> Iterator[Reference]:
+    """References for plans of a tolerance, each known better than the one before, while the budget [s] lasts: own time
+    of all their levels, asked for whenever more are to be made.
 
     What ships comes first, before anything is run. It comes again with new levels, runs that a plan may choose, until
     what these lead to is known better.
@@ -160,7 +164,7 @@ def finer(ladder: Ladder, frame: Frame, tolerance: float, budget: float, watch: 
         yield ships
     while True:
         try:
-            reference = climb(ladder, frame, budget, watch, target, known)
+            reference = climb(ladder, frame, budget(), watch, target, known)
         except SoftseamError:
             if ships is None:
                 raise

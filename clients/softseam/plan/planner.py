@@ -2,8 +2,9 @@
 
 Nothing is guessed. The reference ships with the scene (the chart's shipped.py), or is FEM alone, refined here until it
 is known to a fraction of the tolerance (climb.py); the configurations are tried cheapest first, each once, until those
-left cannot be faster than the best one found. What counts as an error is what a run differs from the reference by, and
-what the reference may be off by, as errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
+left cannot be faster than the best one found. Cells with shorter steps than the chart's are tried where runs so far
+foretell that they are accurate enough (foretold.py). What counts as an error is what a run differs from the reference
+by, and what the reference may be off by, as errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from softseam.chart.measure import Outcome
 from softseam.chart.reference import Reference, in_words, origin
 from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
+from softseam.plan.foretold import Run, foretold
 
 REFERENCE = 0.25
 """the reference is refined until it is known to this share of the tolerance [1]"""
@@ -51,6 +53,8 @@ def known_to(tolerance: float) -> float:
     return 0.5 * REFERENCE * tolerance
 
 
+MISLED = 3
+"""so many runs that are not as accurate as was foretold end the trying: here errors of cells and steps meddle"""
 Measure = Callable[[Configuration], Outcome]
 
 
@@ -150,7 +154,7 @@ def choose(
     or where a quantity does not count that nearly does, the reference is refined and every run is judged anew. One that
     ships is more than a plan's minutes can refine, and is taken as it is where there is a plan.
 
-    measure  called at most once for each configuration
+    measure  called at most once for each configuration, but again for what it left out
     refine   a reference that is known better than the last, or None where there is none
     levels   the reference's levels so far and what became of them: runs like others where not wanted anyway
 
@@ -162,9 +166,13 @@ def choose(
     as_levels: dict[str, Outcome] = {}  # stand for runs that did not end
 
     def once(configuration: Configuration) -> Outcome:
-        if configuration.key not in kept:
-            kept[configuration.key] = measure(configuration)
-        found = kept[configuration.key]
+        key = configuration.key
+        if key not in kept or kept[key].status == "left out":
+            kept[key] = measure(configuration)
+            # what was foretold and run is a run like others, whatever another reference foretells
+            every.setdefault(key, configuration)
+            timed.add(key)
+        found = kept[key]
         return found if found.status == "done" else as_levels.get(configuration.key, found)
 
     while True:
@@ -193,30 +201,74 @@ def choose(
             return plan
 
 
+class _Search:
+    """What was run against one reference, and the fastest of it that is accurate enough."""
+
+    def __init__(self, goal: Goal, reference: Reference, measure: Measure) -> None:
+        self._goal, self._reference, self._measure = goal, reference, measure
+        self._pace: dict[str, float] = {}
+        self.runs: dict[str, Run] = {}
+        self.tried: list[Tried] = []
+        self.best: Tried | None = None
+        self.late: Configuration | None = None
+        """the cheapest of what is foretold to be accurate enough, and was given no time"""
+        self._least = float("inf")
+
+    def attempt(self, wanted: Sequence[Configuration]) -> None:
+        """Run those that may be the fastest, cheapest first."""
+        for one in sorted(wanted, key=lambda c: (c.seconds, c.key)):
+            if self._may_be_fastest(one.seconds * self._pace.get(one.method, 1.0)):
+                learn(self._pace, one, self._run(one))
+
+    def attempt_foretold(self) -> None:
+        """Run what is foretold to be accurate enough and may be the fastest, cheapest first; each run tells more."""
+        misled = 0
+        while misled < MISLED:
+            told = [run for run in foretold(self.runs.values()) if run[0].key not in self.runs]
+            good = [one for one, outcome in told if self._judged(one, outcome).error <= self._goal.tolerance]
+            one = min(good, key=lambda c: (c.seconds, c.key), default=None)
+            if one is None or not self._may_be_fastest(one.seconds):
+                return
+            outcome = self._run(one)
+            if outcome.status in ("left out", "stopped"):
+                self.late = self.late or one
+            misled += outcome.status == "done" and self.tried[-1].error > self._goal.tolerance
+
+    def _may_be_fastest(self, seconds: float) -> bool:
+        return seconds <= HOPE * self._least
+
+    def _run(self, one: Configuration) -> Outcome:
+        outcome = self._measure(one)
+        self.runs[one.key] = one, outcome
+        found = self._judged(one, outcome)
+        self.tried.append(found)
+        if found.error <= self._goal.tolerance and (self.best is None or found.rtf > self.best.rtf):
+            self.best, self._least = found, outcome.seconds
+        return outcome
+
+    def _judged(self, one: Configuration, outcome: Outcome) -> Tried:
+        return judged(one, outcome, self._reference, self._goal.harder)
+
+
 def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
-    """Try the configurations, cheapest first, until none that is left can be faster than the best one so far."""
+    """Try the configurations, and what their runs foretell, until none that is left can be faster than the best one."""
     if not reference.uncertainty <= VAGUEST * goal.tolerance:
         raise NoPlan(
             f"what is true is known to {in_words(reference.uncertainty)} only, too little to plan for "
             f"{_percent(goal.tolerance)}: give more --minutes, or leave out the quantities that are not known better"
         )
-    pace: dict[str, float] = {}
-    tried: list[Tried] = []
-    best: Tried | None = None
-    least = float("inf")
-    for configuration in sorted(wanted, key=lambda c: (c.seconds, c.key)):
-        if configuration.seconds * pace.get(configuration.method, 1.0) > HOPE * least:
-            continue
-        outcome = measure(configuration)
-        learn(pace, configuration, outcome)
-        one = judged(configuration, outcome, reference, goal.harder)
-        tried.append(one)
-        if one.error <= goal.tolerance and (best is None or one.rtf > best.rtf):
-            best, least = one, outcome.seconds
+    search = _Search(goal, reference, measure)
+    search.attempt(wanted)
+    search.attempt_foretold()
+    best = search.best
     if best is None or best.rtf < goal.rtf:
-        raise (NoPlan if best is None else TooSlow)(_nearest(goal, best, tried))
+        why = _nearest(goal, best, search.tried)
+        if best is None and search.late is not None:
+            why += f"; runs so far foretell that {search.late.label} is: give more --minutes"
+        raise (NoPlan if best is None else TooSlow)(why)
+    tried = tuple(search.tried)
     left_out = {name: true.left_out for name, true in reference.truth.items() if true.left_out}
-    return Plan(goal, best, tuple(tried), reference.uncertainty, left_out, origin(reference))
+    return Plan(goal, best, tried, reference.uncertainty, left_out, origin(reference))
 
 
 def _in_reach(reference: Reference, tolerance: float) -> bool:

@@ -1,0 +1,231 @@
+"""What runs foretell of more cells with shorter steps, and what a plan makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from softseam.chart.configurations import Configuration, Fem
+from softseam.chart.errors import Truth
+from softseam.chart.frame import Frame
+from softseam.chart.measure import Outcome
+from softseam.chart.progress import ChartProgress
+from softseam.chart.reference import Part, Reference
+from softseam.chart.series import Series
+from softseam.plan.foretold import Run, foretold
+from softseam.plan.planner import Goal, NoPlan, choose
+from softseam.scenes import load_scene
+
+FRAME = Frame(load_scene("tofu_grasp"), np.array([0.05, 0.05, 0.05]))
+TIME = np.linspace(0.0, 1.0, 5)
+BY_CELLS: Mapping[int, float] = {2: 0.1, 3: 0.04, 4: 0.012}
+"""what cells are off by, and what steps are [1]"""
+BY_STEPS: Mapping[float, float] = {0.02: 0.08, 0.01: 0.04, 0.005: 0.02, 0.0025: 0.01}
+
+
+def fem(across: int, step: float, element: str = "hex27", integrator: str = "implicit_euler") -> Configuration:
+    return Fem(FRAME, (across, across, across), step, element, integrator).configuration()
+
+
+def outcome(off: float, wall: float = 1.0, end: float = 1.0) -> Outcome:
+    time = TIME * end
+    return Outcome("done", series=Series(time, np.zeros(5), {"sag": 1.0 + off * time}), walls=(wall,), simulated=1.0)
+
+
+def run(across: int, step: float, element: str = "hex27", integrator: str = "implicit_euler") -> Run:
+    """Off by what its cells and its step are off by; as long as it has unknowns and steps."""
+    off = BY_CELLS[across] + BY_STEPS[step]
+    return fem(across, step, element, integrator), outcome(off, 1e-4 * across**6 / step)
+
+
+def values(told: Outcome) -> np.ndarray:
+    assert told.series is not None
+    return np.asarray(told.series.values["sag"])
+
+
+FEW = (run(2, 0.01), run(2, 0.005), run(2, 0.0025))
+
+
+def test_what_cells_and_steps_are_off_by_adds_up() -> None:
+    found = {one.key: told for one, told in foretold((*FEW, run(4, 0.01), run(3, 0.01, "hex27_reduced")))}
+    expected = {
+        fem(4, 0.005).key: 0.032,
+        fem(4, 0.0025).key: 0.022,
+        fem(3, 0.005, "hex27_reduced").key: 0.06,
+        fem(3, 0.0025, "hex27_reduced").key: 0.05,
+    }
+    assert {key: float(values(told)[-1]) - 1.0 for key, told in found.items()} == pytest.approx(expected)
+
+
+def test_the_family_of_most_cells_tells_what_a_step_does() -> None:
+    """Three cells across were run with both steps, too, where the shorter one changes twice as much."""
+    three = run(3, 0.01), (fem(3, 0.005), outcome(0.04))
+    (four,) = (told for one, told in foretold((*FEW, *three, run(4, 0.01))) if one.key == fem(4, 0.005).key)
+    assert values(four)[-1] == pytest.approx(1.012)
+
+
+def test_cells_go_on_from_their_shortest_step() -> None:
+    """Beside 20 ms, 10 ms says more of these cells; and only what is shorter than that is new."""
+    longer = run(4, 0.02), run(2, 0.02), (fem(4, 0.01), outcome(0.5))
+    found = {one.key: told for one, told in foretold((*FEW, *longer))}
+    assert set(found) == {fem(4, 0.005).key, fem(4, 0.0025).key}
+    assert values(found[fem(4, 0.005).key])[-1] == pytest.approx(1.48)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        (run(4, 0.02),),  # at which no family was run
+        (run(4, 0.01, integrator="midpoint"),),
+        ((fem(4, 0.01), Outcome("failed", "it diverged")),),
+        ((Configuration("xpbd", "XPBD", "xpbd", (), 1.0), outcome(0.0)),),
+    ],
+)
+def test_what_nothing_foretells(others: tuple[Run, ...]) -> None:
+    assert not list(foretold((*FEW, *others)))
+
+
+def test_what_is_foretold_from_long_steps_is_as_smooth_as_what_short_ones_did() -> None:
+    """A wave that runs of eight times the step draw with straight lines: these cancel."""
+    long, short = np.linspace(0.0, 1.0, 26), np.linspace(0.0, 1.0, 201)
+
+    def wave(time: np.ndarray, off: float) -> Outcome:
+        return Outcome(
+            "done", series=Series(time, np.zeros(len(time)), {"sag": np.sin(12.0 * time) + off}), walls=(1.0,)
+        )
+
+    runs = (fem(2, 0.04), wave(long, 0.1)), (fem(2, 0.005), wave(short, 0.08)), (fem(4, 0.04), wave(long, 0.03))
+    ((one, told),) = foretold(runs)
+    assert one.key == fem(4, 0.005).key
+    np.testing.assert_allclose(values(told), np.sin(12.0 * short) + 0.01, atol=1e-12)
+
+
+def test_of_as_many_cells_those_of_the_default_tell() -> None:
+    softer = (fem(2, 0.01, "hex27_reduced"), outcome(0.3)), (fem(2, 0.005, "hex27_reduced"), outcome(0.1))
+    for order in ((*FEW, *softer), (*softer, *FEW)):
+        told = {one.key: values(each)[-1] for one, each in foretold((*order, run(4, 0.01)))}
+        assert told[fem(4, 0.005).key] == pytest.approx(1.032)
+
+
+def test_a_motion_that_ended_earlier_is_foretold_for_as_long() -> None:
+    early = run(2, 0.01), (fem(2, 0.005), outcome(0.0, end=0.6))
+    ((_, told),) = foretold((*early, run(4, 0.01)))
+    assert told.series is not None and told.series.time[-1] == 0.6
+
+
+def reference(uncertainty: float = 0.001, level: float = 1.0) -> Reference:
+    truth = {"sag": Truth(level * np.ones(5), 1.0, uncertainty)}
+    return Reference(TIME, truth, {"sag": Part(0.0, 0.0, 1.0, 1.0, 0.0)}, (), "implicit_euler", True)
+
+
+class Bench:
+    """What was measured so far, and what more cells with shorter steps would do."""
+
+    def __init__(self, *runs: Run) -> None:
+        self.outcomes = {one.key: each for one, each in runs}
+        self.wanted = [one for one, _ in runs]
+        self.asked: list[str] = []
+
+    def __call__(self, one: Configuration) -> Outcome:
+        self.asked.append(one.key)
+        return self.outcomes[one.key]
+
+    def extra(self) -> list[str]:
+        """What was asked for beside what was wanted."""
+        return [key for key in self.asked if key not in {one.key for one in self.wanted}]
+
+
+def test_a_plan_runs_what_is_foretold_to_be_accurate_enough_and_no_more() -> None:
+    """4 cells across are off by a ramp to 5.2 %, with 5 ms to 3.2, in the norm 1.9: that is tried, 2.5 ms is not."""
+    bench = Bench(*FEW, run(4, 0.01), run(3, 0.01))
+    bench.outcomes |= {one.key: each for one, each in (run(4, 0.005), run(4, 0.0025))}
+    plan = choose(Goal(0.02), reference(), bench.wanted, bench)
+    assert plan.choice.label == fem(4, 0.005).label and bench.extra() == [fem(4, 0.005).key]
+
+
+def test_where_it_is_not_so_what_comes_next_is_run() -> None:
+    bench = Bench(*FEW, run(4, 0.01), run(3, 0.01))
+    bench.outcomes |= {fem(4, 0.005).key: outcome(0.04, 40.0), fem(4, 0.0025).key: outcome(0.02, 80.0)}
+    plan = choose(Goal(0.02), reference(), bench.wanted, bench)
+    assert plan.choice.label == fem(4, 0.0025).label
+    assert bench.extra() == [fem(4, 0.005).key, fem(4, 0.0025).key]
+
+
+def test_after_three_that_were_foretold_wrongly_no_more_are_run() -> None:
+    """Four kinds of cells are 10 % off; more cells than these lose as much with half the step, and none of the four."""
+    many, off = ((fem(6, 0.01), outcome(0.7)), (fem(6, 0.005), outcome(0.6))), outcome(0.1)
+    bench = Bench(*many, *((fem(n, 0.01), off) for n in (2, 3, 4, 5)))
+    bench.outcomes |= {fem(n, 0.005).key: off for n in (2, 3, 4, 5)}
+    with pytest.raises(NoPlan):
+        choose(Goal(0.02), reference(), bench.wanted, bench)
+    assert len(bench.extra()) == 3
+
+
+def test_what_there_is_no_time_for_is_named() -> None:
+    bench = Bench(*FEW, run(4, 0.01))
+    late = Outcome("left out", "give more --minutes")
+    bench.outcomes |= {fem(4, 0.005).key: late, fem(4, 0.0025).key: late}
+    with pytest.raises(NoPlan, match=r"comes nearest .*foretell that FEM 4x4x4, 5 ms is: give more --minutes"):
+        choose(Goal(0.02), reference(), bench.wanted, bench)
+
+
+def test_what_there_was_no_time_for_is_tried_again_when_there_is() -> None:
+    bench = Bench(*FEW, run(4, 0.01))
+    bench.outcomes |= {fem(4, step).key: Outcome("left out", "give more --minutes") for step in (0.005, 0.0025)}
+
+    better = iter([reference()])
+
+    def refine() -> Reference | None:
+        bench.outcomes[fem(4, 0.005).key] = outcome(0.01)
+        return next(better, None)
+
+    assert choose(Goal(0.02), reference(), bench.wanted, bench, refine).choice.label == fem(4, 0.005).label
+
+
+def test_what_failed_needs_no_more_time() -> None:
+    bench = Bench(*FEW, run(4, 0.01))
+    bench.outcomes |= {fem(4, step).key: Outcome("failed", "it diverged") for step in (0.005, 0.0025)}
+    with pytest.raises(NoPlan) as refused:
+        choose(Goal(0.02), reference(), bench.wanted, bench)
+    assert "--minutes" not in str(refused.value) and len(bench.extra()) == 2
+
+
+def test_a_run_that_was_foretold_once_may_be_the_plan_whatever_is_foretold_later() -> None:
+    """A vague reference lets 4 cells at 5 ms be run; by a better one that is not foretold to do, but it does."""
+    bench = Bench(*FEW, (fem(4, 0.01), outcome(0.04)))
+    bench.outcomes[fem(4, 0.005).key] = outcome(-0.02)
+    better = iter([reference(0.001, 0.985)])
+    plan = choose(Goal(0.02), reference(0.016), bench.wanted, bench, lambda: next(better, None))
+    assert plan.choice.label == fem(4, 0.005).label and plan.uncertainty == 0.001
+
+
+def test_what_is_foretold_is_not_run_where_it_cannot_be_faster() -> None:
+    accurate = fem(4, 0.01, "hex27_reduced"), outcome(0.0, 1e-3)
+    bench = Bench(*FEW, run(4, 0.01), accurate)
+    plan = choose(Goal(0.02), reference(), bench.wanted, bench)
+    assert plan.choice.label == accurate[0].label and not bench.extra()
+
+
+def test_progress_tells_of_a_run_beside_the_sweep() -> None:
+    console = Console(file=StringIO(), width=120)
+    with ChartProgress(console) as progress:
+        progress.expect([fem(2, 0.01)], 60.0)
+        progress.configuration(fem(4, 0.005), 12.0)(0.5)
+    assert "beside the sweep: FEM 4x4x4, 5 ms  some 12 s" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_cells_name_all_but_the_step() -> None:
+    one = Fem(FRAME, (3, 3, 3), 0.01, grading=4.0)
+    others = (
+        replace(one, element="hex8"),
+        replace(one, integrator="bdf2"),
+        replace(one, grading=1.0),
+        replace(one, towards=("left",)),
+    )
+    assert one.cells == replace(one, step=0.02).cells
+    assert len({one.cells, *(other.cells for other in others)}) == 5
