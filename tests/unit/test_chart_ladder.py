@@ -61,11 +61,11 @@ def test_levels_end_with_the_last_that_ends_within_the_budget() -> None:
     assert found.truth["grip_force"].values == pytest.approx(np.ones(len(TIME)), abs=1e-9)
 
 
-def test_steps_are_refined_on_the_scene_s_own_cells() -> None:
-    """On those that fit the scene's parts; a scene of many cells has its step refined on moderate ones."""
-    assert steps_at(frame()) == 3
+def test_steps_are_refined_on_more_than_the_coarsest_cells_where_these_are_few() -> None:
+    assert steps_at(frame()) == 4
+    assert steps_at(frame("tofu_push", (0.06, 0.06, 0.04))) == 4, "3 x 3 x 2 cells sway otherwise than 6 x 6 x 4"
     assert steps_at(frame("heavy_on_soft", (0.06, 0.04, 0.04))) == 4, "its layers end between cells of a fourth"
-    assert steps_at(frame("tofu_slab", (0.24, 0.16, 0.06))) == 2
+    assert steps_at(frame("tofu_slab", (0.24, 0.16, 0.06))) == 2, "12 x 8 x 3 are many"
     ladder = Known(frame("tofu_slab", (0.24, 0.16, 0.06)), 0.01)
     climb(ladder, frame("tofu_slab", (0.24, 0.16, 0.06)), 30.0, told, target=1e-6)
     assert {across for across, step in ladder.asked if step < 0.01} == {2}

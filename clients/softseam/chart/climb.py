@@ -22,12 +22,14 @@ ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""
 LEAST_ROUND = 3
 """cells across the box around a ball that a reference begins with"""
-STEPS_AT = 3
-"""cells along the shortest edge at which the step is refined, where the scene leaves its cells to the solver"""
-FINEST_STEPS_AT = 4
-"""and the most of them: steps are halved up to `HALVINGS` times, which is for moderate cells"""
+STEPS_AT = 4
+"""most cells along the shortest edge at which the step is refined"""
+STEPS_CELLS = 200
+"""and most cells in all, unless the coarsest level has more: steps are halved up to `HALVINGS` times"""
 HALVINGS = 7
 """most halvings of the step"""
+LEAST_HALVINGS = 3
+"""steps are refined on so few cells that as many halvings fit the budget"""
 CLEAR = 4
 """levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
 
@@ -59,6 +61,11 @@ def climb(
         outcome = ladder.run(across, step, max(1.0, share * budget - ladder.spent), told)
         return outcome.status == "done"
 
+    def halvings(across: int) -> float:
+        """Foreseen seconds of as many as an order needs."""
+        steps = (step / 2**k for k in range(1, LEAST_HALVINGS + 1))
+        return sum(ladder.seconds(across, each) for each in steps if ladder.cached(across, each) is None)
+
     cells: list[int] = []
     for across in levels_of(frame):
         # what the steps will need is kept back
@@ -70,7 +77,8 @@ def climb(
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
-    at = max((across for across in cells if across <= steps_at(frame)), default=cells[0])
+    few = sorted((across for across in cells if across <= steps_at(frame)), reverse=True)
+    at = next((across for across in few if halvings(across) <= budget - ladder.spent), cells[0])
     steps = [step]
     for halving in range(1, HALVINGS + 1):
         if not take(at, step / 2**halving, 1.0):
@@ -102,11 +110,10 @@ def refines(frame: Frame, across: int) -> bool:
 
 
 def steps_at(frame: Frame) -> int:
-    """Cells along the shortest edge at which the step is refined: about the scene's own."""
-    if frame.own is None:
-        return STEPS_AT
-    finest = float((frame.extent / np.array(frame.own)).min())
-    return int(np.clip(round(float(frame.extent.min()) / finest), COARSEST, FINEST_STEPS_AT))
+    """Cells along the shortest edge at which the step is refined: as many as cost little, for what a step does to few
+    cells it need not do to many (docs/decisions/0148)."""
+    few = (across for across in range(STEPS_AT, COARSEST, -1) if frame.n_cells(frame.across(across)) <= STEPS_CELLS)
+    return next(few, COARSEST)
 
 
 def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
