@@ -43,7 +43,7 @@ BAD_SCENES = {
         ["bad.yaml:9:44: models.pbd.substeps: leapfrog is unstable with 1 substeps in 0.01 s", "leave it out"],
     ),
     "goal of too many cells": (
-        GOOD.replace("cell: 0.01", "cell: 0.0015") + "probes: {inside: [0, 0, 0.01]}\nregions: {goal: inside}\n",
+        GOOD.replace("cell: 0.01", "cell: 0.0012") + "probes: {inside: [0, 0, 0.01]}\nregions: {goal: inside}\n",
         ["bad.yaml:11:17: regions.goal: ", "unknowns", "body.cell"],
     ),
     "probe outside": (
