@@ -172,6 +172,9 @@ def test_what_there_is_no_time_for_is_named() -> None:
     bench.outcomes |= {fem(4, 0.005).key: late, fem(4, 0.0025).key: late}
     with pytest.raises(NoPlan, match=r"comes nearest .*foretell that FEM 4x4x4, 5 ms is: give more --minutes"):
         choose(Goal(0.02), reference(), bench.wanted, bench)
+    better = iter([reference()])
+    with pytest.raises(NoPlan, match=r"foretell that FEM 4x4x4, 5 ms is: give more --minutes"):
+        choose(Goal(0.02), reference(), bench.wanted, bench, lambda: next(better, None))
 
 
 def test_what_there_was_no_time_for_is_tried_again_when_there_is() -> None:

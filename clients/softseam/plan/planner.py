@@ -169,9 +169,10 @@ def choose(
         key = configuration.key
         if key not in kept or kept[key].status == "left out":
             kept[key] = measure(configuration)
-            # what was foretold and run is a run like others, whatever another reference foretells
-            every.setdefault(key, configuration)
-            timed.add(key)
+            if kept[key].status != "left out":
+                # what was foretold and run is a run like others, whatever another reference foretells
+                every.setdefault(key, configuration)
+                timed.add(key)
         found = kept[key]
         return found if found.status == "done" else as_levels.get(configuration.key, found)
 
