@@ -72,8 +72,8 @@ def covered(face, point, patches, patch, shape, position, orientation):
         low = high = face[0, beside]
         for k in range(1, 9):
             low, high = min(low, face[k, beside]), max(high, face[k, beside])
-        # no further beyond its nodes does a quadratic function go
-        beyond, half = 0.25 * (high - low), shape[beside]
+        # no further beyond its nodes goes a function quadratic in s and in t: sums of |N_k| are at most 5/4 for each
+        beyond, half = 9.0 / 32.0 * (high - low), shape[beside]
         if low - beyond >= half or high + beyond <= -half:
             return 0.0, 0.0, -1
         if low - beyond >= -half and high + beyond <= half:
