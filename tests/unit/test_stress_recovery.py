@@ -17,7 +17,7 @@ from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
-from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
+from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery, point_recovery
 from softseam_services.orchestrator.probes import Probes
 
 Floats = NDArray[np.float64]
@@ -101,13 +101,55 @@ def test_quadratic_stress_is_recovered_exactly_where_two_cells_meet_along_each_a
     assert np.abs(recovered - field(body.x_rest)).max() > 0.02 * np.abs(recovered).max()
 
 
-def test_rows_of_the_nodes_wanted_are_those_of_all() -> None:
+def _points(body: Body, inner: bool) -> tuple[NDArray[np.int32], Floats, Floats]:
+    """Cells, in them, and at rest: three points of every cell, or of those that no corner of is on the surface."""
+    cells = np.arange(body.n_cells, dtype=np.int32)
+    if inner:
+        low, high = body.x_rest.min(axis=0) + 1e-9, body.x_rest.max(axis=0) - 1e-9
+        within = ((body.x_rest > low) & (body.x_rest < high)).all(axis=1)
+        cells = cells[within[body.cell_nodes].all(axis=1)]
+    cell = np.repeat(cells, 3)
+    local = np.tile([[0.0, 0.0, 0.0], [0.5, -0.3, 0.8], [1.0, 0.0, -1.0]], (len(cells), 1))
+    return cell, local, body.x_rest[body.cell_nodes[cell, 13]] + 0.5 * local * body.edges
+
+
+def test_quadratic_stress_is_recovered_exactly_all_through_cells_inside() -> None:
+    """The middle of a cell sees the cells around its corners; alone, a cell fixes no curvature."""
+    body = build_body(_scene(4), {})
+    sample = _samples(body)
+    curvature = np.array([[3.0, 1.0, 0.5], [1.0, -2.0, 4.0], [0.5, 4.0, 5.0]])
+
+    def field(x: Floats) -> Floats:
+        return np.asarray(np.einsum("ni,ij,nj->n", x, curvature, x))
+
+    cell, local, at = _points(body, inner=True)
+    assert len(cell) == 3 * 24
+    recovered = point_recovery(body, sample, 0, cell, local, at) @ field(_sampled(body, sample))
+    assert_allclose(recovered, field(at), atol=1e-10 * np.abs(recovered).max())
+    middle = nodal_recovery(body, sample)[body.cell_nodes[cell[::3], 13]] @ field(_sampled(body, sample))
+    assert np.abs(middle - field(at[::3])).max() > 1e-3 * np.abs(middle).max(), "the control"
+
+
+def test_linear_stress_is_recovered_exactly_at_every_point_of_a_material_and_at_corners_as_at_nodes() -> None:
     body = build_body(_scene(2), {})
     sample = _samples(body)
-    nodes = np.array([0, 7, 31], dtype=np.int32)
-    some, every = nodal_recovery(body, sample, nodes=nodes), nodal_recovery(body, sample)
-    assert_allclose(some[nodes].toarray(), every[nodes].toarray(), rtol=1e-12)
-    assert np.count_nonzero(some.sum(axis=1)) == 3
+    slope = np.array([3.0, -2.0, 5.0])
+    cell, local, at = _points(body, inner=False)
+    recovered = point_recovery(body, sample, 0, cell, local, at) @ (_sampled(body, sample) @ slope + 7.0)
+    assert_allclose(recovered, at @ slope + 7.0, rtol=1e-8)
+    node = body.cell_nodes[cell, 26]
+    corner = point_recovery(body, sample, 0, cell, np.ones_like(local), body.x_rest[node])
+    assert_allclose(corner.toarray(), nodal_recovery(body, sample)[node].toarray(), atol=1e-12)
+
+
+def test_points_of_one_material_do_not_see_another() -> None:
+    body = build_body(_scene(4), {})
+    lower = np.broadcast_to(np.arange(body.n_cells)[:, None] < body.n_cells // 2, (body.n_cells, 8))
+    body = replace(body, octant_material=np.where(lower, 0, 1).astype(body.octant_material.dtype))
+    cell, local, at = _points(body, inner=False)
+    for material, mine in ((0, cell < body.n_cells // 2), (1, cell >= body.n_cells // 2)):
+        matrix = point_recovery(body, _samples(body), material, cell[mine], local[mine], at[mine])
+        assert_allclose(matrix @ np.where(lower, 5.0, 9.0).ravel(), 5.0 if material == 0 else 9.0, rtol=1e-10)
 
 
 def test_a_single_octant_gives_its_own_stress() -> None:
@@ -120,7 +162,7 @@ def test_a_single_octant_gives_its_own_stress() -> None:
 
 
 def test_smooth_stress_converges_at_third_order_inside_and_second_at_the_surface() -> None:
-    inside, everywhere = [], []
+    inside, everywhere, between = [], [], []
     for n in (2, 4, 8):
         body = build_body(_scene(n), {})
         sample = _samples(body)
@@ -131,8 +173,13 @@ def test_smooth_stress_converges_at_third_order_inside_and_second_at_the_surface
         corner = np.abs((body.x_rest - low) / body.edges % 1.0 - 0.5) > 0.4
         everywhere.append(error.max())
         inside.append(error[(corner & (body.x_rest > low + 1e-9) & (body.x_rest < high - 1e-9)).all(axis=1)].max())
+        if n > 2:
+            cell, local, at = _points(body, inner=True)
+            found = point_recovery(body, sample, 0, cell, local, at) @ np.sin(_sampled(body, sample) @ wave)
+            between.append(np.abs(found - np.sin(at @ wave)).max())
     assert np.log2(everywhere[1] / everywhere[2]) > 1.8
     assert np.log2(inside[1] / inside[2]) > 2.7
+    assert np.log2(between[0] / between[1]) > 2.7
 
 
 def _frame(body: Body, cauchy: Floats, x: Floats) -> Frame:

@@ -16,9 +16,18 @@ out what the samples do not tell: the two planes of samples in a single cell fix
 across that cell; a single octant's value is taken as it is. Where another material is in reach the fit is linear, too:
 stress is singular at the edges of borders, and a curvature fitted to that overshoots.
 The fit depends on the rest state alone: a sparse matrix, built once.
+
+Between the nodes, the polynomials P_v around a cell's eight corners count by its trilinear functions N_v,
+
+    sigma*(x) = sum_v N_v(x) P_v(x)                                                                                (2)
+
+(T. Blacker, T. Belytschko, Int. J. Numer. Meth. Engng 37 (1994) 517-536), each with all the cells around it: a node in
+the middle of a cell sees that one cell, which fixes no curvature.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,29 +38,98 @@ from softseam_services.body.filled import FILL_FLOOR, filled_centroids, filled_m
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.own_shapes import sample_places
 
+_CORNERS = np.flatnonzero((LOCAL % 2 == 0).all(axis=1))
+"""local ids of a cell's corners (8,)"""
 FEM_SAMPLE, PBD_SAMPLE = 1.0 / np.sqrt(3.0), 0.5
 """local coordinates of the samples are +- this"""
 SEEN = 1e-6
 """eigenvalue, over the sum of the weights, from which on the samples tell a slope or a curvature"""
 
 
-def nodal_recovery(body: Body, sample: Floats, material: int = 0, nodes: Ints | None = None) -> csr_array:
+@dataclass(frozen=True)
+class _Patches:
+    """What the samples around each of some nodes tell, n of which have any."""
+
+    cells: Ints
+    """those that share one of the nodes (c,)"""
+    weighted: Floats
+    """w_q (1, r, s) of eq. (1), of each node of these cells and each sample (c, 27, 8, 10)"""
+    scale: Floats
+    """mean distance of each node's samples along each axis (N, 3), in what `_offsets` measures"""
+    row: Ints
+    """place of a node among the n, -1 where it has no sample or was not asked for (N,)"""
+    total: Floats
+    """<1> (n, 1)"""
+    mean: Floats
+    """of (1, r, s) (n, 10)"""
+    slopes: Floats
+    """A^+ (n, 3, 3)"""
+    told: Floats
+    """of s by r' (n, 3, 6)"""
+    bends: Floats
+    """S^+ (n, 6, 6); 0 where another material is in reach"""
+
+    def fit(self, row: Ints, r: Floats) -> Floats:
+        """Factors of `weighted` (p, 10) for the value at r (p, 3) of the polynomial around the node in place `row`."""
+        mean, away = self.mean[row], r - self.mean[row, 1:4]
+        bend = np.concatenate([r * r, r * np.roll(r, -1, axis=1)], axis=1) - mean[:, 4:]
+        bend -= np.einsum("pi,pij->pj", away, self.told[row])
+        found = np.empty((len(row), 10))
+        found[:, 4:] = (self.bends[row] @ bend[..., None])[..., 0]
+        found[:, 1:4] = (self.slopes[row] @ away[..., None] - self.told[row] @ found[:, 4:, None])[..., 0]
+        found[:, 0] = 1.0 / self.total[row, 0] - (found[:, 1:] * mean[:, 1:]).sum(axis=1)
+        return found
+
+
+def nodal_recovery(body: Body, sample: Floats, material: int = 0) -> csr_array:
     """Matrix (N, 8 C) that takes values at all octants, cell by cell, to the nodes.
 
     sample (C,) local coordinate of each cell's samples; material: only its octants count, as stress jumps where another
-    begins; nodes: those wanted, all where None. Rows of other nodes, and of nodes without such an octant in reach, are
-    zero.
+    begins. Rows of nodes without such an octant in reach are zero.
     """
-    wanted = np.ones(body.n_nodes, dtype=np.bool_)
-    if nodes is not None:
-        wanted[:] = False
-        wanted[nodes] = True
+    patches = _patches(body, sample, material, np.arange(body.n_nodes, dtype=np.int32))
+    fit = np.zeros((body.n_nodes, 10))
+    found = patches.row >= 0
+    fit[found] = patches.fit(patches.row[found], np.zeros((int(found.sum()), 3)))
+    cell_nodes = body.cell_nodes[patches.cells]
+    weight = np.einsum("caq,canq->can", fit[cell_nodes], patches.weighted)
+    row = np.broadcast_to(cell_nodes[:, :, None], weight.shape)
+    column = np.broadcast_to((8 * patches.cells[:, None] + np.arange(8))[:, None, :], weight.shape)
+    entries = (weight.ravel(), (row.ravel(), column.ravel()))
+    return csr_array(entries, shape=(body.n_nodes, 8 * body.n_cells))
+
+
+def point_recovery(body: Body, sample: Floats, material: int, cell: Ints, local: Floats, at: Floats) -> csr_array:
+    """Matrix (p, 8 C) that takes values at all octants, cell by cell, to points of a material, eq. (2).
+
+    cell (p,), local (p, 3) and at (p, 3) [m]: the cell that each is in, where in it, in [-1, 1], and where at rest.
+    """
+    corners = body.cell_nodes[cell][:, _CORNERS].ravel()  # (8 p,)
+    patches = _patches(body, sample, material, corners)
+    r = np.repeat(at, 8, axis=0) - body.x_rest[corners]
+    r = (r / body.edges if body.boxes else r) / patches.scale[corners]
+    share = 0.5 * (1.0 + (LOCAL[_CORNERS] - 1.0) * local[:, None])
+    fit = share.prod(axis=2).reshape(-1, 1) * patches.fit(patches.row[corners], r)
+    shared = body.cell_nodes[patches.cells].ravel()
+    places = csr_array((np.ones(len(shared)), (shared, np.arange(len(shared)))), shape=(body.n_nodes, len(shared)))
+    corner, place = places[corners].nonzero()
+    weight = np.einsum("eq,enq->en", fit[corner], patches.weighted.reshape(-1, 8, 10)[place])
+    row = np.broadcast_to((corner // 8)[:, None], weight.shape)
+    column = 8 * patches.cells[place // 27][:, None] + np.arange(8)
+    return csr_array((weight.ravel(), (row.ravel(), column.ravel())), shape=(len(cell), 8 * body.n_cells))
+
+
+def _patches(body: Body, sample: Floats, material: int, nodes: Ints) -> _Patches:
+    """Of these nodes."""
+    wanted = np.zeros(body.n_nodes, dtype=np.bool_)
+    wanted[nodes] = True
     cells = np.flatnonzero(wanted[body.cell_nodes].any(axis=1)).astype(np.int32)
     cell_nodes = body.cell_nodes[cells]
     r = _offsets(body, sample, cells)  # (c, 27, 8, 3)
     square, count = np.zeros((body.n_nodes, 3)), np.bincount(cell_nodes.ravel(), minlength=body.n_nodes)
     np.add.at(square, cell_nodes, (r * r).mean(axis=2))
-    r /= np.sqrt(square / np.maximum(count, 1)[:, None])[cell_nodes][:, :, None]
+    scale = np.sqrt(square / np.maximum(count, 1)[:, None])
+    r /= scale[cell_nodes][:, :, None]
     p = np.concatenate([np.ones((*r.shape[:3], 1)), r, r * r, r * np.roll(r, -1, axis=3)], axis=3)
     weighted = p * (body.fill * (body.octant_material == material))[cells][:, None, :, None]
     moments = np.zeros((body.n_nodes, 10, 10))
@@ -61,20 +139,13 @@ def nodal_recovery(body: Body, sample: Floats, material: int = 0, nodes: Ints | 
     mean = moments[found, 0] / total
     centred = moments[found] - total[..., None] * mean[:, :, None] * mean[:, None, :]
     slopes = _inverse(centred[:, 1:4, 1:4], SEEN * total)
-    told = slopes @ centred[:, 1:4, 4:]  # of s by r' (n, 3, 6)
+    told = slopes @ centred[:, 1:4, 4:]
     left = centred[:, 4:, 4:] - np.swapaxes(centred[:, 1:4, 4:], 1, 2) @ told
-    at_node = np.einsum("nij,ni->nj", told, mean[:, 1:4]) - mean[:, 4:]
-    curved = (_inverse(left, SEEN * total) @ at_node[..., None])[..., 0]
-    curved[_beside_another(body, material, cells)[found]] = 0.0
-    fit = np.zeros((body.n_nodes, 10))
-    fit[found, 4:] = curved
-    fit[found, 1:4] = -((slopes @ mean[:, 1:4, None] + told @ curved[..., None])[..., 0])
-    fit[found, 0] = 1.0 / total[:, 0] - (fit[found, 1:] * mean[:, 1:]).sum(axis=1)
-    weight = np.einsum("caq,canq->can", fit[cell_nodes], weighted)
-    row = np.broadcast_to(cell_nodes[:, :, None], weight.shape)
-    column = np.broadcast_to((8 * cells[:, None] + np.arange(8))[:, None, :], weight.shape)
-    entries = (weight.ravel(), (row.ravel(), column.ravel()))
-    return csr_array(entries, shape=(body.n_nodes, 8 * body.n_cells))
+    bends = _inverse(left, SEEN * total)
+    bends[_beside_another(body, material, cells)[found]] = 0.0
+    row = np.full(body.n_nodes, -1, dtype=np.int32)
+    row[found] = np.arange(len(found))
+    return _Patches(cells, weighted, scale, row, total, mean, slopes, told, bends)
 
 
 def _beside_another(body: Body, material: int, cells: Ints) -> NDArray[np.bool_]:

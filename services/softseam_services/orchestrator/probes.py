@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +14,7 @@ from softseam_services.body.body import Body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.own_shapes import local_place
-from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
+from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, point_recovery
 from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
@@ -31,15 +29,16 @@ class Probes:
         self._body = body
         self._names = list(points)
         self._rest = np.array(list(points.values()), dtype=np.float64).reshape(-1, 3)
-        cells = np.empty(len(points), dtype=np.int64)
+        self._cell = np.empty(len(points), dtype=np.int32)
+        self._local = np.empty((len(points), 3))
         self._weight = np.empty((len(points), 27))
         self._material = np.zeros(len(points), dtype=np.int32)
         slopes = np.empty((27, 3))
         for i, (name, at) in enumerate(zip(self._names, self._rest, strict=True)):
-            cells[i], octant, local = place_of(body, name, at)
-            self._material[i] = body.octant_material[cells[i], octant]
-            hex27(local, self._weight[i], slopes)
-        self._nodes = body.cell_nodes[cells]
+            self._cell[i], octant, self._local[i] = place_of(body, name, at)
+            self._material[i] = body.octant_material[self._cell[i], octant]
+            hex27(self._local[i], self._weight[i], slopes)
+        self._nodes = body.cell_nodes[self._cell]
         self._recovery: csr_array | None = None
         self._near = np.zeros(0, dtype=np.int8)
 
@@ -60,16 +59,13 @@ class Probes:
 
     def _recover(self, sample: Floats) -> csr_array:
         """Matrix that takes the stress of all octants to the probes, each in its own material; sample (C,)."""
-        rows = np.broadcast_to(np.arange(len(self._names))[:, None], self._nodes.shape)
-        shape = (len(self._names), self._body.n_nodes)
-        parts = []
+        found = csr_array((len(self._names), 8 * self._body.n_cells))
         for material in np.unique(self._material):
-            mine = self._material == material
-            entries = (self._weight[mine].ravel(), (rows[mine].ravel(), self._nodes[mine].ravel()))
-            parts.append(
-                csr_array(entries, shape=shape) @ nodal_recovery(self._body, sample, int(material), self._nodes[mine])
-            )
-        return reduce(operator.add, parts)
+            mine = np.flatnonzero(self._material == material)
+            cell, local, rest = self._cell[mine], self._local[mine], self._rest[mine]
+            fits = point_recovery(self._body, sample, int(material), cell, local, rest)
+            found += csr_array((np.ones(len(mine)), (mine, np.arange(len(mine)))), (len(self._names), len(mine))) @ fits
+        return found
 
 
 def place_of(body: Body, name: str, at: Floats) -> tuple[int, int, Floats]:
