@@ -61,12 +61,13 @@ Lines = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """where cells end along x, y and z inside the cube, from its lower faces [mm]"""
 REFERENCES = {"grip": 2.86, "above": 3080.0, "beside": 1970.0, "under": 2630.0}
 """docs/verification.md, docs/decisions/0147 [N, Pa]"""
-EVEN_MM, BESIDE_MM = (12.5, 25.0, 37.5), (15.0, 25.0, 35.0, 41.8)
+EVEN_MM, PAST_MM = (12.5, 25.0, 37.5), (7.5, 15.0, 25.0, 35.0, 42.5)
 FEW: tuple[Lines, ...] = (
     (EVEN_MM, EVEN_MM, EVEN_MM),
-    (EVEN_MM, (7.5, 15.0, 25.0, 35.0, 42.5), (7.5, 15.0, 25.0, 35.0, 42.5)),
-    ((12.5, 30.0), BESIDE_MM, (15.3, 35.6, 39.0)),
-    (EVEN_MM, BESIDE_MM, (15.3, 35.6, 39.0)),
+    (EVEN_MM, PAST_MM, PAST_MM),
+    ((14.7,), (15.0, 25.0, 35.0, 42.1), (15.3, 27.3, 35.6, 39.0)),
+    ((13.1,), (15.0, 25.0, 35.0, 42.0), (15.3, 28.0, 35.6, 38.2)),
+    ((11.2, 29.5), (15.0, 25.0, 35.0, 41.8), (15.3, 28.9, 35.6, 38.0)),
     (EVEN_MM, (15.0, 25.0, 35.0, 42.5), (15.3, 24.5, 31.0, 35.6, 38.9, 43.5)),
 )
 
