@@ -56,6 +56,12 @@ def _samples(body: Body) -> Floats:
     return np.where(np.arange(body.n_cells) % 3 == 0, FEM_SAMPLE, PBD_SAMPLE)
 
 
+def _quadratic(x: Floats) -> Floats:
+    """A field without slopes (n,) at x (n, 3)."""
+    curvature = np.array([[3.0, 1.0, 0.5], [1.0, -2.0, 4.0], [0.5, 4.0, 5.0]])
+    return np.asarray(np.einsum("ni,ij,nj->n", x, curvature, x))
+
+
 def test_linear_stress_is_recovered_exactly_at_every_node() -> None:
     body = build_body(_scene(2), {})
     sample = _samples(body)
@@ -87,18 +93,13 @@ def test_quadratic_stress_is_recovered_exactly_where_two_cells_meet_along_each_a
     """A single cell across has two planes of samples, which do not fix a curvature: there the control is off."""
     body = build_body(_scene(2), {})
     sample = _samples(body)
-    curvature = np.array([[3.0, 1.0, 0.5], [1.0, -2.0, 4.0], [0.5, 4.0, 5.0]])
-
-    def field(x: Floats) -> Floats:
-        return np.asarray(np.einsum("ni,ij,nj->n", x, curvature, x))
-
-    recovered = nodal_recovery(body, sample) @ field(_sampled(body, sample))
+    recovered = nodal_recovery(body, sample) @ _quadratic(_sampled(body, sample))
     low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
     between = np.abs((body.x_rest - low) / body.edges % 1.0 - 0.5) > 0.4  # on a plane between cells, or on the surface
     inner = (between & (body.x_rest > low + 1e-9) & (body.x_rest < high - 1e-9)).all(axis=1)
     assert inner.sum() == 3
-    assert_allclose(recovered[inner], field(body.x_rest[inner]), atol=1e-10 * np.abs(recovered).max())
-    assert np.abs(recovered - field(body.x_rest)).max() > 0.02 * np.abs(recovered).max()
+    assert_allclose(recovered[inner], _quadratic(body.x_rest[inner]), atol=1e-10 * np.abs(recovered).max())
+    assert np.abs(recovered - _quadratic(body.x_rest)).max() > 0.02 * np.abs(recovered).max()
 
 
 def _points(body: Body, inner: bool) -> tuple[NDArray[np.int32], Floats, Floats]:
@@ -117,17 +118,12 @@ def test_quadratic_stress_is_recovered_exactly_all_through_cells_inside() -> Non
     """The middle of a cell sees the cells around its corners; alone, a cell fixes no curvature."""
     body = build_body(_scene(4), {})
     sample = _samples(body)
-    curvature = np.array([[3.0, 1.0, 0.5], [1.0, -2.0, 4.0], [0.5, 4.0, 5.0]])
-
-    def field(x: Floats) -> Floats:
-        return np.asarray(np.einsum("ni,ij,nj->n", x, curvature, x))
-
     cell, local, at = _points(body, inner=True)
     assert len(cell) == 3 * 24
-    recovered = point_recovery(body, sample, 0, cell, local, at) @ field(_sampled(body, sample))
-    assert_allclose(recovered, field(at), atol=1e-10 * np.abs(recovered).max())
-    middle = nodal_recovery(body, sample)[body.cell_nodes[cell[::3], 13]] @ field(_sampled(body, sample))
-    assert np.abs(middle - field(at[::3])).max() > 1e-3 * np.abs(middle).max(), "the control"
+    recovered = point_recovery(body, sample, 0, cell, local, at) @ _quadratic(_sampled(body, sample))
+    assert_allclose(recovered, _quadratic(at), atol=1e-10 * np.abs(recovered).max())
+    middle = nodal_recovery(body, sample)[body.cell_nodes[cell[::3], 13]] @ _quadratic(_sampled(body, sample))
+    assert np.abs(middle - _quadratic(at[::3])).max() > 1e-3 * np.abs(middle).max(), "the control"
 
 
 def test_linear_stress_is_recovered_exactly_at_every_point_of_a_material_and_at_corners_as_at_nodes() -> None:
