@@ -146,6 +146,15 @@ def any_held(count, work):
 
 
 @njit(cache=True, error_model="numpy")
+def any_touches(count, work):
+    """Whether a point touches a tool."""
+    for c in range(count):
+        if work.state[c] != OPEN:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def lets_go(tools, count, work):
     """Whether most points that carried a force of a near tool when the step began are open, or slip though they stuck.
 
@@ -189,11 +198,12 @@ def add_contact_forces(model, count, work, r):
 
 @njit(cache=True, error_model="numpy")
 def add_contact_tangents(model, tools, tree, count, ahead, work):
-    """Add eq. (2) for every touching candidate to work.values, updated in place.
+    """Add eq. (2) for every touching candidate to work.values, updated in place; returns for how many.
 
     ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch
     """
     block = np.empty((3, 3))
+    added = 0
     for c in range(count):
         row = work.contact[c]
         point, tool = work.pair[c, 0], work.pair[c, 1]
@@ -202,6 +212,7 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
             if row[GAP] > ahead:
                 continue
             work.factored_state[point, tool] = STICK
+        added += 1
         stiffness = tangential = work.hold[c, 0]
         relaxed = 0.0
         if work.state[c] == SLIP:
@@ -223,6 +234,7 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
                 if rank_a <= rank_b < tree.cell_free[cell]:
                     weight = model.point_weight[a] * model.point_weight[b]
                     add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
+    return added
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,7 +4,8 @@ With the integrator's share_M = `inertia` [1/s^2] and x_hat (`integrators.scheme
 vanish, where x_t = x0 + share (x - x0), and f is that of a viscous material, too (kernels/viscosity.py):
   r(x) = f_ext - f(x_t) + f_contact(x) - inertia M (x - x_hat)                                                  (1)
 The matrix inertia M + share K has columns whose sum is inertia M alone on a free body, so a full Newton step, with an
-old factor or a new one, leaves the sum of r zero: momentum is exact to rounding however early it ends.
+old factor or a new one, leaves the sum of r zero: momentum is exact to rounding however early it ends. A factor that
+has contacts in it would not, so none of these outlives the last contact.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from softseam_services.fem.kernels.contact import (
     add_contact_forces,
     add_contact_tangents,
     any_held,
+    any_touches,
     evaluate_contacts,
     firm_way,
     hold_what_stuck,
@@ -35,8 +37,8 @@ from softseam_services.fem.kernels.viscous_start import resist
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
-FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS = 0, 1, 2, 3, 4
-N_MEMO = 5
+FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES = 0, 1, 2, 3, 4, 5
+N_MEMO = 6
 
 # A kept factor costs iterations, a new one about as much as twelve of them; its rate shows after a few.
 _PATIENCE = 12.0
@@ -124,7 +126,7 @@ def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work
         if share != 1.0:
             for i in range(len(work.values)):
                 work.values[i] *= share
-        add_contact_tangents(model, tools, tree, count, ahead, work)
+        memo[FACTOR_TOUCHES] = add_contact_tangents(model, tools, tree, count, ahead, work)
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         memo[N_FACTORS] += 1.0
@@ -272,7 +274,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
     careful: a new, positive semi-definite matrix every time, short steps, and a line search along each.
     """
     known, since, first, largest, moved = -1, 0, 0.0, np.inf, np.inf
-    slope = -1.0
+    slope, left = -1.0, False
     guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
     closer = -np.inf if careful else _AHEAD * model.edge
@@ -292,14 +294,15 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 continue
         # the contact penalty makes an error of position one of force, which a light and stiff body feels
         enough = min(tolerance, max(_FIRM * firm_way(count, work), _FINEST * model.edge))
-        renew = careful or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
+        renew = careful or left or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         largest = 0.0
         definite = True
         safe = careful
         for attempt in range(3):
             if renew:
                 safe = careful or not definite
-                if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, closer, work, memo):
+                ahead = -np.inf if left else closer
+                if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work, memo):
                     return INDEFINITE, iteration
                 since = 0
             for i in range(len(work.r)):
@@ -321,6 +324,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         if since == 0:
             known, first = -1, largest
         since += 1
+        left = False
         known = _accelerate(-1 if careful else known, work.d, work.d_last, work.dx, work.q, work.s)
         moved = _largest(work.dx)
         if moved > limit:
@@ -334,7 +338,9 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             continue
         # one correction says nothing of how fast they shrink, so that one alone must be much smaller
         if largest <= (enough if since > 1 else _FIRST * enough) and moved <= enough:
-            return CONVERGED, iteration
+            left = memo[FACTOR_TOUCHES] > 0.0 and not any_touches(count, work)
+            if not left:
+                return CONVERGED, iteration
     # points that open and close by turns may keep it from what contacts ask for: the tolerance itself is met
     near = not careful and since > 1 and largest <= tolerance and moved <= tolerance
     return CONVERGED if near else STALLED, most
