@@ -56,6 +56,8 @@ def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
     ladder = Ladder(name, AS_GIVEN, frame, quantity_names(scene))
     ladder.open(code, fresh=False)
     take_over(ladder, code, console)
+    if ladder.graded is not None:
+        take_over(ladder.graded, code, console)
     path = path_of(scene.name)
     there = read(path)
     if there is not None and not holds(there, ladder, console):
@@ -165,7 +167,10 @@ def main() -> None:
             console.print(f"{name}: {error}", style="red", markup=False)
             failed.append(name)
             continue
-        levels = ", ".join(f"{level.across} at {1e3 * level.step:.3g} ms" for level in reference.levels)
+        levels = ", ".join(
+            f"{level.across}{'' if level.grading == 1.0 else ' graded'} at {1e3 * level.step:.3g} ms"
+            for level in reference.levels
+        )
         console.print(table(reference))
         console.print(f"{path}, {path.stat().st_size / 1e3:.0f} kB: {origin(reference)} (cells across: {levels})")
     if failed:

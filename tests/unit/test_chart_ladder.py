@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, steps_at
-from softseam.chart.frame import Frame
+from softseam.chart.climb import climb, ever_more, steps_at
+from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
 from softseam.chart.series import Series
@@ -25,6 +26,7 @@ class Known(Ladder):
 
     def __init__(self, frame: Frame, cost: float, rise: float = 0.0) -> None:
         super().__init__("tofu_grasp", (), frame, ("grip_force",))
+        self.graded = None
         self.cost, self.rise, self.asked = cost, rise, list[tuple[int, float]]()
 
     def cached(self, across: int, step: float) -> Outcome | None:
@@ -59,6 +61,77 @@ def test_levels_end_with_the_last_that_ends_within_the_budget() -> None:
     across = [level.across for level in found.levels if level.step == 0.01]
     assert across == [2, 3, 4, 5] and not found.complete
     assert found.truth["grip_force"].values == pytest.approx(np.ones(len(TIME)), abs=1e-9)
+
+
+class Thinner(Known):
+    """A second family: J = 1 + h/30 + dt + `apart`, on an eighth more cells."""
+
+    def __init__(self, frame: Frame, cost: float, apart: float = 0.0) -> None:
+        super().__init__(frame, cost)
+        self._grading, self.apart = 4.0, apart
+
+    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+        if (across, step) not in self.done:
+            found = super().run(across, step, limit_s, told)
+            force = np.full(len(TIME), 1.0 + 0.1 / 3 / across + step + self.apart)
+            series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": np.ones(len(TIME))})
+            self.done[across, step] = replace(found, series=series, n_cells=across**3 + across**3 // 8)
+        return self.done[across, step]
+
+
+def test_what_is_left_of_the_budget_goes_to_a_second_family_of_levels() -> None:
+    """Of 60 s 30 are for equal cells, up to five across, which take 22. Three levels of a second family are too few; what
+    many say and the first does is what is known."""
+    ladder, second = Known(frame(), 0.1), Thinner(frame(), 0.1)
+    alone = climb(ladder, frame(), 60.0, told, target=1e-6)
+    ladder = Known(frame(), 0.1)
+    ladder.graded = second
+    both = climb(ladder, frame(), 60.0, told, target=1e-6)
+    assert {across for across, _ in second.done} == {3, 4, 5}
+    assert all(level.grading == 1.0 for level in both.levels)
+    assert second.spent > 0.0 and ladder.spent_in_all == ladder.spent + second.spent <= 60.0
+    second.cost = 1e-3
+    ladder = Known(frame(), 0.1)
+    ladder.graded = second
+    both = climb(ladder, frame(), 60.0, told, target=1e-6)
+    thinner = [level.across for level in both.levels if level.grading == 4.0]
+    assert thinner[0] == 3 and thinner[-1] > 12, "two cells are equal ones, however graded"
+    assert both.truth["grip_force"].values == pytest.approx(np.ones(len(TIME)), abs=1e-6)
+    assert both.truth["grip_force"].uncertainty < 0.5 * alone.truth["grip_force"].uncertainty
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.2])
+def test_families_that_disagree_leave_more_uncertain(apart: float) -> None:
+    ladder = Known(frame(), 1e-4)
+    ladder.graded = Thinner(frame(), 1e-4, apart)
+    found = climb(ladder, frame(), 30.0, told, target=1e-6).truth["grip_force"]
+    assert np.abs(found.values - 1.0).max() <= apart + 1e-6
+    assert (found.uncertainty > 0.02) is (apart > 0.0)
+
+
+def test_levels_of_no_more_cells_are_left_out() -> None:
+    """Between planes, seven across may be what six are."""
+    ladder, cells = Thinner(frame(), 1e-4), {3: 27, 4: 64, 5: 64, 6: 60, 7: 125}
+    for across, n in cells.items():
+        ladder.run(across, 0.01, 1.0)
+        ladder.done[across, 0.01] = replace(ladder.done[across, 0.01], n_cells=n)
+    assert ever_more(ladder, [(across, 0.01) for across in cells]) == [(3, 0.01), (4, 0.01), (7, 0.01)]
+
+
+def test_levels_of_graded_cells_have_a_folder_and_settings_of_their_own() -> None:
+    """To tools' edges where these lie well inside faces, else to the faces: silken_tofu's plates end 0.5 mm above its
+    lower face, which cells of 10 mm have no border for. None where cells end at a ball or a border of materials."""
+    pads = Ladder("tofu_pads", (), frame("tofu_pads"), ("grip_force",))
+    assert pads.graded is not None and pads.graded.graded is None and pads.graded.key != pads.key
+    cells = "\n".join(pads.graded._level(5, 0.01))
+    assert (
+        'towards=["left", "right"]' in cells and "grading=4" in cells and "grading" not in "".join(pads._level(5, 0.01))
+    )
+    towards = {
+        "tofu_slab": ("lower", "table", "upper"), "silken_tofu": (), "tofu_grasp": (),
+        "stiff_inclusion": None, "heavy_on_soft": None, "cantilever": None, "sausage_bend": None, "dumpling": None,
+    }  # fmt: skip
+    assert {name: frame_of(load_scene(name), name, ()).towards for name in towards} == towards
 
 
 def test_steps_are_refined_on_more_than_the_coarsest_cells_where_these_are_few() -> None:

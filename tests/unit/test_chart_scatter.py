@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from softseam.chart.errors import rms
-from softseam.chart.richardson import RECENT, limit
-from softseam.chart.scatter import ALIKE, FITTED, ORDERS, fitted
+from softseam.chart.richardson import RECENT, Limit, limit
+from softseam.chart.scatter import ALIKE, FITTED, ORDERS, fitted, settled, together
 
 TIME = np.linspace(0.0, 2.0, 401)
 TRUE = np.sin(3.0 * TIME) + 2.0
@@ -104,6 +104,54 @@ def test_what_scatters_is_not_taken_for_growth() -> None:
     draws = 1.0 + 0.01 * np.random.default_rng(9).normal(size=(400, len(h))) * np.sqrt(h)
     found = [fitted(h.tolist(), list(row.reshape(len(h), 1)), _one).converges for row in draws]
     assert np.mean(found) > 0.9
+
+
+STEPS = [0.01 / 2**k for k in range(8)]
+
+
+def test_steps_with_an_order_keep_it_and_few_are_not_fitted() -> None:
+    """To and fro three changes say nothing of a scatter."""
+    falling = [TRUE + WRONG * step for step in STEPS]
+    assert settled(STEPS, falling, norm).uncertainty == limit(STEPS, falling, norm).uncertainty
+    few = [TRUE + (-0.5) ** k * WRONG for k in range(FITTED - 1)]
+    found, plain = settled(STEPS[:5], few, norm), limit(STEPS[:5], few, norm)
+    assert np.isnan(plain.order) and found.uncertainty == plain.uncertainty
+
+
+def test_steps_to_and_fro_are_known_to_what_they_scatter_by() -> None:
+    """Of an even scatter about a trend: nine claims in ten hold, and are half of the whole way of four levels."""
+    draws = 1.0 + 0.01 * np.random.default_rng(4).normal(size=(400, len(STEPS))) + np.array(STEPS)
+    held, ratio = [], []
+    for row in draws:
+        levels = list(row.reshape(len(STEPS), 1))
+        plain, found = limit(STEPS, levels, _one), settled(STEPS, levels, _one)
+        if np.isnan(plain.order) and found.converges:
+            held.append(_one(found.value - 1.0) <= found.uncertainty)
+            ratio.append(found.uncertainty / plain.uncertainty)
+    assert len(held) > 200 and np.mean(held) > 0.85 and np.median(ratio) < 0.6
+
+
+def test_two_families_know_more_than_either() -> None:
+    """Normal errors of one and three: as many claims of two standard deviations hold, and the claim is the better's and
+    less. Families 5 apart that claim 1 and 3 leave what they differ by."""
+    rng, held, claims = np.random.default_rng(5), [], []
+    for _ in range(2000):
+        a, b = rng.normal(), 3.0 * rng.normal()
+        found = together(Limit(np.array([a]), 2.0, 1.0, True), Limit(np.array([b]), 6.0, 2.0, True), _one)
+        held.append(_one(found.value) <= found.uncertainty)
+        claims.append(found.uncertainty)
+    assert np.mean(held) > 0.95 and np.median(claims) == pytest.approx(2.0 * 6.0 / np.hypot(2.0, 6.0))
+    one, other = Limit(np.array([0.0]), 1.0, 1.0, True), Limit(np.array([5.0]), 1.0, 2.0, True)
+    assert together(one, other, _one).uncertainty == pytest.approx(2.5)
+    assert together(one, other, _one).value == pytest.approx(2.5)
+
+
+def test_a_family_without_a_limit_is_not_asked() -> None:
+    one = Limit(np.array([0.0]), 1.0, 1.0, True)
+    for other in (Limit(np.array([5.0]), 1.0, np.nan, False), Limit(np.array([5.0]), np.inf, np.nan, True)):
+        assert together(one, other, _one) is one
+    grown = Limit(np.array([5.0]), 1.0, np.nan, False)
+    assert together(grown, one, _one) is grown
 
 
 def test_levels_that_are_all_alike_are_known() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from softseam.chart.configurations import Fem
 from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told, quantity_names
-from softseam.chart.reference import Reference, origin
+from softseam.chart.reference import Level, Reference, origin
 from softseam.chart.series import Series
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
@@ -42,6 +43,7 @@ class Known(Ladder):
     def __init__(self, *settings: str, names: tuple[str, ...] = NAMES, cost: float = math.inf) -> None:
         scene = with_settings(load_scene("tofu_grasp"), settings)
         super().__init__("tofu_grasp", settings, Frame(scene, np.full(3, 0.05)), names)
+        self.graded = None
         self.cost, self.asked = cost, list[tuple[int, float]]()
 
     def cached(self, across: int, step: float) -> Outcome | None:
@@ -101,6 +103,20 @@ def test_what_ships_counts_as_what_was_made(made: Reference, tolerance: float) -
         off = np.abs(again.values - true.values).max()
         assert off <= 0.5 * shipped.DIGITS * true.uncertainty * true.scale + 1e-6 * true.scale
     assert origin(found).startswith("ships with the scene, made from 6 runs, known to ")
+
+
+def test_levels_of_the_second_family_ship_and_are_not_what_later_code_is_checked_with(made: Reference) -> None:
+    """Nor what says how fine a reference is: many graded cells are no finer elsewhere."""
+    ladder, many = Known(cost=0.01), max(level.n_cells for level in made.levels)
+    for rung in (*CELLS, *STEPS):
+        ladder.run(*rung, 1.0)
+    more = replace(made, levels=(*made.levels, Level(5, 0.01, 10 * many, 99, 0.1, 4.0)))
+    found = shipped.shipping(more, ladder, "code", "a machine")
+    shipped.write(found, shipped.path_of("tofu_grasp"))
+    again = shipped.read(shipped.path_of("tofu_grasp"))
+    assert again is not None and again.reference.levels == more.levels
+    assert 5 not in {check.across for check in found.checks}
+    assert shipped.is_as_fine(made, more)
 
 
 def test_what_nobody_knows_is_written_and_read(made: Reference) -> None:

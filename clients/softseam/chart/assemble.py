@@ -2,7 +2,8 @@
 
     J_ref = lim_h J(h, dt) + [lim_dt J(h', dt') - J(h', dt)],
 
-and so does what either limit may be off by (richardson.py).
+and so does what either limit may be off by (richardson.py). Where there are levels of graded cells, too, the first
+limit is that of both families together (scatter.py).
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 from softseam.chart.errors import FAINT, KNOWN, Truth, is_faint, is_nothing, largest_stress, rms, scale_of
 from softseam.chart.ladder import Ladder, Rung
 from softseam.chart.reference import TARGET, Part, Reference, in_words
+from softseam.chart.richardson import RECENT
+from softseam.chart.scatter import together
 from softseam.errors import SoftseamError
 
 NEAR = 0.2
@@ -29,11 +32,21 @@ def assemble(
     enough: bool,
     target: float = TARGET,
     known: float = KNOWN,
+    graded: Sequence[Rung] = (),
 ) -> Reference:
-    """The reference that levels refined in cells, and others refined in steps, lead to."""
+    """The reference that levels refined in cells, and others refined in steps, lead to.
+
+    graded: levels of the ladder's second family
+    """
+    second = ladder.graded if len(graded) >= RECENT else None
     time = ladder.common([*by_cells, *by_steps])
+    if second is not None:
+        time = time[time <= second.common(graded)[-1] + 1e-9]
     finest = ladder.series(by_cells[-1])
     cells, steps = ladder.limits(by_cells, time), ladder.limits(by_steps, time)
+    if second is not None:
+        thinner = second.limits(graded, time)
+        cells = {name: together(one, thinner[name], lambda values: rms(values, time)) for name, one in cells.items()}
     travel = np.interp(time, finest.time, finest.travel)
     truth: dict[str, Truth] = {}
     parts: dict[str, Part] = {}
@@ -53,9 +66,11 @@ def assemble(
             by_cell.converges,
         )
         truth[name] = Truth(values, scale, part.uncertainty)
-    levels = tuple(ladder.level(*level) for level in dict.fromkeys([*by_cells, *by_steps]))
+    levels = [ladder.level(*rung) for rung in dict.fromkeys([*by_cells, *by_steps])]
+    if second is not None:
+        levels += [second.level(*rung) for rung in graded]
     nothing = tuple(name for name in cells if name not in truth)
-    found = Reference(time, truth, parts, levels, ladder.integrator, enough, nothing)
+    found = Reference(time, truth, parts, tuple(levels), ladder.integrator, enough, nothing)
     return counted(found, truth, target, known)
 
 

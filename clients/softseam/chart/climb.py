@@ -5,14 +5,15 @@ Refined until both are fine enough, or the next level would not end within the b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 
 import numpy as np
 
 from softseam.chart.assemble import assemble
 from softseam.chart.errors import KNOWN, is_faint, is_nothing, largest_stress
 from softseam.chart.frame import Frame
-from softseam.chart.ladder import COARSEST, Ladder
+from softseam.chart.ladder import COARSEST, Ladder, Rung
 from softseam.chart.measure import Told
 from softseam.chart.reference import TARGET, Reference
 from softseam.chart.richardson import Limit
@@ -47,18 +48,20 @@ def climb(
     target  how uncertain the cells and the step may each leave a quantity [1]
     known   how uncertain a quantity may be that counts [1]
     """
-    step = frame.scene.step
+    step, second = frame.scene.step, ladder.graded
     enough = True
 
-    def take(across: int, step: float, share: float) -> bool:
-        new = ladder.cached(across, step) is None
-        foreseen = ladder.seconds(across, step) if new else 0.0
-        if new and ladder.done and ladder.spent + foreseen > share * budget:
+    def take(across: int, step: float, share: float, of: Ladder = ladder) -> bool:
+        spent = ladder.spent_in_all
+        new = of.cached(across, step) is None
+        foreseen = of.seconds(across, step) if new else 0.0
+        if new and ladder.done and spent + foreseen > share * budget:
             return False
         told = None
         if new:
-            told = watch(f"reference, {across} cells across, {1e3 * step:.4g} ms", foreseen)
-        outcome = ladder.run(across, step, max(1.0, share * budget - ladder.spent), told)
+            kind = "" if of is ladder else " graded"
+            told = watch(f"reference, {across}{kind} cells across, {1e3 * step:.4g} ms", foreseen)
+        outcome = of.run(across, step, max(1.0, share * budget - spent), told)
         return outcome.status == "done"
 
     def halvings(across: int) -> float:
@@ -68,26 +71,42 @@ def climb(
 
     cells: list[int] = []
     for across in levels_of(frame):
-        # what the steps will need is kept back
-        if not take(across, step, 0.85):
+        # what the steps will need is kept back, and what a second family will
+        if not take(across, step, 0.85 if second is None else 0.5):
             enough = False
             break
         cells.append(across)
         if len(cells) > 2 and fine(ladder.limits([(a, step) for a in cells]), target, len(cells)):
+            second = None
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
     few = sorted((across for across in cells if across <= steps_at(frame)), reverse=True)
-    at = next((across for across in few if halvings(across) <= budget - ladder.spent), cells[0])
+    at = next((across for across in few if halvings(across) <= budget - ladder.spent_in_all), cells[0])
     steps = [step]
     for halving in range(1, HALVINGS + 1):
-        if not take(at, step / 2**halving, 1.0):
+        if not take(at, step / 2**halving, 1.0 if second is None else 0.75):
             enough = False
             break
         steps.append(step / 2**halving)
         if len(steps) > 2 and fine(ladder.limits([(at, s) for s in steps]), target, len(steps)):
             break
-    return assemble(ladder, [(a, step) for a in cells], [(at, s) for s in steps], enough, target, known)
+    thinner: list[Rung] = []
+    if second is not None:
+        more = (across for across in levels_of(frame) if across > COARSEST)  # two cells are equal ones, however graded
+        thinner = [(across, step) for across in takewhile(lambda across: take(across, step, 1.0, second), more)]
+    by_cells, by_steps = [(a, step) for a in cells], [(at, s) for s in steps]
+    return assemble(ladder, by_cells, by_steps, enough, target, known, ever_more(ladder.graded, thinner))
+
+
+def ever_more(ladder: Ladder | None, rungs: Sequence[Rung]) -> list[Rung]:
+    """Those of more cells than all before: between planes, more across are not always more."""
+    found: list[Rung] = []
+    for rung in rungs:
+        assert ladder is not None
+        if not found or ladder.level(*rung).n_cells > ladder.level(*found[-1]).n_cells:
+            found.append(rung)
+    return found
 
 
 def levels_of(frame: Frame) -> tuple[int, ...]:

@@ -35,6 +35,8 @@ Counts = tuple[int, int, int]
 
 LONGER = 2.0
 """cells are this many times as long as they are wide along an axis that little changes along [1]"""
+DEEP = 0.1
+"""share of a block's edge that tools' edges lie inside its faces at least, for cells of any size to end there [1]"""
 UNKNOWN_LENGTH = 3.0
 """for estimates, where the length of the motion is not known before [s]"""
 
@@ -168,6 +170,23 @@ class Frame:
             return ()
         boxes = [name for name, tool in self.scene.tools.items() if isinstance(tool, BoxTool)]
         return tuple(name for name in boxes if _ends_inside(self.scene, body.shape.size, body.position, name))
+
+    @property
+    def towards(self) -> tuple[str, ...] | None:
+        """Boxes to whose edges a second family of levels is graded, none for one that is to the faces; None where cells
+        cannot be graded, or nothing touches the body."""
+        body = self.scene.body
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and self.scene.tools):
+            return None
+        if any(self.borders) or self.even is not None:
+            return None
+        lines = tool_borders(body.shape.size, body.position, self.scene.tools, self.edged)
+        deep = all(
+            DEEP * edge <= plane <= (1.0 - DEEP) * edge
+            for line, edge in zip(lines, body.shape.size, strict=True)
+            for plane in line.planes
+        )
+        return tuple(sorted(self.edged)) if deep else ()
 
     def cells(self, counts: Counts, grading: float = 1.0, towards: tuple[str, ...] = ()) -> tuple[str, ...]:
         """The settings that ask for these cells."""

@@ -18,8 +18,8 @@ from softseam.chart.errors import rms
 from softseam.chart.frame import Frame, is_viscous
 from softseam.chart.measure import Outcome, Told, measure, quantity_names
 from softseam.chart.reference import Level
-from softseam.chart.richardson import Limit, limit
-from softseam.chart.scatter import fitted
+from softseam.chart.richardson import Limit
+from softseam.chart.scatter import fitted, settled
 from softseam.chart.series import Series
 from softseam.chart.store import Identity, Store, cache_folder
 from softseam.errors import SoftseamError
@@ -36,6 +36,8 @@ Rung = tuple[int, float]
 
 COARSEST = 2
 """cells along the body's shortest edge that a reference begins with"""
+GRADING = 4.0
+"""of the levels' second family: of 8, the thinnest cells keep Newton's method busy"""
 GROWTH = (1.2, 2.4)
 """bounds of the power of the number of cells that the cost of the next level is foreseen with"""
 
@@ -43,8 +45,19 @@ GROWTH = (1.2, 2.4)
 class Ladder:
     """Computes, or reads from the cache, the levels of a scene's reference."""
 
-    def __init__(self, name: str | Path | Scene, settings: Sequence[str], frame: Frame, names: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        name: str | Path | Scene,
+        settings: Sequence[str],
+        frame: Frame,
+        names: tuple[str, ...],
+        grading: float = 1.0,
+    ) -> None:
         self._name, self._settings, self._frame, self.names = name, tuple(settings), frame, names
+        self._grading, self._towards = grading, (frame.towards or ()) if grading > 1.0 else ()
+        second = grading == 1.0 and frame.towards is not None
+        self.graded = Ladder(name, settings, frame, names, GRADING) if second else None
+        """a second family of levels, whose cells are thinner where stress peaks; None where they cannot be"""
         # an undamped body swings on, which implicit Euler would have to resolve with very short steps
         free = "midpoint" if is_viscous(frame.scene) else "bdf2"
         self.integrator = "implicit_euler" if frame.scene.tools else free
@@ -60,6 +73,13 @@ class Ladder:
         self._store = Store(folder, Identity(key, code), "compute the reference anew with --fresh")
         if fresh:
             self._store.clear()
+        if self.graded is not None:
+            self.graded.open(code, fresh=fresh)
+
+    @property
+    def spent_in_all(self) -> float:
+        """By both families [s]."""
+        return self.spent + (self.graded.spent if self.graded is not None else 0.0)
 
     @property
     def scene(self) -> str:
@@ -128,7 +148,8 @@ class Ladder:
 
     def tried(self) -> list[tuple[Configuration, Outcome]]:
         """Levels that are done, as configurations that a plan may choose: nothing else is as fine."""
-        return [(self._fem(*rung).configuration(), outcome) for rung, outcome in sorted(self.done.items())]
+        own = [(self._fem(*rung).configuration(), outcome) for rung, outcome in sorted(self.done.items())]
+        return [*own, *(self.graded.tried() if self.graded is not None else ())]
 
     def cached(self, across: int, step: float) -> Outcome | None:
         """A level that was computed before."""
@@ -169,7 +190,8 @@ class Ladder:
         return self._fem(across, step).settings
 
     def _fem(self, across: int, step: float) -> Fem:
-        return Fem(self._frame, self._frame.across(across), step, integrator=self.integrator)
+        counts = self._frame.across(across)
+        return Fem(self._frame, counts, step, "hex27", self.integrator, self._grading, self._towards)
 
     @staticmethod
     def _rung(across: int, step: float) -> str:
@@ -182,7 +204,7 @@ class Ladder:
     def level(self, across: int, step: float) -> Level:
         """Facts of a level that is done."""
         outcome = self.done[across, step]
-        return Level(across, step, outcome.n_cells, outcome.n_nodes, outcome.seconds)
+        return Level(across, step, outcome.n_cells, outcome.n_nodes, outcome.seconds, self._grading)
 
     def series(self, rung: Rung) -> Series:
         """What a level that is done did over time."""
@@ -197,13 +219,19 @@ class Ladder:
         time = self.series(coarse).time
         return time[time <= end + 1e-9]
 
+    def _size(self, rung: Rung) -> float:
+        """Of a level's cells [m]; between planes there are more than across the block."""
+        if self._grading == 1.0:
+            return self._frame.size(self._frame.across(rung[0]))
+        return float((np.prod(self._frame.extent) / self.done[rung].n_cells) ** (1.0 / 3.0))
+
     def limits(self, rungs: Sequence[Rung], time: Floats | None = None) -> dict[str, Limit]:
         """The limit of every quantity over levels that differ in cells, or in steps; uncertainties in its units."""
         time = self.common(rungs) if time is None else time
         by_cells = len({across for across, _ in rungs}) > 1
-        h = [self._frame.size(self._frame.across(across)) if by_cells else step for across, step in rungs]
+        h = [self._size((across, step)) if by_cells else step for across, step in rungs]
         series = [self.series(rung) for rung in rungs]
-        approached = fitted if by_cells else limit
+        approached = fitted if by_cells else settled
         return {
             name: approached(h, [s.at(name, time) for s in series], lambda values: rms(values, time))
             for name in series[-1].values

@@ -28,6 +28,8 @@ class Level:
     n_nodes: int
     seconds: float
     """time of its run [s]"""
+    grading: float = 1.0
+    """of its cells, which are equal ones at 1"""
 
 
 @dataclass(frozen=True)

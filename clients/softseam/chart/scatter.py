@@ -20,6 +20,7 @@ at a sharp edge grows like log h or a negative power: there is no limit where on
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -75,6 +76,36 @@ def fitted(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
     others = max(norm(fit.value - best.value) for fit in fits if fit.scatter <= NEARLY * best.scatter)
     uncertainty = SAFETY * float(np.hypot(2.0 * best.off, others))
     return Limit(best.value, max(uncertainty, norm(best.value - levels[-1])), order, True)
+
+
+def settled(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
+    """The limit for h -> 0 of levels that have an order, as a rule: `limit`, and `fitted` where they go to and fro and
+    are enough to be fitted, known to what the finest level changed at best.
+
+    Steps leave an order where contact is smooth; where points open or slip a step sooner or later, they do not.
+    """
+    found = limit(h, levels, norm)
+    if np.isfinite(found.order) or not found.converges or len(levels) < FITTED:
+        return found
+    fit = fitted(h, levels, norm)
+    return replace(fit, uncertainty=max(fit.uncertainty, norm(levels[-1] - levels[-2]))) if fit.converges else found
+
+
+def together(one: Limit, other: Limit, norm: Norm) -> Limit:
+    """What two families of levels lead to: their mean, weighed with the squares of what each claims (Birge, Phys. Rev.
+    40 (1932) 207),
+
+        J* = V^2 (J_1/U_1^2 + J_2/U_2^2),  V^-2 = U_1^-2 + U_2^-2,  U = V max(1, |J_1 - J_2|/hypot(U_1, U_2))      (4)
+
+    so the more uncertain the less they agree. The first where one of them has no limit; its order stays.
+    """
+    both = float(np.hypot(one.uncertainty, other.uncertainty))
+    if not (one.converges and other.converges and 0.0 < both < np.inf):
+        return one
+    share = (other.uncertainty / both) ** 2
+    value = share * one.value + (1.0 - share) * other.value
+    apart = max(1.0, norm(one.value - other.value) / both)
+    return Limit(value, one.uncertainty * other.uncertainty / both * apart, one.order, True)
 
 
 def _fit(x: Floats, sizes: Floats, values: Floats, norm: Norm) -> _Fit:

@@ -64,6 +64,7 @@ class _Level(_Strict):
     n_cells: int
     n_nodes: int
     seconds: float
+    grading: float = 1.0
 
 
 class Check(_Strict):
@@ -170,7 +171,8 @@ def is_as_fine(one: Reference, other: Reference) -> bool:
     """Whether the finest cells and the shortest step of one are no coarser than the other's."""
 
     def finest(reference: Reference) -> tuple[int, float]:
-        return max(level.n_cells for level in reference.levels), min(level.step for level in reference.levels)
+        equal = [level.n_cells for level in reference.levels if level.grading == 1.0]
+        return max(equal), min(level.step for level in reference.levels)
 
     (n_cells, step), (n_others, others) = finest(one), finest(other)
     return n_cells >= n_others and step <= others * (1.0 + 1e-9)
@@ -215,7 +217,8 @@ def read(path: Path) -> Shipped | None:
 
 def shipping(reference: Reference, ladder: Ladder, code: str, machine: str) -> Shipped:
     """The file of a reference that was just made from the levels of a ladder."""
-    quick = [level for level in reference.levels if level.seconds <= CHECKED] or [*reference.levels[:1]]
+    equal = [level for level in reference.levels if level.grading == 1.0]
+    quick = [level for level in equal if level.seconds <= CHECKED] or equal[:1]
     chosen = {
         max((level for level in quick if level.step == step), key=lambda level: level.n_cells)
         for step in {max(level.step for level in quick), min(level.step for level in quick)}

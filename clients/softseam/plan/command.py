@@ -117,7 +117,7 @@ def _search(
             data = store.read(configuration.key)
             if data is not None:
                 return Outcome.from_json(data)
-            left = budget - spent - (ladder.spent if reference.shipped else share)
+            left = budget - spent - (ladder.spent_in_all if reference.shipped else share)
             if left < configuration.seconds:
                 return Outcome("left out", "give more --minutes")
             settings = (*wishes.settings, *configuration.settings)
