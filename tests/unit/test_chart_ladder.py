@@ -90,9 +90,8 @@ def test_what_is_left_of_the_budget_goes_to_a_second_family_of_levels() -> None:
     assert {across for across, _ in second.done} == {3, 4, 5}
     assert all(level.grading == 1.0 for level in both.levels)
     assert second.spent > 0.0 and ladder.spent_in_all == ladder.spent + second.spent <= 60.0
-    second.cost = 1e-3
     ladder = Known(frame(), 0.1)
-    ladder.graded = second
+    ladder.graded = Thinner(frame(), 1e-3)
     both = climb(ladder, frame(), 60.0, told, target=1e-6)
     thinner = [level.across for level in both.levels if level.grading == 4.0]
     assert thinner[0] == 3 and thinner[-1] > 12, "two cells are equal ones, however graded"
