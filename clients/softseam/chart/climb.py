@@ -93,7 +93,8 @@ def climb(
             break
     thinner: list[Rung] = []
     if second is not None:
-        more = (across for across in levels_of(frame) if across > COARSEST)  # two cells are equal ones, however graded
+        # two cells that are thinner towards both faces are equal ones, however graded
+        more = (across for across in levels_of(frame) if frame.towards or across > COARSEST)
         thinner = [(across, step) for across in takewhile(lambda across: take(across, step, 1.0, second), more)]
     by_cells, by_steps = [(a, step) for a in cells], [(at, s) for s in steps]
     return assemble(ladder, by_cells, by_steps, enough, target, known, ever_more(ladder.graded, thinner))

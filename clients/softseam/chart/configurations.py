@@ -23,6 +23,9 @@ TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
 SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125)), (3, (0.25,)))
 """cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
 
+BOUNCES: tuple[tuple[int, Factors], ...] = ((2, (1 / 16, 1 / 32, 1 / 64)),)
+"""and where a body falls on what does not move: how it bounces shows in steps far shorter than it is seen in"""
+
 IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (4, 2)), (4, (4, 3, 2)))
 """cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along"""
 
@@ -122,6 +125,10 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     if 0.0 < retardation_time(frame.scene) <= step:
         # a longer step damps more than the material
         for across, factors in SHORTER:
+            for factor in factors:
+                yield Fem(frame, frame.across(across), factor * step).configuration()
+    if frame.scene.tools and not frame.scene.motion:
+        for across, factors in BOUNCES:
             for factor in factors:
                 yield Fem(frame, frame.across(across), factor * step).configuration()
     if frame.even is not None:
