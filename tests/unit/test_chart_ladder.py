@@ -80,8 +80,8 @@ class Thinner(Known):
 
 
 def test_what_is_left_of_the_budget_goes_to_a_second_family_of_levels() -> None:
-    """Of 60 s 30 are for equal cells, up to five across, which take 22. Three levels of a second family are too few; what
-    many say and the first does is what is known."""
+    """Of 60 s 30 are for equal cells, up to five across, which take 22. Three of a second family are too few; what
+    many say, and the first does, is what is known."""
     ladder, second = Known(frame(), 0.1), Thinner(frame(), 0.1)
     alone = climb(ladder, frame(), 60.0, told, target=1e-6)
     ladder = Known(frame(), 0.1)
