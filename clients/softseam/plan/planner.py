@@ -54,7 +54,9 @@ def known_to(tolerance: float) -> float:
 
 
 MISLED = 3
-"""so many runs that are not as accurate as was foretold end the trying: here errors of cells and steps meddle"""
+"""so many runs that are far less accurate than was foretold end the trying: here errors of cells and steps meddle"""
+FAR = 1.25
+"""times the error that was foretold: what is nearer is just not accurate enough, and something a little finer is [1]"""
 Measure = Callable[[Configuration], Outcome]
 
 
@@ -226,14 +228,16 @@ class _Search:
         misled = 0
         while misled < MISLED:
             told = [run for run in foretold(self.runs.values()) if run[0].key not in self.runs]
-            good = [one for one, outcome in told if self._judged(one, outcome).error <= self._goal.tolerance]
+            hoped = {one.key: self._judged(one, outcome).error for one, outcome in told}
+            good = [one for one, _ in told if hoped[one.key] <= self._goal.tolerance]
             one = min(good, key=lambda c: (c.seconds, c.key), default=None)
             if one is None or not self._may_be_fastest(one.seconds):
                 return
             outcome = self._run(one)
             if outcome.status in ("left out", "stopped"):
                 self.late = self.late or one
-            misled += outcome.status == "done" and self.tried[-1].error > self._goal.tolerance
+            bound = max(self._goal.tolerance, FAR * hoped[one.key])
+            misled += outcome.status == "done" and self.tried[-1].error > bound
 
     def _may_be_fastest(self, seconds: float) -> bool:
         return seconds <= HOPE * self._least
