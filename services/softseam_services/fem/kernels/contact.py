@@ -146,15 +146,6 @@ def any_held(count, work):
 
 
 @njit(cache=True, error_model="numpy")
-def any_touches(count, work):
-    """Whether a point touches a tool."""
-    for c in range(count):
-        if work.state[c] != OPEN:
-            return True
-    return False
-
-
-@njit(cache=True, error_model="numpy")
 def lets_go(tools, count, work):
     """Whether most points that carried a force of a near tool when the step began are open, or slip though they stuck.
 

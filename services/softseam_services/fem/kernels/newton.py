@@ -20,7 +20,6 @@ from softseam_services.fem.kernels.contact import (
     add_contact_forces,
     add_contact_tangents,
     any_held,
-    any_touches,
     evaluate_contacts,
     firm_way,
     hold_what_stuck,
@@ -293,7 +292,8 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 slope = -1.0
                 continue
         # the contact penalty makes an error of position one of force, which a light and stiff body feels
-        enough = min(tolerance, max(_FIRM * firm_way(count, work), _FINEST * model.edge))
+        firm = firm_way(count, work)
+        enough = min(tolerance, max(_FIRM * firm, _FINEST * model.edge))
         renew = careful or left or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         largest = 0.0
         definite = True
@@ -338,7 +338,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             continue
         # one correction says nothing of how fast they shrink, so that one alone must be much smaller
         if largest <= (enough if since > 1 else _FIRST * enough) and moved <= enough:
-            left = memo[FACTOR_TOUCHES] > 0.0 and not any_touches(count, work)
+            left = memo[FACTOR_TOUCHES] > 0.0 and firm == np.inf
             if not left:
                 return CONVERGED, iteration
     # points that open and close by turns may keep it from what contacts ask for: the tolerance itself is met
