@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, ever_more, steps_at
+from softseam.chart.climb import climb, climb_graded, steps_at
 from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
 from softseam.chart.series import Series
+from softseam.errors import SoftseamError
 from softseam.scenes import load_scene
 from softseam.variants import with_settings
 from softseam_protocol.scene import Scene
@@ -68,7 +69,7 @@ class Thinner(Known):
 
     def __init__(self, frame: Frame, cost: float, apart: float = 0.0) -> None:
         super().__init__(frame, cost)
-        self._grading, self.apart = 4.0, apart
+        self._grading, self.apart, self.most = 4.0, apart, 99
 
     def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         if (across, step) not in self.done:
@@ -111,10 +112,29 @@ def test_families_that_disagree_leave_more_uncertain(apart: float) -> None:
 def test_levels_of_no_more_cells_are_left_out() -> None:
     """Between planes, seven across may be what six are."""
     ladder, cells = Thinner(frame(), 1e-4), {3: 27, 4: 64, 5: 64, 6: 60, 7: 125}
-    for across, n in cells.items():
-        ladder.run(across, 0.01, 1.0)
-        ladder.done[across, 0.01] = replace(ladder.done[across, 0.01], n_cells=n)
-    assert ever_more(ladder, [(across, 0.01) for across in cells]) == [(3, 0.01), (4, 0.01), (7, 0.01)]
+
+    def take(across: int) -> bool:
+        if across in cells:
+            found = ladder.run(across, 0.01, 1.0)
+            ladder.done[across, 0.01] = replace(found, n_cells=cells[across])
+        return across in cells
+
+    assert climb_graded(ladder, frame(), take) == [(3, 0.01), (4, 0.01), (7, 0.01)]
+
+
+def test_thin_cells_that_fail_end_their_family_and_not_the_reference() -> None:
+    class Failing(Thinner):
+        def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+            if across > self.most:
+                raise SoftseamError("the reference cannot be computed")
+            return super().run(across, step, limit_s, told)
+
+    for most, used in ((2, []), (5, []), (6, [3, 4, 5, 6])):
+        ladder, second = Known(frame(), 1e-4), Failing(frame(), 1e-4)
+        second.most, ladder.graded = most, second
+        found = climb(ladder, frame(), 30.0, told, target=1e-6)
+        assert [level.across for level in found.levels if level.grading > 1.0] == used
+        assert found.truth["grip_force"].values == pytest.approx(np.ones(len(TIME)), abs=1e-3)
 
 
 def test_levels_of_graded_cells_have_a_folder_and_settings_of_their_own() -> None:

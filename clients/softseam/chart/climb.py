@@ -5,8 +5,7 @@ Refined until both are fine enough, or the next level would not end within the b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from itertools import takewhile
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -91,21 +90,28 @@ def climb(
         steps.append(step / 2**halving)
         if len(steps) > 2 and fine(ladder.limits([(at, s) for s in steps]), target, len(steps)):
             break
-    thinner: list[Rung] = []
-    if second is not None:
-        # two cells that are thinner towards both faces are equal ones, however graded
-        more = (across for across in levels_of(frame) if frame.towards or across > COARSEST)
-        thinner = [(across, step) for across in takewhile(lambda across: take(across, step, 1.0, second), more)]
+    thinner = [] if second is None else climb_graded(second, frame, lambda across: take(across, step, 1.0, second))
     by_cells, by_steps = [(a, step) for a in cells], [(at, s) for s in steps]
-    return assemble(ladder, by_cells, by_steps, enough, target, known, ever_more(ladder.graded, thinner))
+    return assemble(ladder, by_cells, by_steps, enough, target, known, thinner)
 
 
-def ever_more(ladder: Ladder | None, rungs: Sequence[Rung]) -> list[Rung]:
-    """Those of more cells than all before: between planes, more across are not always more."""
+def climb_graded(second: Ladder, frame: Frame, take: Callable[[int], bool]) -> list[Rung]:
+    """Levels of the second family, each of more cells than all before, for as long as there is time to `take` one.
+
+    Thin cells may fail where equal ones do not. That ends this family, and not the reference.
+    """
     found: list[Rung] = []
-    for rung in rungs:
-        assert ladder is not None
-        if not found or ladder.level(*rung).n_cells > ladder.level(*found[-1]).n_cells:
+    for across in levels_of(frame):
+        if across == COARSEST and not frame.towards:
+            continue  # two cells that are thinner towards both faces are equal ones, however graded
+        try:
+            if not take(across):
+                break
+        except SoftseamError:
+            break
+        rung = (across, frame.scene.step)
+        # between planes, more across are not always more
+        if not found or second.level(*rung).n_cells > second.level(*found[-1]).n_cells:
             found.append(rung)
     return found
 
