@@ -49,6 +49,9 @@ class Work(NamedTuple):
     d: Floats
     d_last: Floats
     dx: Floats
+    basis: Floats
+    """of GMRES; its halves are q and s of Anderson's method, which begins afresh after it"""
+    hessenberg: Floats
     q: Floats
     s: Floats
     pair: Ints
@@ -67,6 +70,14 @@ class Work(NamedTuple):
     state: NDArray[np.int8]
     factored_state: NDArray[np.int8]
     """contact states that the factor holds (p, t)"""
+    factored: Floats
+    """and their stiffness (p, t, 3, 3) [N/m]"""
+    change: Floats
+    """per pair: what the factor lacks of the whole tangent (3, 3) [N/m]"""
+    turned: Ints
+    """how many contacts closed, opened, stuck, slipped or turned round in the last evaluation (1,)"""
+    gone: Ints
+    """and how many that the factor has are open (1,)"""
     x_hat: Floats
     inside: Floats
     """where internal forces are taken (n, 3) [m]"""
@@ -100,6 +111,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
     n_pairs = int(np.count_nonzero(model.point_stiffness)) * n_tools
     n_viscous = n_cells if model.resists else 0
     n_elements, n_points, _, n_places = model.viscous.gradient.shape[1:]
+    basis = np.zeros((2 * MEMORY, 3 * n_free))
     return Work(
         part=np.ones(n_cells),
         full=np.zeros(n_cells),
@@ -120,8 +132,10 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         d=np.zeros(3 * n_free),
         d_last=np.zeros(3 * n_free),
         dx=np.zeros(3 * n_free),
-        q=np.zeros((MEMORY, 3 * n_free)),
-        s=np.zeros((MEMORY, 3 * n_free)),
+        basis=basis,
+        hessenberg=np.zeros((len(basis), len(basis) + 2)),
+        q=basis[:MEMORY],
+        s=basis[MEMORY:],
         pair=np.zeros((n_pairs, 2), dtype=np.int32),
         start=np.zeros((n_pairs, 3)),
         begun=np.zeros((n_pairs, 3)),
@@ -132,6 +146,10 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         side=np.zeros(n_pairs, dtype=np.int8),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),
+        factored=np.zeros((len(model.point_stiffness), n_tools, 3, 3)),
+        change=np.zeros((n_pairs, 3, 3)),
+        turned=np.zeros(1, dtype=np.int32),
+        gone=np.zeros(1, dtype=np.int32),
         x_hat=np.zeros((n_nodes, 3)),
         inside=np.zeros((n_nodes, 3)),
         force=np.zeros((n_nodes, 3)),

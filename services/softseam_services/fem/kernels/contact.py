@@ -72,12 +72,12 @@ def point_position(x, model, point, out):
 
 @njit(cache=True, error_model="numpy")
 def evaluate_contacts(x, model, tools, count, work):
-    """Eq. (1) for every candidate: fills work.contact and work.state.
+    """Eq. (1) for every candidate: fills work.contact, work.state, work.turned and work.gone.
 
     Returns how many candidates touch whose stiffness the factor does not have.
     """
     xp = np.empty(3)
-    missing = 0
+    missing = turned = gone = 0
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
         row = work.contact[c]
@@ -96,6 +96,8 @@ def evaluate_contacts(x, model, tools, count, work):
         if pressure <= 0.0:
             row[PRESSURE:] = 0.0
             work.state[c] = OPEN
+            turned += was != OPEN
+            gone += work.factored_state[point, tool] != OPEN
             continue
         dx, dy, dz = xp[0] - work.begun[c, 0], xp[1] - work.begun[c, 1], xp[2] - work.begun[c, 2]
         across = dx * nx + dy * ny + dz * nz
@@ -121,7 +123,9 @@ def evaluate_contacts(x, model, tools, count, work):
         row[TRIAL] = size
         row[SLIDE], row[SLIDE + 1], row[SLIDE + 2] = dx, dy, dz
         work.state[c] = HELD if held else (STICK if sticks else SLIP)
+        turned += was != work.state[c] or (was == SLIP and not same_way)
         missing += work.factored_state[point, tool] == OPEN
+    work.turned[0], work.gone[0] = turned, gone
     return missing
 
 
@@ -191,16 +195,19 @@ def add_contact_forces(model, count, work, r):
 def add_contact_tangents(model, tools, tree, count, ahead, work):
     """Add eq. (2) for every touching candidate to work.values, updated in place; returns for how many.
 
-    ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch
+    ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch;
+    and so are those that touch by work.factored_state, the last factor's: they may open and close by turns
     """
     block = np.empty((3, 3))
+    work.factored[:] = 0.0
     added = 0
     for c in range(count):
         row = work.contact[c]
         point, tool = work.pair[c, 0], work.pair[c, 1]
+        kept = work.factored_state[point, tool] != OPEN
         work.factored_state[point, tool] = work.state[c]
         if work.state[c] == OPEN:
-            if row[GAP] > ahead:
+            if row[GAP] > ahead and not kept:
                 continue
             work.factored_state[point, tool] = STICK
         added += 1
@@ -215,6 +222,8 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
                 block[i, j] = (stiffness - tangential) * row[NORMAL + i] * row[NORMAL + j]
                 block[i, j] -= relaxed * row[TRACTION + i] * row[TRACTION + j]
             block[i, i] += tangential
+            for j in range(3):
+                work.factored[point, tool, i, j] = block[i, j]
         cell = model.point_cell[point]
         for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
             rank_a = tree.cell_rank[cell, model.point_local[a]]

@@ -14,8 +14,10 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import begin
+from softseam_services.fem.kernels.anderson import accelerate
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
+    OPEN,
     RELAXED,
     add_contact_forces,
     add_contact_tangents,
@@ -25,6 +27,7 @@ from softseam_services.fem.kernels.contact import (
     hold_what_stuck,
     lets_go,
 )
+from softseam_services.fem.kernels.contact_changes import solve_with_changes
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
@@ -36,12 +39,23 @@ from softseam_services.fem.kernels.viscous_start import resist
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
-FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES = 0, 1, 2, 3, 4, 5
-N_MEMO = 6
+FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, FACTOR_KEEPS = 0, 1, 2, 3, 4, 5, 6
+N_MEMO = 7
 
 # A kept factor costs iterations, a new one about as much as twelve of them; its rate shows after a few.
 _PATIENCE = 12.0
 _TRIALS = 4
+# A step that is this many iterations under way is in trouble: from then on what changed at settled contacts is solved
+# for where more iterations than `_WORTH` are to come, and where that led astray once more after `_PROBATION`. A rate of
+# such steps that is worse than `_STALE` is the elements', who want a new factor.
+_TROUBLE = 15
+_WORTH = 3.0
+_PROBATION = 5
+_STALE = 0.3
+# Corrections by a factor with contacts that are open are not believed to be small after more iterations than that.
+_SOON = 7
+# Contacts that open and close by turns stay in a factor after so many for contacts that it lacked.
+_OFTEN = 2
 # A step moves no node by more than this share of a cell edge, so that elements do not turn over on the way.
 _LIMIT = 0.3
 _CAREFUL_LIMIT = 0.1
@@ -107,13 +121,15 @@ def residual(x, x0, model, tools, count, inertia, share, work, memo):
 
 
 @njit(cache=True, error_model="numpy")
-def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work, memo):
+def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep, work, memo):
     """Assemble and factor inertia M + share K at x; residual(x) came before. Returns True where that succeeded.
 
-    Points closer to a tool than `ahead` [m] count as touching. Where the matrix is indefinite, or `safe` is set, cells
-    use their positive semi-definite tangents.
+    Points closer to a tool than `ahead` [m] count as touching, and with `keep` those of the last factor. Where the
+    matrix is indefinite, or `safe` is set, cells use their positive semi-definite tangents.
     """
     memo[FACTORED] = 0.0
+    if not keep:
+        work.factored_state[:] = OPEN
     inside = _inside(x, x0, share, work)
     for attempt in range(1 if safe else 0, 2):
         for i in range(len(work.values)):
@@ -132,6 +148,7 @@ def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work
         if _factor(model, tree, work):
             memo[FACTORED] = 1.0
             memo[FACTOR_INERTIA] = inertia
+            memo[FACTOR_KEEPS] = keep
             return True
     return False
 
@@ -158,51 +175,6 @@ def _solve(model, tree, b, tolerance, work):
             tolerance, b, work.ints,
         ) >= 0
     )  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy")
-def _add(a, scale, b):
-    """a += scale b, in place."""
-    for i in range(len(a)):
-        a[i] += scale * b[i]
-
-
-@njit(cache=True, error_model="numpy")
-def _accelerate(known, d, d_last, step, q, s):
-    """Anderson acceleration of x <- x + d, d = A^-1 r; `step` is the last step, and the next one on return.
-
-    With D = (differences of d), S = (differences of x) + D over the last iterations, the step is d - S g with g the
-    least-squares solution of D g = d (Walker & Ni, SIAM J. Numer. Anal. 49, 2011, eq. 2.1). The rows of q are D made
-    orthonormal, those of s are S transformed alike, so g = q d. Every column keeps the sum of M x, so momentum stays
-    exact. Returns how many columns are known; `known` < 0 starts afresh.
-    """
-    memory, n = len(q), len(d)
-    if known < 0:
-        known = 0
-    else:
-        column = known % memory
-        for i in range(n):
-            q[column, i] = d[i] - d_last[i]
-            s[column, i] = step[i] + q[column, i]
-        before = np.sqrt(dot(q[column], q[column]))
-        for other in range(min(known + 1, memory)):
-            if other != column:
-                along = dot(q[other], q[column])
-                _add(q[column], -along, q[other])
-                _add(s[column], -along, s[other])
-        size = np.sqrt(dot(q[column], q[column]))
-        keep = size > 1e-6 * before
-        scale = 1.0 / size if keep else 0.0
-        for i in range(n):
-            q[column, i] *= scale
-            s[column, i] *= scale
-        known += keep
-    for i in range(n):
-        d_last[i] = d[i]
-        step[i] = d[i]
-    for column in range(min(known, memory)):
-        _add(step, -dot(q[column], d), s[column])
-    return known
 
 
 @njit(cache=True, error_model="numpy")
@@ -263,17 +235,27 @@ def _too_slow(largest, first, tolerance, since):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _is_worth(largest, before, enough, exact):
+    """Whether corrections by the factor alone shrink too slowly, or would: the last step was not by it alone."""
+    rate = largest / before
+    return largest > enough and (exact or rate >= 1.0 or np.log(enough / largest) < _WORTH * np.log(rate))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, flies, work, memo):
     """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
 
     The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
     tool stopped or turned. So is one that merely `flies` on where it loses its contacts (`lets_go`). From x0, points
     that stuck are held once (`hold_what_stuck`). The factor at hand is tried first, with Anderson acceleration; a new
-    one is made where contacts are missing in it or convergence is slow.
+    one is made where contacts are missing in it or convergence is slow. Where that goes on for long, what changed at
+    contacts since the factor was made is solved for, too (kernels/contact_changes.py).
     careful: a new, positive semi-definite matrix every time, short steps, and a line search along each.
     """
     known, since, first, largest, moved = -1, 0, 0.0, np.inf, np.inf
     slope, left = -1.0, False
+    plain, exact, renewed = np.inf, False, 0
+    solvable, trusted = tree.kind == NONE and not careful, _TROUBLE
     guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
     closer = -np.inf if careful else _AHEAD * model.edge
@@ -295,24 +277,46 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         firm = firm_way(count, work)
         enough = min(tolerance, max(_FIRM * firm, _FINEST * model.edge))
         renew = careful or left or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
+        before, was_exact, exact, whole, astray = plain, exact, False, False, False
         largest = 0.0
         definite = True
         safe = careful
         for attempt in range(3):
             if renew:
                 safe = careful or not definite
-                ahead = -np.inf if left else closer
-                if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, work, memo):
+                ahead, keep = -np.inf if left else closer, missing > 0 and not left and solvable and renewed > _OFTEN
+                renewed += missing > 0
+                if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep, work, memo):
                     return INDEFINITE, iteration
                 since = 0
             for i in range(len(work.r)):
                 work.d[i] = work.r[i]
             definite = _solve(model, tree, work.d, _INEXACT, work)
-            largest = _largest(work.d)
-            slow = attempt == 0 and not renew and _too_slow(largest, first, enough, since)
+            largest = plain = _largest(work.d)
+            astray = was_exact and not renew and not plain < before
+            if astray:
+                break
+            slow = _too_slow(largest, first, enough, since)
+            settled = iteration >= trusted and work.turned[0] == 0
+            exact = definite and solvable and settled and _is_worth(plain, before, enough, was_exact)
+            # what a factor has of contacts that are open makes corrections small before forces are
+            doubtful = work.gone[0] > 0 and (memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
+            whole = exact or (definite and solvable and doubtful and plain <= enough)
+            if whole:
+                solve_with_changes(model, tree, tools, count, work)
+                largest = _largest(work.d)
+            if exact:
+                slow = was_exact and plain > _STALE * before
+            slow = slow and attempt == 0 and not renew
             if not slow and (definite or safe):
                 break
             renew = True
+        if astray:
+            # contacts changed on the way that were taken to stay: go back to where it came from
+            _move(x, model.order, work.dx, -1.0)
+            plain, exact, known = before, False, -1
+            trusted = iteration + _PROBATION if trusted == _TROUBLE else most
+            continue
         if not definite:
             return INDEFINITE, iteration
         if not np.isfinite(largest):
@@ -325,7 +329,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             known, first = -1, largest
         since += 1
         left = False
-        known = _accelerate(-1 if careful else known, work.d, work.d_last, work.dx, work.q, work.s)
+        known = accelerate(-1 if careful or whole else known, work.d, work.d_last, work.dx, work.q, work.s)
         moved = _largest(work.dx)
         if moved > limit:
             for i in range(len(work.dx)):
@@ -359,7 +363,7 @@ def seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree,
     for c in range(count):
         # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)
         work.contact[c, RELAXED] = 1.0
-    good = refactor(x, x0, model, tree, tools, count, inertia, share, False, -np.inf, work, memo)
+    good = refactor(x, x0, model, tree, tools, count, inertia, share, False, -np.inf, False, work, memo)
     if good:
         if tree.kind == NONE:
             seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)

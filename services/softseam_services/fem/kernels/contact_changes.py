@@ -1,0 +1,116 @@
+"""Newton's method beside a kept factor: what changed at contacts is solved for by iterations, not by a new factor.
+
+A factor A has contacts' symmetric tangents, eq. (2) of kernels/contact.py, as they were when it was made. With C the
+whole tangents of today's contacts without those, both of a few nodes only, a correction d solves
+  (A + C) d = r,   or   (1 + A^-1 C) d = A^-1 r                                                                 (1)
+by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986), each of whose iterations is one solution with A. Whole:
+a slipping point with normal n, pressure p, trial force t, way e = t/|t| and B = mu p (Alart and Curnier, Comput.
+Methods Appl. Mech. Eng. 92, 1991) has
+  -df/dx = r (n n^T + mu e n^T + (B/|t|)(1 - n n^T - e e^T)),                                                    (2)
+of which the second term is not symmetric. The last one only holds where the point slipped the same way in the iterate
+before: along e nothing resists, and what turns round at every iteration shall stop.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.compiled_once import njit
+from softseam_services.fem.kernels.anderson import add_scaled
+from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, RELAXED, SLIP, TRACTION, TRIAL
+from softseam_services.fem.kernels.fronts import solve
+from softseam_services.fem.kernels.sparse import dot
+
+_TOLERANCE = 0.05
+"""of eq. (1), in the length of d [1]"""
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def find_changes(tools, count, work):
+    """work.change (c, 3, 3) <- what the factor lacks of the whole tangent of every candidate [N/m]."""
+    for c in range(count):
+        point, tool, row, change = work.pair[c, 0], work.pair[c, 1], work.contact[c], work.change[c]
+        touches, slips = work.state[c] != OPEN, work.state[c] == SLIP
+        stiffness = work.hold[c, 0] if touches else 0.0
+        friction = tools.friction[tool] if slips else 0.0
+        bound = friction * row[PRESSURE]
+        tangential = stiffness * bound / row[TRIAL] if slips else stiffness
+        along = 1.0 / bound if bound > 0.0 else 0.0
+        for i in range(3):
+            e = row[TRACTION + i] * along
+            for j in range(3):
+                pushed = (stiffness - tangential) * row[NORMAL + i] + friction * stiffness * e
+                change[i, j] = pushed * row[NORMAL + j] - work.factored[point, tool, i, j]
+                if row[RELAXED] > 0.0:
+                    change[i, j] -= tangential * e * row[TRACTION + j] * along
+            change[i, i] += tangential
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def apply_changes(model, count, v, work, out):
+    """out (3 n_free,) <- C v in elimination order, of work.change."""
+    for i in range(len(out)):
+        out[i] = 0.0
+    for c in range(count):
+        point, change = work.pair[c, 0], work.change[c]
+        vx = vy = vz = 0.0
+        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            place, weight = 3 * model.point_place[entry], model.point_weight[entry]
+            if place >= 0:
+                vx += weight * v[place]
+                vy += weight * v[place + 1]
+                vz += weight * v[place + 2]
+        fx = change[0, 0] * vx + change[0, 1] * vy + change[0, 2] * vz
+        fy = change[1, 0] * vx + change[1, 1] * vy + change[1, 2] * vz
+        fz = change[2, 0] * vx + change[2, 1] * vy + change[2, 2] * vz
+        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            place, weight = 3 * model.point_place[entry], model.point_weight[entry]
+            if place >= 0:
+                out[place] += weight * fx
+                out[place + 1] += weight * fy
+                out[place + 2] += weight * fz
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def solve_with_changes(model, tree, tools, count, work):
+    """work.d (3 n_free,) <- the solution of eq. (1), or what comes nearest in work.basis; A^-1 r on entry.
+
+    work.d_last, q and s of Anderson's method are lost.
+    """
+    basis, h, d, w = work.basis, work.hessenberg, work.d, work.d_last
+    most, first = len(basis) - 1, np.sqrt(dot(d, d))
+    find_changes(tools, count, work)
+    left = last = first
+    n = 0
+    for i in range(len(d)):
+        basis[0, i] = d[i] / first
+    while n < most and left > _TOLERANCE * first:
+        apply_changes(model, count, basis[n], work, w)
+        solve(tree, work.values, w, work.factoring)
+        add_scaled(w, 1.0, basis[n])
+        for k in range(n + 1):
+            h[k, n] = along = dot(w, basis[k])
+            add_scaled(w, -along, basis[k])
+        beyond = np.sqrt(dot(w, w))
+        for i in range(len(d)):
+            basis[n + 1, i] = w[i] / beyond if beyond > 0.0 else 0.0
+        # Givens' rotations make h triangular; its last columns are the right side, their cosines and their sines
+        for k in range(n):
+            above = h[k, most + 1] * h[k, n] + h[k, most + 2] * h[k + 1, n]
+            h[k + 1, n] = h[k, most + 1] * h[k + 1, n] - h[k, most + 2] * h[k, n]
+            h[k, n] = above
+        size = np.sqrt(h[n, n] ** 2 + beyond**2)
+        h[n, most + 1], h[n, most + 2] = h[n, n] / size, beyond / size
+        h[n, most] = h[n, most + 1] * last
+        last = -h[n, most + 2] * last
+        h[n, n] = size
+        left = abs(last)
+        n += 1
+    for k in range(n - 1, -1, -1):
+        for m in range(k + 1, n):
+            h[k, most] -= h[k, m] * h[m, most]
+        h[k, most] /= h[k, k]
+    for i in range(len(d)):
+        d[i] = 0.0
+    for k in range(n):
+        add_scaled(d, h[k, most], basis[k])
