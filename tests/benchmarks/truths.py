@@ -45,9 +45,8 @@ MINUTES = 20.0
 TARGET = 1e-4
 """as good as none: a ladder is climbed for as long as given [1]"""
 REMEDY = "compute the levels anew"
-ALIKE = 2e-3
-"""a level that other code computed is this code's where quantities differ by less, relative to their size: steps of
-Newton's method leave a quarter of that over, and references are known to 1 or 2 % [1]"""
+ALIKE = 1e-5
+"""a level that other code computed is this code's where quantities differ by less, relative to their size [1]"""
 
 
 def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:

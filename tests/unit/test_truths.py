@@ -87,7 +87,7 @@ def test_levels_of_code_that_did_the_same_are_taken_over_but_for_steps_that_no_c
 @pytest.mark.parametrize("moved", QUICK)
 def test_levels_of_code_that_did_something_else_are_never_taken_over(moved: tuple[int, float]) -> None:
     """Nor when asked again, now that the levels that told so are there."""
-    left(lambda rung: 5e-3 if rung == moved else 0.0)
+    left(lambda rung: 1e-3 if rung == moved else 0.0)
     assert taken() == {name(*rung) for rung in QUICK}
     assert taken() == {name(*rung) for rung in QUICK}
 
