@@ -266,7 +266,9 @@ def check(
         str(len(asked)),
     )
     # what the planner asks of a run, asked of all of them
-    demanded = (judged(one, ended[one.key], counting) for one in every.values() if one.key in ended)
+    demanded = (
+        judged(one, ended[one.key], counting, tolerance=tolerance) for one in every.values() if one.key in ended
+    )
     fastest = max((one.rtf for one in demanded if one.error <= tolerance), default=row.outcome.rtf)
     return Checked(tolerance, cells, True, met, met and ratio <= DEARER, met and fastest <= DEARER * row.outcome.rtf)
 

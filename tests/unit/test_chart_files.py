@@ -119,13 +119,25 @@ def test_cells_are_longer_along_what_only_cylinders_press() -> None:
     assert frame.even == 2 and frame.across(4) == (24, 4, 2) and frame.across(8) == (48, 8, 4)
     assert frame.size(frame.across(3)) == pytest.approx(0.02 / 3) == frame.size((18, 3, 1))
     labels = {c.label for c in configurations(frame)}
-    assert {"FEM 18x3x1, 10 ms", "FEM 24x4x1, 10 ms", "FEM 24x4x2, 10 ms"} <= labels
+    assert {"FEM 18x3x1, 10 ms", "FEM 24x4x1, 10 ms", "FEM 24x4x2, 10 ms", "FEM 48x4x2, 10 ms"} <= labels
     for setting in ("tools.middle.length=0.019", "tools.middle.axis=[0, 0.1, 1]", "tools.middle.position=[0, 0.02, 0]"):
         assert Frame(with_settings(scene, (setting,)), extent).even is None
     core = "body.inclusions=[{shape: {kind: box, position: [0, 0, 0], size: [0.1, 0.1, 0.02]}, material: {young: 1e5}}]"
     assert Frame(with_settings(scene, (core,)), extent).even is None
     assert Frame(load_scene("tofu_grasp"), np.full(3, 0.05)).even is None
     assert Frame(load_scene("cantilever"), np.full(3, 0.05)).even is None
+
+
+def test_levels_of_a_reference_are_finer_across_lines_of_contact() -> None:
+    """Fingers press sausage_bend along y and lie along z; how it moves depends on cells along x: 48 are as near as 144.
+    Fingers on different faces leave no axis for that."""
+    scene, extent = load_scene("sausage_bend"), np.array([0.12, 0.02, 0.02])
+    frame = Frame(scene, extent)
+    assert frame.narrow == 0 and frame.across(4) == (24, 4, 2) and frame.level(4) == (48, 4, 2)
+    corner = Frame(with_settings(scene, ("tools.middle.position=[0.08, 0, 0.01]",)), extent)
+    assert corner.even == 2 and corner.narrow is None and corner.level(4) == corner.across(4)
+    grasp = Frame(load_scene("tofu_grasp"), np.full(3, 0.05))
+    assert grasp.narrow is None and grasp.level(4) == (4, 4, 4)
 
 
 def test_one_cell_is_tried_along_what_nothing_acts_along() -> None:

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, climb_graded, steps_at
+from softseam.chart.climb import climb, climb_graded, short_enough, steps_at
 from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
 from softseam.chart.series import Series
 from softseam.errors import SoftseamError
 from softseam.scenes import load_scene
-from softseam.variants import with_settings
+from softseam.session import open_as_given
+from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.scene import Scene
 
 TIME = np.arange(0.0, 1.0, 0.01)
@@ -43,6 +44,16 @@ class Known(Ladder):
             series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": sag})
             self.done[across, step] = Outcome("done", series=series, walls=(spent,), spent=spent)
         return self.done[across, step]
+
+
+class Meddling(Known):
+    """Levels of J = 1 + 10 dt + h (1/10 - 8 dt): what cells do to it depends on the step."""
+
+    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+        found = super().run(across, step, limit_s, told)
+        if found.series is not None:
+            found.series.values["grip_force"][:] = 1.0 + 10.0 * step + (0.1 - 8.0 * step) / across
+        return found
 
 
 def told(text: str, seconds: float) -> Told:
@@ -119,7 +130,7 @@ def test_levels_of_no_more_cells_are_left_out() -> None:
             ladder.done[across, 0.01] = replace(found, n_cells=cells[across])
         return across in cells
 
-    assert climb_graded(ladder, frame(), take) == [(3, 0.01), (4, 0.01), (7, 0.01)]
+    assert climb_graded(ladder, frame(), 0.01, take) == [(3, 0.01), (4, 0.01), (7, 0.01)]
 
 
 def test_thin_cells_that_fail_end_their_family_and_not_the_reference() -> None:
@@ -139,7 +150,7 @@ def test_thin_cells_that_fail_end_their_family_and_not_the_reference() -> None:
 
 def test_levels_of_graded_cells_have_a_folder_and_settings_of_their_own() -> None:
     """To tools' edges where these lie well inside faces, else to the faces: silken_tofu's plates end 0.5 mm above its
-    lower face, which cells of 10 mm have no border for. None where cells end at a ball or a border of materials."""
+    lower face, which cells of 10 mm have no border for. None where cells follow a ball."""
     pads = Ladder("tofu_pads", (), frame("tofu_pads"), ("grip_force",))
     assert pads.graded is not None and pads.graded.graded is None and pads.graded.key != pads.key
     cells = "\n".join(pads.graded._level(5, 0.01))
@@ -147,10 +158,43 @@ def test_levels_of_graded_cells_have_a_folder_and_settings_of_their_own() -> Non
         'towards=["left", "right"]' in cells and "grading=4" in cells and "grading" not in "".join(pads._level(5, 0.01))
     )
     towards = {
-        "tofu_slab": ("lower", "table", "upper"), "silken_tofu": (), "tofu_grasp": (),
-        "stiff_inclusion": None, "heavy_on_soft": None, "cantilever": None, "sausage_bend": None, "dumpling": None,
+        "tofu_slab": ("lower", "table", "upper"), "silken_tofu": (), "tofu_grasp": (), "heavy_on_soft": (),
+        "stiff_inclusion": None, "cantilever": None, "sausage_bend": None, "dumpling": None,
     }  # fmt: skip
     assert {name: frame_of(load_scene(name), name, ()).towards for name in towards} == towards
+
+
+def test_graded_levels_are_thin_at_faces_and_where_materials_meet() -> None:
+    """Each layer of heavy_on_soft is as fine at the border as at its face: there a hard one ends on a soft one."""
+    heavy = Ladder("heavy_on_soft", (), frame("heavy_on_soft", (0.06, 0.04, 0.04)), ("sag",))
+    assert heavy.graded is not None
+    cells = heavy.graded._level(8, 0.01)
+    with open_as_given("heavy_on_soft", settings=(*AS_GIVEN, *cells)) as session:
+        z = np.unique(session.reset().surface[:, 2].round(9))
+    edges = np.diff(z[z <= 0.02 + 1e-9])[::2]
+    assert edges[0] == pytest.approx(edges[-1]) and edges[len(edges) // 2] > 2.0 * edges[0]
+    assert 0.02 in z
+
+
+def test_cells_are_refined_at_a_short_step_where_the_scenes_changes_what_they_do() -> None:
+    """The sum of what cells do at 10 ms and of what steps do on 4 x 4 x 4 would be 2 % off: 0.08/4."""
+    ladder = Meddling(frame(), 1e-3)
+    reference = climb(ladder, frame(), 60.0, told)
+    short = min(step for across, step in ladder.asked if across == 5)
+    assert short == 0.0025
+    error = abs(reference.truth["grip_force"].values[-1] - 1.0)
+    assert error <= reference.truth["grip_force"].uncertainty and error < 0.006
+    levels = {(level.across, level.step) for level in reference.levels}
+    assert (5, short) in levels and (5, 0.01) not in levels, "what does not count does not ship"
+
+
+def test_a_step_that_changes_little_is_the_scenes_own() -> None:
+    """1 % of grip_force by 10 ms; and 8 %, of which 2 are left at 2.5 ms."""
+    for ladder, expected in ((Known(frame(), 1e-3), 0.01), (Meddling(frame(), 1e-3), 0.0025)):
+        rungs = [(4, 0.01 / 2**k) for k in range(8)]
+        for rung in rungs:
+            ladder.run(*rung, 1.0)
+        assert short_enough(ladder, rungs) == expected
 
 
 def test_steps_are_refined_on_more_than_the_coarsest_cells_where_these_are_few() -> None:
@@ -158,6 +202,7 @@ def test_steps_are_refined_on_more_than_the_coarsest_cells_where_these_are_few()
     assert steps_at(frame("tofu_push", (0.06, 0.06, 0.04))) == 4, "3 x 3 x 2 cells sway otherwise than 6 x 6 x 4"
     assert steps_at(frame("heavy_on_soft", (0.06, 0.04, 0.04))) == 4, "its layers end between cells of a fourth"
     assert steps_at(frame("tofu_slab", (0.24, 0.16, 0.06))) == 2, "12 x 8 x 3 are many"
+    assert steps_at(frame("sausage_bend", (0.12, 0.02, 0.02))) == 3
     ladder = Known(frame("tofu_slab", (0.24, 0.16, 0.06)), 0.01)
     climb(ladder, frame("tofu_slab", (0.24, 0.16, 0.06)), 30.0, told, target=1e-6)
     assert {across for across, step in ladder.asked if step < 0.01} == {2}

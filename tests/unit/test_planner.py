@@ -211,6 +211,24 @@ def test_what_is_surely_wrong_in_a_quantity_that_is_vaguely_known_is_no_plan() -
     assert plan.tried[0].decided_by == "sag"
 
 
+def test_who_allows_more_gets_no_dearer_plan() -> None:
+    """Sag is known to 14 %: it counts at 20 % and not at 10, where the cheap run, 15 % off in it, is good enough. One
+    that is 40 % off is 26 off at least; one that is 22 % off may be 8 off, and is not believed to be."""
+    barely = reference()
+    barely = replace(barely, truth=dict(barely.truth) | {"sag": Truth(FLAT, 1.0, 0.14)})
+    strict = replace(barely, truth=dict(barely.truth) | {"sag": Truth(FLAT, 1.0, 0.14, "known to 14 % only")})
+    runs = {"cheap": outcome(0.1, 0.05, sag=0.15), "middle": outcome(1.0, 0.0), "dear": outcome(10.0, 0.0)}
+    for tolerance, known in ((0.2, barely), (0.1, strict)):
+        plan = choose(Goal(tolerance), known, WANTED, Bench(runs))
+        assert plan.choice.label == "cheap" and plan.choice.error < tolerance
+    assert choose(Goal(0.2), barely, WANTED, Bench(runs)).choice.error == pytest.approx(0.15), (
+        "it says what it is off by"
+    )
+    for sag in (0.40, 0.22):
+        runs["cheap"] = outcome(0.1, 0.05, sag=sag)
+        assert choose(Goal(0.2), barely, WANTED, Bench(runs)).choice.label == "middle"
+
+
 def test_a_level_of_the_reference_is_a_run_like_others() -> None:
     """Nothing of the sweep is accurate to 5 %: the reference is refined until a level is; none is run again."""
     bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.15), "dear": outcome(10.0, 0.1)})

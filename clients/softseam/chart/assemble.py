@@ -34,7 +34,7 @@ def assemble(
     known: float = KNOWN,
     graded: Sequence[Rung] = (),
 ) -> Reference:
-    """The reference that levels refined in cells, and others refined in steps, lead to.
+    """The reference that levels refined in cells, and others refined in steps, one of them that of the cells, lead to.
 
     graded: levels of the ladder's second family
     """
@@ -48,12 +48,13 @@ def assemble(
         thinner = second.limits(graded, time)
         cells = {name: together(one, thinner[name], lambda values: rms(values, time)) for name, one in cells.items()}
     travel = np.interp(time, finest.time, finest.travel)
+    base = ladder.series(next(rung for rung in by_steps if rung[1] == by_cells[0][1]))
     truth: dict[str, Truth] = {}
     parts: dict[str, Part] = {}
     for name, by_cell in cells.items():
         by_step = steps[name]
         # relative uncertainties so far; the limit's own norm is the scale
-        values = by_cell.value + (by_step.value - ladder.series(by_steps[0]).at(name, time))
+        values = by_cell.value + (by_step.value - base.at(name, time))
         scale = scale_of(name, values, travel, time)
         if is_nothing(name, scale):
             continue

@@ -1,21 +1,23 @@
 """How a reference is refined: cells at the scene's step, then the step at nearly cubic cells about as fine as its own.
 
-Refined until both are fine enough, or the next level would not end within the budget.
+Refined until both are fine enough, or the next level would not end within the budget. Where the scene's step changes
+much of what happens, cells are refined at a shorter one as well, and these count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 
 import numpy as np
 
 from softseam.chart.assemble import assemble
-from softseam.chart.errors import KNOWN, is_faint, is_nothing, largest_stress
+from softseam.chart.errors import KNOWN, is_faint, is_nothing, largest_stress, rms
 from softseam.chart.frame import Frame
 from softseam.chart.ladder import COARSEST, Ladder, Rung
 from softseam.chart.measure import Told
 from softseam.chart.reference import TARGET, Reference
-from softseam.chart.richardson import Limit
+from softseam.chart.richardson import RECENT, Limit
 from softseam.errors import SoftseamError
 
 ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
@@ -24,12 +26,16 @@ LEAST_ROUND = 3
 """cells across the box around a ball that a reference begins with"""
 STEPS_AT = 4
 """most cells along the shortest edge at which the step is refined"""
-STEPS_CELLS = 200
+STEPS_CELLS = 220
 """and most cells in all, unless the coarsest level has more: steps are halved up to `HALVINGS` times"""
 HALVINGS = 7
 """most halvings of the step"""
 LEAST_HALVINGS = 3
 """steps are refined on so few cells that as many halvings fit the budget"""
+MEDDLES = 0.03
+"""a step that changes a quantity by more may change what cells do to it, too [1]"""
+SHORT = 0.02
+"""cells are then refined at the longest step that changes none by more [1]"""
 CLEAR = 4
 """levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
 
@@ -90,12 +96,32 @@ def climb(
         steps.append(step / 2**halving)
         if len(steps) > 2 and fine(ladder.limits([(at, s) for s in steps]), target, len(steps)):
             break
-    thinner = [] if second is None else climb_graded(second, frame, lambda across: take(across, step, 1.0, second))
-    by_cells, by_steps = [(a, step) for a in cells], [(at, s) for s in steps]
-    return assemble(ladder, by_cells, by_steps, enough, target, known, thinner)
+    by_steps = [(at, s) for s in steps]
+    base, short = step, short_enough(ladder, by_steps)
+    if short < step:
+        anew = list(takewhile(lambda a: take(a, short, 1.0), levels_of(frame)))
+        if len(anew) >= RECENT:
+            cells, base = anew, short
+    thinner = [] if second is None else climb_graded(second, frame, base, lambda a: take(a, base, 1.0, second))
+    return assemble(ladder, [(a, base) for a in cells], by_steps, enough, target, known, thinner)
 
 
-def climb_graded(second: Ladder, frame: Frame, take: Callable[[int], bool]) -> list[Rung]:
+def short_enough(ladder: Ladder, rungs: Sequence[Rung]) -> float:
+    """The step [s] to refine cells with, of levels of ever shorter steps on the same cells: the first one's, unless it
+    changes more of a quantity than `MEDDLES`; then the first that changes no more than `SHORT`."""
+    time, finest = ladder.common(rungs), ladder.series(rungs[-1])
+    sizes = {name: rms(finest.at(name, time), time) for name in finest.values}
+    names = _waited_for(sizes, largest_stress(sizes))
+
+    def changes(rung: Rung) -> float:
+        series = ladder.series(rung)
+        return max((rms(series.at(n, time) - finest.at(n, time), time) / sizes[n] for n in names), default=0.0)
+
+    enough = SHORT if changes(rungs[0]) > MEDDLES else MEDDLES
+    return next(step for across, step in rungs if changes((across, step)) <= enough)
+
+
+def climb_graded(second: Ladder, frame: Frame, step: float, take: Callable[[int], bool]) -> list[Rung]:
     """Levels of the second family, each of more cells than all before, for as long as there is time to `take` one.
 
     Thin cells may fail where equal ones do not. That ends this family, and not the reference.
@@ -109,7 +135,7 @@ def climb_graded(second: Ladder, frame: Frame, take: Callable[[int], bool]) -> l
                 break
         except SoftseamError:
             break
-        rung = (across, frame.scene.step)
+        rung = (across, step)
         # between planes, more across are not always more
         if not found or second.level(*rung).n_cells > second.level(*found[-1]).n_cells:
             found.append(rung)
@@ -122,23 +148,23 @@ def levels_of(frame: Frame) -> tuple[int, ...]:
     Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
     have other shapes on either side of a border, and levels would jump back and forth.
     """
-    different = tuple({frame.across(across): across for across in ACROSS}.values())
+    different = tuple({frame.level(across): across for across in ACROSS}.values())
     if frame.ball is not None:
         # with two cells across the box forces and sag still go to and fro
-        different = tuple(across for across in different if frame.across_ball(frame.across(across)) >= LEAST_ROUND)
+        different = tuple(across for across in different if frame.across_ball(frame.level(across)) >= LEAST_ROUND)
     alike = tuple(across for across in different if refines(frame, across))
     return alike if len(alike) > 3 else different
 
 
 def refines(frame: Frame, across: int) -> bool:
     """Whether this level divides the coarsest's cells alike."""
-    return frame.refines(frame.across(across), frame.across(COARSEST))
+    return frame.refines(frame.level(across), frame.level(COARSEST))
 
 
 def steps_at(frame: Frame) -> int:
     """Cells along the shortest edge at which the step is refined: as many as cost little, for what a step does to few
     cells it need not do to many (docs/decisions/0148)."""
-    few = (across for across in range(STEPS_AT, COARSEST, -1) if frame.n_cells(frame.across(across)) <= STEPS_CELLS)
+    few = (across for across in range(STEPS_AT, COARSEST, -1) if frame.n_cells(frame.level(across)) <= STEPS_CELLS)
     return next(few, COARSEST)
 
 
@@ -149,10 +175,14 @@ def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
     """
     sizes = {name: float(np.sqrt(np.mean(found.value**2))) for name, found in limits.items()}
     stress = largest_stress({name: size for name, size in sizes.items() if limits[name].converges})
-    for name, found in limits.items():
-        size = sizes[name]
-        counts = name != "slip" and not is_nothing(name, size) and not is_faint(name, size, stress)
-        waited = counts and (found.converges or n_levels < CLEAR)
-        if waited and found.uncertainty > target * size:
+    for name in _waited_for(sizes, stress):
+        found = limits[name]
+        if (found.converges or n_levels < CLEAR) and found.uncertainty > target * sizes[name]:
             return False
     return True
+
+
+def _waited_for(sizes: Mapping[str, float], stress: float) -> list[str]:
+    """Quantities that are neither nothing nor faint beside the largest stress [Pa], nor slip."""
+    every = (name for name in sizes if name != "slip")
+    return [name for name in every if not is_nothing(name, sizes[name]) and not is_faint(name, sizes[name], stress)]

@@ -133,9 +133,11 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
                 yield Fem(frame, frame.across(across), factor * step).configuration()
     if frame.even is not None:
         for across in (2, 3, 4):
-            x, y, z = (1 if axis == frame.even else n for axis, n in enumerate(frame.across(across)))
-            for factor in (2, 1):
-                yield Fem(frame, (x, y, z), factor * step).configuration()
+            for cells in (frame.across(across), frame.level(across)):
+                x, y, z = (1 if axis == frame.even else n for axis, n in enumerate(cells))
+                for factor in (2, 1):
+                    yield Fem(frame, (x, y, z), factor * step).configuration()
+            yield Fem(frame, frame.level(across), step).configuration()
     elif frame.idle is not None:
         # the quadratic functions of one cell follow how free faces bulge
         for counts, factors in _cells_and_factors(frame, IDLE, (8, 5, 4, 3, 2)):

@@ -35,6 +35,8 @@ Counts = tuple[int, int, int]
 
 LONGER = 2.0
 """cells are this many times as long as they are wide along an axis that little changes along [1]"""
+NARROWER = 2.0
+"""and a reference's are this many times as short across lines of contact [1]"""
 DEEP = 0.1
 """share of a block's edge that tools' edges lie inside its faces at least, for cells of any size to end there [1]"""
 UNKNOWN_LENGTH = 3.0
@@ -63,6 +65,13 @@ class Frame:
         if self.even is not None:
             edges[self.even] *= LONGER
         return self._to_borders(self._counts(edges))
+
+    def level(self, count: int) -> Counts:
+        """Cells of a reference's level: those of `across`, and shorter ones along `narrow`."""
+        counts = list(self.across(count))
+        if self.narrow is not None:
+            counts[self.narrow] = round(NARROWER * counts[self.narrow])
+        return counts[0], counts[1], counts[2]
 
     def _to_borders(self, counts: Counts) -> Counts:
         """About as many cells that end where materials meet."""
@@ -125,6 +134,20 @@ class Frame:
         return self.idle if long else None
 
     @property
+    def narrow(self) -> int | None:
+        """The axis across the lines that cylinders touch the block in, where it is the same for all: these lines are
+        narrow, and wander along it."""
+        even, body = self.even, self.scene.body
+        if even is None or not isinstance(body, BodySpec):
+            return None
+        middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * self.extent[2]])
+        away = np.array([np.abs(np.array(_middle(tool)) - middle) for tool in self.scene.tools.values()])
+        clear = away - 0.5 * self.extent
+        clear[:, even] = -np.inf
+        facing = set(clear.argmax(axis=1).tolist())
+        return ({0, 1, 2} - {even, *facing}).pop() if len(facing) == 1 else None
+
+    @property
     def idle(self) -> int | None:
         """The axis of a block of one material that every tool reaches along, from beyond one face to beyond the other,
         and that nothing clamps, pulls, moves or turns along: there free faces bulge, and no more."""
@@ -173,13 +196,15 @@ class Frame:
 
     @property
     def towards(self) -> tuple[str, ...] | None:
-        """Boxes to whose edges a second family of levels is graded, none for one that is to the faces; None where cells
-        cannot be graded, or nothing touches the body."""
+        """Boxes to whose edges a second family of levels is graded, none for one that is to the faces and to where
+        materials meet; None where cells cannot be graded, or nothing touches the body."""
         body = self.scene.body
         if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and self.scene.tools):
             return None
-        if any(self.borders) or self.even is not None:
+        if self.ball is not None or self.even is not None:
             return None
+        if any(self.borders):
+            return ()
         lines = tool_borders(body.shape.size, body.position, self.scene.tools, self.edged)
         deep = all(
             DEEP * edge <= plane <= (1.0 - DEEP) * edge

@@ -103,15 +103,17 @@ class Ladder:
 
     def _foreseen(self, across: int, step: float) -> float:
         rough = self._fem(across, step).seconds
-        known = sorted((a, s) for a, s in self.done if a <= across)
+        coarser = sorted((a, s) for a, s in self.done if a <= across)
+        # shorter steps take fewer iterations each
+        known = [each for each in coarser if each[1] == step] or coarser
         if not known:
             return rough
         at = known[-1]
-        cells, before = (float(self._frame.n_cells(self._frame.across(a))) for a in (across, at[0]))
+        cells, before = (float(self._frame.n_cells(self._frame.level(a))) for a in (across, at[0]))
         power = GROWTH[1]
         if len({a for a, _ in known}) > 1:
             lower = next(k for k in reversed(known) if k[0] < at[0])
-            fewer = float(self._frame.n_cells(self._frame.across(lower[0])))
+            fewer = float(self._frame.n_cells(self._frame.level(lower[0])))
             paid, less = self._paid(at) / at[1] ** -1, self._paid(lower) / lower[1] ** -1
             power = float(np.clip(np.log(paid / less) / np.log(before / fewer), *GROWTH))
         return float(self._paid(at) * (cells / before) ** power * at[1] / step)
@@ -190,7 +192,7 @@ class Ladder:
         return self._fem(across, step).settings
 
     def _fem(self, across: int, step: float) -> Fem:
-        counts = self._frame.across(across)
+        counts = self._frame.level(across)
         return Fem(self._frame, counts, step, "hex27", self.integrator, self._grading, self._towards)
 
     @staticmethod
@@ -222,7 +224,7 @@ class Ladder:
     def _size(self, rung: Rung) -> float:
         """Of a level's cells [m]; between planes there are more than across the block."""
         if self._grading == 1.0:
-            return self._frame.size(self._frame.across(rung[0]))
+            return self._frame.size(self._frame.level(rung[0]))
         return float((np.prod(self._frame.extent) / self.done[rung].n_cells) ** (1.0 / 3.0))
 
     def limits(self, rungs: Sequence[Rung], time: Floats | None = None) -> dict[str, Limit]:

@@ -10,7 +10,7 @@ by, and what the reference may be off by, as errors that know nothing of each ot
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -252,7 +252,7 @@ class _Search:
         return outcome
 
     def _judged(self, one: Configuration, outcome: Outcome) -> Tried:
-        return judged(one, outcome, self._reference, self._goal.harder)
+        return judged(one, outcome, self._reference, self._goal.harder, self._goal.tolerance)
 
 
 def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
@@ -298,20 +298,38 @@ def _undecided(outcome: Outcome, reference: Reference, goal: Goal) -> bool:
     return may_be and known and not is_so
 
 
-def judged(configuration: Configuration, outcome: Outcome, reference: Reference, harder: float = 1.0) -> Tried:
+def judged(
+    configuration: Configuration, outcome: Outcome, reference: Reference, harder: float = 1.0, tolerance: float = 0.0
+) -> Tried:
     """A run's worst error: what it differs from the reference by, what that may be off by, and a harder motion adds.
 
-    A quantity that is not known well enough to count does so with what it is off by at least.
+    A quantity that is not known well enough to count does so with what it is off by at least. What is good enough for
+    half the tolerance, for which fewer are known well enough, is so for this one, if the others differ by no more than
+    that: who allows more gets no dearer plan.
     """
     label, settings = configuration.label, configuration.settings
     if outcome.status != "done" or outcome.series is None:
         return Tried(label, settings, 0.0, float("inf"), f"{outcome.status}: {outcome.reason}")
-    found = errors(outcome.series, reference.time, reference.truth)
-    bounds = {name: _with(found[name], reference.truth[name].uncertainty) for name in reference.counted}
-    bounds |= sure(found, reference.truth)
+    found, grown = errors(outcome.series, reference.time, reference.truth), _grown(outcome, harder)
+    worst, half = _worst(found, reference, np.inf), 0.5 * tolerance
+    differs = max((found[name].differs, name) for name in reference.counted)
+    while worst[0] + grown > tolerance >= differs[0] + grown and half >= KNOWN:
+        strict = _worst(found, reference, counts_to(half))
+        worst = max(strict, differs) if strict[0] + grown <= half else worst
+        half *= 0.5
+    return Tried(label, settings, outcome.rtf, worst[0] + grown, worst[1], outcome.estimate)
+
+
+def _worst(found: Mapping[str, Error], reference: Reference, vaguest: float) -> tuple[float, str]:
+    """The worst error, and of which quantity, where what is known worse than `vaguest` does not count."""
+    truth = {
+        name: replace(true, left_out=true.left_out or ("vague" if true.uncertainty > vaguest else ""))
+        for name, true in reference.truth.items()
+    }
+    bounds = {name: _with(found[name], true.uncertainty) for name, true in truth.items() if not true.left_out}
+    bounds |= sure(found, truth)
     decisive = max(bounds, key=lambda name: bounds[name])
-    error = bounds[decisive] + _grown(outcome, harder)
-    return Tried(label, settings, outcome.rtf, error, decisive, outcome.estimate)
+    return bounds[decisive], decisive
 
 
 def _grown(outcome: Outcome, harder: float) -> float:
