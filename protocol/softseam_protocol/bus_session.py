@@ -20,6 +20,9 @@ from softseam_protocol.errors import BusError, ForkedBus
 LEASE = 1.0
 """time after which a frozen or unreachable process counts as gone [s]"""
 
+_BATCHES = 16
+"""of 64 kB each may wait for a link, zenoh's most: what is droppable is dropped where they are full"""
+
 
 def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Mapping[str, Any]) -> zenoh.Config:
     config = zenoh.Config()
@@ -30,6 +33,7 @@ def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Map
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
         "transport/link/tx/lease": int(LEASE * 1000),
+        "transport/link/tx/queue/size/data": _BATCHES,
         **extra,
     }
     for key, value in settings.items():

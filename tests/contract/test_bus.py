@@ -291,6 +291,24 @@ def test_whether_anybody_listens(bus: Bus, other: Bus, monkeypatch: pytest.Monke
         assert until(lambda: not bus.listened(key))
 
 
+def test_who_reads_half_a_second_late_misses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports of a second and more wait on the way, with the system's own buffers small; zenoh's default is 153."""
+    where, go, count = free_endpoint() + "#so_sndbuf=32768;so_rcvbuf=32768", threading.Event(), 300
+    key, payload = KEYS.session("late", Event), bytes(1200)
+    with Router(where), Bus(where) as bus, Bus(where) as other:
+        inbox = other.subscribe(key)
+        assert until(lambda: _arrives(bus, key, inbox, b"known"))
+        while inbox.get(0.2) is not None:
+            pass
+        put = inbox.put
+        monkeypatch.setattr(inbox, "put", lambda *item: (go.wait(10.0), put(*item)))
+        for _ in range(count):
+            bus.publish(key, payload, droppable=True)
+            time.sleep(0.001)
+        go.set()
+        assert until(lambda: len(inbox) == count), f"{len(inbox)} of {count}"
+
+
 def _arrives(bus: Bus, key: str, inbox: Inbox[Received], payload: bytes) -> bool:
     bus.publish(key, payload)
     item = inbox.get(0.05)
