@@ -28,6 +28,8 @@ from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import build_work
 
 _CAREFUL_ITERATIONS = 200
+# A careful step that takes longer is sooner done in parts.
+_CAREFUL_AT_FIRST = 60
 _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
 _UNSEEN = 1e-2
@@ -237,7 +239,8 @@ class Stepper:
                     if careful or pieces > 1:
                         self.memo[FACTORED] = 0.0
                         end.x[:] = begin.x
-                        most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
+                        most = _CAREFUL_ITERATIONS if pieces > 1 else _CAREFUL_AT_FIRST
+                        most = most if careful else self._spec.iterations
                         status = self._advance(
                             begin, end, dt, force, tools, most, careful, pieces - piece, 1.0 / pieces
                         )

@@ -46,12 +46,15 @@ N_MEMO = 7
 _PATIENCE = 12.0
 _TRIALS = 4
 # A step that is this many iterations under way is in trouble: from then on what changed at settled contacts is solved
-# for where more iterations than `_WORTH` are to come, and where that led astray once more after `_PROBATION`. A rate of
-# such steps that is worse than `_STALE` is the elements', who want a new factor.
+# for where more iterations than `_WORTH` are to come. What is left shall shrink by `_ENOUGH` of what it should, or that
+# step is halved, down to `_SHORTEST`; then none is tried for `_PROBATION`. A rate of whole ones that is worse than
+# `_STALE` is the elements', who want a new factor.
 _TROUBLE = 15
 _WORTH = 3.0
 _PROBATION = 5
 _STALE = 0.3
+_SHORTEST = 0.25
+_ENOUGH = 1e-2
 # Corrections by a factor with contacts that are open are not believed to be small after more iterations than that.
 _SOON = 7
 # Contacts that open and close by turns stay in a factor after so many for contacts that it lacked.
@@ -250,12 +253,14 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
     that stuck are held once (`hold_what_stuck`). The factor at hand is tried first, with Anderson acceleration; a new
     one is made where contacts are missing in it or convergence is slow. Where that goes on for long, what changed at
     contacts since the factor was made is solved for, too (kernels/contact_changes.py).
-    careful: a new, positive semi-definite matrix every time, short steps, and a line search along each.
+    careful: a new, positive semi-definite matrix every time, short steps, and a line search along each, until contacts
+    are settled.
     """
     known, since, first, largest, moved = -1, 0, 0.0, np.inf, np.inf
     slope, left = -1.0, False
     plain, exact, renewed = np.inf, False, 0
-    solvable, trusted = tree.kind == NONE and not careful, _TROUBLE
+    solvable, trusted = tree.kind == NONE, _TROUBLE
+    length, part, settled = np.inf, 1.0, False
     guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
     closer = -np.inf if careful else _AHEAD * model.edge
@@ -276,15 +281,19 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         # the contact penalty makes an error of position one of force, which a light and stiff body feels
         firm = firm_way(count, work)
         enough = min(tolerance, max(_FIRM * firm, _FINEST * model.edge))
-        renew = careful or left or missing > 0 or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
-        before, was_exact, exact, whole, astray = plain, exact, False, False, False
+        before, long, was_exact, exact, whole, astray = plain, length, exact, False, False, False
+        was_settled, settled = settled, work.turned[0] == 0
+        ready = solvable and settled and iteration >= trusted
+        renew = left or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
+        renew = renew or (not was_exact and (careful or missing > 0))
         largest = 0.0
         definite = True
         safe = careful
         for attempt in range(3):
             if renew:
-                safe = careful or not definite
-                ahead, keep = -np.inf if left else closer, missing > 0 and not left and solvable and renewed > _OFTEN
+                safe = (careful and not ready) or not definite
+                ahead, often = -np.inf if left else closer, solvable and not careful and renewed > _OFTEN
+                keep = missing > 0 and not left and often
                 renewed += missing > 0
                 if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep, work, memo):
                     return INDEFINITE, iteration
@@ -293,30 +302,34 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 work.d[i] = work.r[i]
             definite = _solve(model, tree, work.d, _INEXACT, work)
             largest = plain = _largest(work.d)
-            astray = was_exact and not renew and not plain < before
+            length = np.sqrt(dot(work.d, work.d))
+            astray = was_exact and not renew and not length < (1.0 - _ENOUGH * part) * long
             if astray:
                 break
             slow = _too_slow(largest, first, enough, since)
-            settled = iteration >= trusted and work.turned[0] == 0
-            exact = definite and solvable and settled and _is_worth(plain, before, enough, was_exact)
+            exact = definite and ready and _is_worth(plain, before, enough, was_exact)
             # what a factor has of contacts that are open makes corrections small before forces are
             doubtful = work.gone[0] > 0 and (memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
-            whole = exact or (definite and solvable and doubtful and plain <= enough)
+            whole = exact or (definite and solvable and not careful and doubtful and plain <= enough)
             if whole:
                 solve_with_changes(model, tree, tools, count, work)
                 largest = _largest(work.d)
-            if exact:
-                slow = was_exact and plain > _STALE * before
+            if was_exact:
+                slow = missing > 0 or (part == 1.0 and was_settled and settled and plain > _STALE * before)
             slow = slow and attempt == 0 and not renew
             if not slow and (definite or safe):
                 break
             renew = True
         if astray:
-            # contacts changed on the way that were taken to stay: go back to where it came from
-            _move(x, model.order, work.dx, -1.0)
-            plain, exact, known = before, False, -1
-            trusted = iteration + _PROBATION if trusted == _TROUBLE else most
+            # contacts changed on the way that were taken to stay: go half of it back, or to where it came from
+            exact = part > _SHORTEST
+            back = 0.5 * part if exact else part
+            _move(x, model.order, work.dx, -back)
+            plain, length, settled, known, part = before, long, was_settled, -1, part - back
+            if not exact:
+                part, trusted = 1.0, iteration + _PROBATION
             continue
+        part = 1.0
         if not definite:
             return INDEFINITE, iteration
         if not np.isfinite(largest):
@@ -334,8 +347,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         if moved > limit:
             for i in range(len(work.dx)):
                 work.dx[i] *= limit / moved
-        if careful:
-            slope = dot(work.r, work.dx)
+        slope = dot(work.r, work.dx) if careful and not whole else -1.0
         _move(x, model.order, work.dx, 1.0)
         if any_held(count, work):
             since = 0  # what comes next are other forces
