@@ -239,7 +239,7 @@ class Stepper:
                     if careful or pieces > 1:
                         self.memo[FACTORED] = 0.0
                         end.x[:] = begin.x
-                        most = _CAREFUL_ITERATIONS if pieces > 1 else _CAREFUL_AT_FIRST
+                        most = _CAREFUL_ITERATIONS if pieces > 1 else min(_CAREFUL_AT_FIRST, _CAREFUL_ITERATIONS)
                         most = most if careful else self._spec.iterations
                         status = self._advance(
                             begin, end, dt, force, tools, most, careful, pieces - piece, 1.0 / pieces

@@ -283,7 +283,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         enough = min(tolerance, max(_FIRM * firm, _FINEST * model.edge))
         before, long, was_exact, exact, whole, astray = plain, length, exact, False, False, False
         was_settled, settled = settled, work.turned[0] == 0
-        ready = solvable and settled and iteration >= trusted
+        ready = solvable and settled and iteration >= trusted and firm < np.inf
         renew = left or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         renew = renew or (not was_exact and (careful or missing > 0))
         largest = 0.0
