@@ -18,7 +18,7 @@ SCENE = """\
 softseam: 1
 name: jelly
 step: 0.01
-duration: 0.12
+duration: 0.06
 body:
   shape: {kind: block, size: [0.02, 0.02, 0.02]}
   cell: 0.01
