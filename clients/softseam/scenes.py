@@ -26,12 +26,20 @@ def scene_names() -> list[str]:
 def scene_path(name: str | Path) -> Path:
     """The file that a user means: a path, or the name of a scene that comes with softseam. Raises SceneRefused."""
     path = Path(name)
-    if path.exists() or path.suffix or len(path.parts) > 1:
+    if path.is_file():
         return path
     bundled = _folder() / f"{name}.yaml"
-    if bundled.exists():
+    plain = not path.suffix and len(path.parts) == 1
+    if plain and bundled.is_file():
         return bundled
     names = scene_names()
+    if path.is_dir():
+        raise SceneRefused(
+            f"{str(name)!r} is a folder: name a scene file, e.g. {path / 'scene.yaml'}, or a scene that comes with "
+            f"softseam ({', '.join(names)})"
+        )
+    if not plain:
+        return path
     near = difflib.get_close_matches(str(name), names, 1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     raise SceneRefused(
