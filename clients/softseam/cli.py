@@ -1,4 +1,4 @@
-"""The command line. Every command says what it did; bad input ends with one message and exit code 2."""
+"""The command line. Every command says what it did; an error is one message, and exit code 1 or 2."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from softseam.errors import SoftseamError
+from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 
 app = typer.Typer(
     name="softseam",
@@ -26,6 +26,15 @@ app = typer.Typer(
 )
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
+EXIT_CODES = {
+    SoftseamError: FAILED,
+    ServicesFailed: FAILED,
+    SceneRefused: BAD_INPUT,
+    BadInput: BAD_INPUT,
+    MissingExtra: BAD_INPUT,
+    NoConnection: BAD_INPUT,
+}
+"""of an error: that of the nearest of its classes; what was refused before it began is bad input"""
 Model = Literal["fem", "pbd", "hybrid"]
 Role = Literal["router", "fem", "pbd", "orchestrator", "recorder"]
 
@@ -330,7 +339,7 @@ def main() -> int:
         return OK
     except SoftseamError as error:
         error_console.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
-        return BAD_INPUT
+        return next(EXIT_CODES[kind] for kind in type(error).__mro__ if kind in EXIT_CODES)
     except BrokenPipeError:
         # whoever read our output has seen enough; keep the interpreter from flushing into the closed pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

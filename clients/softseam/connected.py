@@ -13,6 +13,7 @@ from softseam.errors import (
     NoConnection,
     SceneRefused,
     SchemaMismatch,
+    ServicesFailed,
     SimulationFailed,
     SoftseamError,
 )
@@ -151,6 +152,7 @@ class ConnectedBackend:
         """Send a request, repeat it while its answer gets lost, and translate what goes wrong."""
         end = time.monotonic() + self._timeout
         repeated = False
+        lost = NoConnection if isinstance(request, Open) else ServicesFailed
         while True:
             try:
                 left = max(0.1, end - time.monotonic()) if repeated or isinstance(request, Close) else None
@@ -163,17 +165,17 @@ class ConnectedBackend:
             except errors.NoReply as error:
                 # an orchestrator that is being restarted by its supervisor is back within seconds
                 if isinstance(request, Open | Close) or time.monotonic() + 0.2 > end:
-                    raise NoConnection(
+                    raise lost(
                         f"no orchestrator answers at {self._endpoint} ({error}): start one with `softseam up`"
                     ) from None
                 self._wait_for_orchestrator(end)
                 repeated = True
             except (errors.BusTimeout, errors.BusError) as error:
-                raise NoConnection(f"{self._endpoint}: {error}") from None
+                raise lost(f"{self._endpoint}: {error}") from None
             except errors.EncodeError as error:
                 raise BadInput(str(error)) from None
             except errors.ProtocolError as error:
-                raise NoConnection(f"{self._endpoint}: {error}") from None
+                raise lost(f"{self._endpoint}: {error}") from None
 
     def _wait_for_orchestrator(self, end: float) -> None:
         """Until an orchestrator shows on the bus and may have been introduced, or the time is over."""

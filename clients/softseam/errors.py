@@ -49,6 +49,10 @@ class NoConnection(SoftseamError, ConnectionError):
     """No router, or nobody behind it, answers."""
 
 
+class ServicesFailed(NoConnection):
+    """Services that did answer do so no longer, or those started here never became ready."""
+
+
 class SchemaMismatch(SoftseamError):
     """The two sides speak different versions of the message schema."""
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from softseam.errors import BadInput, NoConnection, require_extra
+from softseam.errors import BadInput, ServicesFailed, require_extra
 
 if TYPE_CHECKING:
     from softseam_services.bus_options import BusOptions
@@ -47,7 +47,7 @@ def services(connect: str, directory: Path, report: Callable[[str], None], ready
     options = launch.UpOptions(_options(connect, None), directory)
     with launch.supervisor(options, report) as supervisor:
         if not supervisor.wait_ready(ready):
-            raise NoConnection(supervisor.failure or f"the services were not ready within {ready:g} s")
+            raise ServicesFailed(supervisor.failure or f"the services were not ready within {ready:g} s")
         yield
 
 

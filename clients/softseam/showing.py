@@ -32,6 +32,8 @@ def show(
     """
     if save is not None and web:
         raise BadInput("--save and --web exclude each other: save the file first, then show it")
+    if save is not None and save.suffix != ".rrd":
+        raise BadInput(f"--save {save}: a replay's name ends in .rrd")
     code = 0
     with drawing_errors():
         from softseam.recording import Recording
@@ -93,7 +95,7 @@ def drawing_errors() -> Iterator[None]:
     except ImportError as error:
         raise missing_extra(error, "showing a recording") from error
     except RecordingError as error:
-        raise SoftseamError(str(error)) from error
+        raise BadInput(str(error)) from error
     except OSError as error:
         raise SoftseamError(f"cannot write {error.filename}: {error.strerror}") from error
     except Exception as error:

@@ -10,7 +10,7 @@ import pytest
 from squeeze import Squeeze
 
 from softseam.connected import ConnectedBackend
-from softseam.errors import NoConnection
+from softseam.errors import NoConnection, ServicesFailed
 from softseam_protocol.bus import Bus, Router
 from softseam_protocol.codec import decode, encode
 from softseam_protocol.errors import Refused
@@ -101,7 +101,7 @@ def test_an_orchestrator_that_shows_itself_and_is_deaf_is_asked_now_and_then(
             return call(message, allowed, left)
 
         monkeypatch.setattr(backend._asker, "call", counted)
-        with pytest.raises(NoConnection, match="softseam up"):
+        with pytest.raises(ServicesFailed, match="softseam up"):
             backend.reset(1)
         assert 2 < asked <= 10.0 * timeout + 2
         backend.close()

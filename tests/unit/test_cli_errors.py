@@ -1,4 +1,7 @@
-"""Bad input on the command line: exit code 2, one message that names the trouble and the remedy, no traceback."""
+"""Bad input on the command line: exit code 2, one message that names the trouble and the remedy, no traceback.
+
+What was begun and failed has exit code 1.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from softseam import cli, connected
+from softseam import cli, connected, errors
+from softseam.plan.planner import NoPlan, TooSlow
 
 GOOD = """\
 softseam: 1
@@ -71,6 +75,7 @@ BAD_CALLS = {
     "chart in no time": (["chart", "tofu_grasp", "--minutes", "0"], ["--minutes"]),
     "chart without rivals": (["chart", "tofu_grasp", "--rivals", "none.json"], ["none.json"]),
     "foreign recording": (["replay", "bad.yaml"], ["bad.yaml"]),
+    "replay's name": (["replay", "bad.yaml", "--save", "run.txt"], ["run.txt", ".rrd"]),
 }
 
 
@@ -121,6 +126,43 @@ def test_bad_call(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capf
     arguments = ["GOOD.yaml" if argument == "GOOD" else argument for argument in arguments]
     assert_refused(arguments, words, monkeypatch, capfd)
     assert sorted(path.name for path in folder.iterdir()) == ["GOOD.yaml", "bad.yaml"]  # nothing half-written
+
+
+FAILURES = [
+    errors.SimulationFailed,
+    errors.ServicesFailed,
+    errors.SchemaMismatch,
+    errors.SessionClosed,
+    errors.SoftseamError,
+    NoPlan,
+    TooSlow,
+]
+REFUSALS = [errors.SceneRefused, errors.BadInput, errors.BadSnapshot, errors.MissingExtra, errors.NoConnection]
+
+
+@pytest.mark.parametrize(("kind", "code"), [*((kind, 1) for kind in FAILURES), *((kind, 2) for kind in REFUSALS)])
+def test_what_failed_has_another_exit_code_than_what_was_refused(
+    kind: type[errors.SoftseamError],
+    code: int,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def broken(*_: object) -> None:
+        raise kind("it went wrong")
+
+    monkeypatch.setattr("softseam.running.run", broken)
+    assert call(["run", "GOOD.yaml"], monkeypatch) == code
+    assert capfd.readouterr().err == "error: it went wrong\n"
+
+
+def test_what_there_is_too_little_time_for_has_failed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    short = ["--set", "quantities=[sag]", "--tolerance", "0.1", "--minutes", "1e-9"]
+    assert call(["plan", "GOOD.yaml", *short], monkeypatch) == 1
+    assert "give more --minutes" in capfd.readouterr().err
 
 
 def test_internal_error_is_one_line(
