@@ -71,6 +71,11 @@ BAD_CALLS = {
     "no router": (["run", "tofu_grasp", "--connect", "tcp/127.0.0.1:1"], ["tcp/127.0.0.1:1", "softseam up"]),
     "no recording": (["replay", "none.mcap"], ["none.mcap"]),
     "chart of a rope": (["chart", "rope"], ["rope", "solid body"]),
+    "chart of a mesh's own cells": (["chart", "calamari"], ["calamari.yaml:8:", "its own", "body.shape.cells=boxes"]),
+    "plan of a mesh's own cells": (
+        ["plan", "calamari", "--tolerance", "0.1", "--set", "body.shape.cells=own"],
+        ["--set body.shape.cells=own: body.shape.cells: ", "its own", "body.shape.cells=boxes"],
+    ),
     "chart of nothing": (["chart", "GOOD"], ["quantities"]),
     "chart in no time": (["chart", "tofu_grasp", "--minutes", "0"], ["--minutes"]),
     "chart without rivals": (["chart", "tofu_grasp", "--rivals", "none.json"], ["none.json"]),
@@ -88,8 +93,9 @@ def call(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setattr(connected, "_CONNECT_TIMEOUT", 0.5)
@@ -159,7 +165,6 @@ def test_what_failed_has_another_exit_code_than_what_was_refused(
 def test_what_there_is_too_little_time_for_has_failed(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     short = ["--set", "quantities=[sag]", "--tolerance", "0.1", "--minutes", "1e-9"]
     assert call(["plan", "GOOD.yaml", *short], monkeypatch) == 1
     assert "give more --minutes" in capfd.readouterr().err

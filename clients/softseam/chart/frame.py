@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from softseam.duration import expected_duration
 from softseam.errors import SceneRefused
+from softseam.scenes import located
 from softseam.session import open_as_given
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import (
@@ -294,7 +295,10 @@ def retardation_time(scene: Scene) -> float:
 
 
 def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:
-    """Measure the scene's body; a mesh is read for it. Raises SceneRefused, also for what FEM cannot simulate."""
+    """Measure the scene's body; a mesh is read for it.
+
+    Raises SceneRefused, also for what FEM cannot simulate, and for a mesh that brings its own cells.
+    """
     if not isinstance(scene.body, BodySpec):
         raise SceneRefused(
             f"the scene {scene.name!r} has a {scene.body.kind}, which only particles simulate: "
@@ -303,6 +307,12 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
     shape = scene.body.shape
     if isinstance(shape, BlockShape):
         return Frame(scene, np.array(shape.size))
+    if shape.cells == "own":
+        text = (
+            "body.shape.cells: charts and plans try cells of many sizes, and this mesh brings its own: "
+            "--set body.shape.cells=boxes lets its solid lie in cells of any size, or run the scene as it is"
+        )
+        raise SceneRefused(located(text, name, settings))
     with open_as_given(name, settings=settings) as session:
         surface = session.reset().surface
     return Frame(scene, surface.max(axis=0) - surface.min(axis=0))
