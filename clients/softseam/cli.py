@@ -196,7 +196,8 @@ def plan(
     scene: SceneArgument,
     tolerance: Tolerance = None,
     rtf: Annotated[
-        float | None, typer.Option("--rtf", metavar="FACTOR", help="Least real-time factor; default: any.")
+        float | None,
+        typer.Option("--rtf", metavar="FACTOR", help="Least real-time factor, 0: any; default: the scene's budget."),
     ] = None,
     quantities: Annotated[
         list[str] | None,

@@ -37,7 +37,8 @@ from softseam.chart.table import Row, busy_by, core_share, rows_of
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.plan.command import finer, planner_digest
-from softseam.plan.planner import Goal, Measure, NoPlan, choose, counts_to, judged, known_to
+from softseam.plan.kept import Goal
+from softseam.plan.planner import Measure, NoPlan, choose, counts_to, judged, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label

@@ -18,7 +18,8 @@ from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
 from softseam.plan.foretold import Run, foretold
-from softseam.plan.planner import Goal, NoPlan, choose
+from softseam.plan.kept import Goal
+from softseam.plan.planner import NoPlan, choose
 from softseam.scenes import load_scene
 
 FRAME = Frame(load_scene("tofu_grasp"), np.array([0.05, 0.05, 0.05]))

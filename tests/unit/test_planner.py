@@ -15,7 +15,8 @@ from softseam.chart.measure import Outcome
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
 from softseam.plan.command import Wishes
-from softseam.plan.planner import Goal, NoPlan, Plan, choose, counts_to
+from softseam.plan.kept import Goal, Plan
+from softseam.plan.planner import NoPlan, choose, counts_to
 from softseam.plan.watch import PlanWatch
 from softseam_protocol.messages import ErrorEstimate
 
@@ -152,6 +153,20 @@ def test_a_plan_holds_until_its_error_and_what_is_added_exceed_the_tolerance() -
     assert again.needed(estimated(0.032)) is None, "it is what this one was made for"
     unknown = replace(plan, choice=replace(plan.choice, estimate=0.0))
     assert replace(watch, plan=unknown).needed(estimated(0.5)) is None
+
+
+def test_what_had_no_time_is_not_counted_as_run() -> None:
+    left, refused = Outcome("left out", "give more --minutes"), Outcome("refused", "no")
+    wanted = [*WANTED, configuration("refused", 0.2)]
+    plan = choose(Goal(0.05), reference(), wanted, Bench({"cheap": left, "refused": refused, "middle": outcome(1, 0)}))
+    assert (len(plan.tried), plan.n_run, plan.n_late) == (3, 1, 1) and not plan.vague
+    assert not plan.holds_for(0.1) and replace(plan, minutes=5.0).holds_for(5.0)
+
+
+def test_a_reference_that_was_to_be_known_better_is_told_of() -> None:
+    bench = Bench({"cheap": outcome(0.1, 0.03), "middle": outcome(1.0, 0.001), "dear": outcome(10.0, 0.001)})
+    assert choose(Goal(0.05), reference(0.04), WANTED, bench).vague
+    assert not choose(Goal(0.05), reference(0.04), WANTED, bench, iter([reference(), None]).__next__).vague
 
 
 def test_a_plan_is_read_as_it_was_written() -> None:

@@ -28,5 +28,5 @@ def test_a_folder_is_said_to_be_one(name: str, tmp_path: Path, monkeypatch: pyte
 
 
 def test_what_is_not_there_is_left_to_whoever_reads_it(tmp_path: Path) -> None:
-    with pytest.raises(softseam.SceneRefused, match="none.yaml:1:1: cannot be read"):
+    with pytest.raises(softseam.SceneRefused, match=r"none\.yaml:1:1: cannot be read"):
         softseam.load_scene(tmp_path / "none.yaml")

@@ -23,7 +23,8 @@ from softseam.chart.shipped import better_of, digest_of, shipped
 from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, require_extra
-from softseam.plan.planner import Goal, Plan, choose, counts_to, known_to
+from softseam.plan.kept import Goal, Plan, Tried
+from softseam.plan.planner import choose, counts_to, known_to
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
@@ -37,6 +38,8 @@ REFERENCE_SHARE = 0.5
 """of the budget, for the reference"""
 FINEST = 1e-4
 """no reference is asked to be known better than this [1]"""
+SHOWN, BESIDE = 12, 3
+"""rows of a plan's table; and of them before the choice, and after it, where it is not among the fastest"""
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def plan(wishes: Wishes, console: Console) -> Plan:
 
 
 def find(wishes: Wishes, console: Console) -> Plan:
-    """The plan, from the cache where it is there."""
+    """The plan, from the cache where it is there and as many minutes would find no other."""
     require_extra("solve", "planning, which simulates in this process,")
     loaded, bundle = bundle_of(wishes.scene)
     asked = with_settings(loaded, wishes.settings)
@@ -88,10 +91,12 @@ def find(wishes: Wishes, console: Console) -> Plan:
     kept = store.read(name)
     if kept is not None:
         try:
-            return Plan.from_json(kept)
+            before = Plan.from_json(kept)
         except (KeyError, TypeError, ValueError, IndexError) as error:
             raise store.refused(name, f"is corrupt ({error})") from None
-    found = _search(wishes, scene, goal, names, code, store, console)
+        if before.holds_for(wishes.minutes):
+            return before
+    found = replace(_search(wishes, scene, goal, names, code, store, console), minutes=wishes.minutes)
     store.write(name, found.as_json())
     return found
 
@@ -195,25 +200,34 @@ def settings_of(found: Plan) -> tuple[str, ...]:
 
 
 def show(found: Plan, console: Console) -> None:
-    """What was chosen, and what else was tried: the fastest ones, and what is wrong with them."""
+    """What was chosen, and what else was tried: the fastest ones, what is next to the choice, and what is wrong with
+    them."""
     table = Table(box=None, padding=(0, 2))
     for name in ("", "real-time factor", "error", "decided by"):
         table.add_column(name, justify="right" if name in ("real-time factor", "error") else "left")
-    for one in sorted(found.tried, key=lambda one: -one.rtf)[:12]:
+    for one in listed(found):
+        if isinstance(one, int):
+            table.add_row(Text(f"  … {one} more", style="dim"))
+            continue
         chosen = one is found.choice
         style = "bold green" if chosen else "" if one.error <= found.goal.tolerance else "dim"
         mark = Text(("> " if chosen else "  ") + one.label, style=style)
         known = one.error < float("inf")
         error = f"{100 * one.error:.2g} %" if known else ""
-        table.add_row(mark, f"{one.rtf:.3g}", error, label(one.decided_by) if known else one.decided_by)
+        rtf = f"{one.rtf:.3g}" if one.rtf > 0.0 else ""
+        table.add_row(mark, rtf, error, label(one.decided_by) if known else one.decided_by)
     console.print(table)
     choice = found.choice
     text = (
-        f"{choice.label} is the fastest of {len(found.tried)} that were tried and is accurate to "
-        f"{100 * found.goal.tolerance:.2g} %: its worst error is {100 * choice.error:.2g} % "
-        f"({label(choice.decided_by)}); the reference {found.truth}"
+        f"{choice.label} is accurate to {100 * found.goal.tolerance:.2g} % and the fastest of {found.n_run} run that "
+        f"is: its worst error is {100 * choice.error:.2g} % ({label(choice.decided_by)}); the reference {found.truth}"
     )
     console.print(Text(text), soft_wrap=True)
+    late = [f"{found.n_late} had no time"] if found.n_late else []
+    late += ["the reference is not known as well as it was wanted to be"] if found.vague else []
+    if late:
+        text = f"{', '.join(late)}: more --minutes may find a faster one"
+        console.print(Text(text, style="yellow"), soft_wrap=True)
     if found.left_out:
         console.print(
             Text(f"counted only by what it is off by at least: {uncounted(found.left_out)}", style="yellow"),
@@ -222,13 +236,28 @@ def show(found: Plan, console: Console) -> None:
     console.print(Text(" ".join(f"--set '{setting}'" for setting in choice.settings), style="dim"), soft_wrap=True)
 
 
+def listed(found: Plan) -> list[Tried | int]:
+    """What to show of what was tried, fastest first: the fastest, the choice and what is next to it; a number is how
+    many are left out there."""
+    ranked = sorted(found.tried, key=lambda one: -one.rtf)
+    at = ranked.index(found.choice)
+    near = range(at - BESIDE, at + BESIDE + 1)
+    fastest = range(SHOWN) if min(near.stop, len(ranked)) <= SHOWN else range(SHOWN - len(near))
+    shown = [i for i in range(len(ranked)) if i in fastest or i in near]
+    rows: list[Tried | int] = []
+    for i, before in zip(shown, [-1, *shown], strict=False):
+        rows += [i - before - 1, ranked[i]] if i > before + 1 else [ranked[i]]
+    rest = len(ranked) - 1 - shown[-1]
+    return [*rows, rest] if rest else rows
+
+
 def _goal(wishes: Wishes, scene: Scene) -> Goal:
     tolerance = scene.tolerance if wishes.tolerance is None else wishes.tolerance
     if tolerance is None:
         raise BadInput("say how accurate it has to be: --tolerance 0.05 allows every quantity to be 5 % off")
     if not 0.0 < tolerance < 1.0:
         raise BadInput(f"--tolerance {tolerance:g}: give a number between 0 and 1, e.g. 0.05 for 5 %")
-    kept = 0.0 if scene.budget is None or wishes.tolerance is not None else scene.budget.rtf
+    kept = 0.0 if scene.budget is None else scene.budget.rtf
     rtf = kept if wishes.rtf is None else wishes.rtf
     if not 0.0 <= rtf < 1e9:
         raise BadInput(f"--rtf {rtf:g}: give a number above zero, e.g. 20 for twenty times real time")

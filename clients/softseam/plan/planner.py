@@ -10,8 +10,7 @@ by, and what the reference may be off by, as errors that know nothing of each ot
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from softseam.chart.reference import Reference, in_words, origin
 from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
 from softseam.plan.foretold import Run, foretold
+from softseam.plan.kept import Goal, Plan, Tried
 
 REFERENCE = 0.25
 """the reference is refined until it is known to this share of the tolerance [1]"""
@@ -66,80 +66,6 @@ class NoPlan(SoftseamError):
 
 class TooSlow(NoPlan):
     """Some are accurate enough, and none of these is fast enough: to know more of the truth is of no use."""
-
-
-@dataclass(frozen=True)
-class Goal:
-    """What a plan has to reach."""
-
-    tolerance: float
-    """largest error of any quantity, L2 over time and relative [1]"""
-    rtf: float = 0.0
-    """least real-time factor, 0 for any"""
-    harder: float = 1.0
-    """how many times as large errors of mesh and model are in the motion to plan for as in the scene's own [1]"""
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A configuration that was run."""
-
-    label: str
-    settings: tuple[str, ...]
-    rtf: float
-    error: float
-    """its worst error, the reference's counted in: infinite where it failed [1]"""
-    decided_by: str
-    """the quantity that is worst, or why it failed"""
-    estimate: float = 0.0
-    """what the run itself estimated that it is off by, 0 where it could not [1]"""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What was chosen, and from what."""
-
-    goal: Goal
-    choice: Tried
-    tried: tuple[Tried, ...]
-    uncertainty: float
-    """of the reference [1]"""
-    left_out: Mapping[str, str] = field(default_factory=dict)
-    """quantities that do not count, and why"""
-    truth: str = ""
-    """where the reference comes from, as a predicate"""
-
-    def as_json(self) -> dict[str, Any]:
-        return {
-            "tolerance": self.goal.tolerance,
-            "rtf": self.goal.rtf,
-            "harder": self.goal.harder,
-            "uncertainty": self.uncertainty,
-            "left_out": dict(self.left_out),
-            "truth": self.truth,
-            "choice": self.tried.index(self.choice),
-            "tried": [vars(one) | {"settings": list(one.settings), "error": _finite(one.error)} for one in self.tried],
-        }
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Plan:
-        """Raises KeyError, TypeError, ValueError or IndexError where the data are no plan."""
-        tried = tuple(
-            Tried(
-                str(one["label"]),
-                tuple(map(str, one["settings"])),
-                float(one["rtf"]),
-                float("inf") if one["error"] is None else float(one["error"]),
-                str(one["decided_by"]),
-                float(one.get("estimate", 0.0)),
-            )
-            for one in data["tried"]
-        )
-        goal = Goal(float(data["tolerance"]), float(data["rtf"]), float(data.get("harder", 1.0)))
-        left_out = {str(name): str(why) for name, why in dict(data.get("left_out", {})).items()}
-        return cls(
-            goal, tried[int(data["choice"])], tried, float(data["uncertainty"]), left_out, str(data.get("truth", ""))
-        )
 
 
 def choose(
@@ -201,7 +127,7 @@ def choose(
             assert why is not None
             raise why
         else:
-            return plan
+            return replace(plan, vague=wanting)
 
 
 class _Search:
@@ -309,7 +235,8 @@ def judged(
     """
     label, settings = configuration.label, configuration.settings
     if outcome.status != "done" or outcome.series is None:
-        return Tried(label, settings, 0.0, float("inf"), f"{outcome.status}: {outcome.reason}")
+        why = f"{outcome.status}: {outcome.reason}"
+        return Tried(label, settings, 0.0, float("inf"), why, status=outcome.status)
     found, grown = errors(outcome.series, reference.time, reference.truth), _grown(outcome, harder)
     worst, half = _worst(found, reference, np.inf), 0.5 * tolerance
     differs = max((found[name].differs, name) for name in reference.counted)
@@ -368,7 +295,3 @@ def _nearest(goal: Goal, best: Tried | None, tried: Sequence[Tried]) -> str:
 
 def _percent(value: float) -> str:
     return f"{100 * value:.2g} %"
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

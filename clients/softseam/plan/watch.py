@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from rich.console import Console
 
 from softseam.plan.command import Wishes, find, settings_of
-from softseam.plan.planner import Plan
+from softseam.plan.kept import Plan
 from softseam.session import Session
 from softseam_protocol.messages import ErrorEstimate
 

@@ -1,0 +1,132 @@
+"""`softseam plan`: what it shows of what was tried, whether a kept plan will do, and how fast a plan has to be."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from softseam.plan import command
+from softseam.plan.command import Wishes, find, listed, show
+from softseam.plan.kept import Goal, Plan, Tried
+
+WISHES = Wishes("tofu_grasp", tolerance=0.05)
+
+
+def tried(label: str, rtf: float, error: float) -> Tried:
+    return Tried(label, (f"name={label}",), rtf, error, "grip_force")
+
+
+CHOICE = tried("accurate", 10.0, 0.03)
+FASTER = tuple(tried(f"wrong {i}", 100.0 - i, 0.5) for i in range(30))
+SLOWER = tuple(tried(f"slow {i}", 5.0 - 0.1 * i, 0.01) for i in range(8))
+LATE = Tried("late", ("name=late",), 0.0, float("inf"), "left out: give more --minutes", status="left out")
+STOPPED = replace(LATE, label="begun", status="stopped")
+REFUSED = replace(LATE, label="refused", decided_by="refused: no", status="refused")
+FAILED = replace(LATE, label="failed", decided_by="failed: it diverged", status="failed")
+
+
+def plan(*others: Tried, minutes: float = 5.0, vague: bool = False) -> Plan:
+    return Plan(Goal(0.05), CHOICE, (*others, CHOICE), 0.001, {}, "ships with the scene", vague, minutes)
+
+
+def shown(found: Plan) -> list[str]:
+    console = Console(file=io.StringIO(), width=200)
+    show(found, console)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue().splitlines()
+
+
+def test_the_choice_is_shown_however_many_faster_ones_are_not_accurate() -> None:
+    lines = shown(plan(*FASTER, *SLOWER))
+    (mark,) = (i for i, line in enumerate(lines) if line.startswith("  > accurate"))
+    assert "wrong 29" in lines[mark - 1] and "slow 0" in lines[mark + 1]
+    assert "wrong 0" in lines[1] and lines[6].split() == ["…", "22", "more"]
+    assert lines[mark + 4].split() == ["…", "5", "more"] and len(lines) < 20
+
+
+@pytest.mark.parametrize("n_faster", range(31))
+@pytest.mark.parametrize("n_slower", [0, 2, 8])
+def test_every_one_is_shown_or_counted(n_faster: int, n_slower: int) -> None:
+    found = plan(*FASTER[:n_faster], *SLOWER[:n_slower])
+    rows = listed(found)
+    assert CHOICE in rows and len([row for row in rows if isinstance(row, Tried)]) <= command.SHOWN
+    assert sum(row if isinstance(row, int) else 1 for row in rows) == len(found.tried) and 0 not in rows
+    fastest = [row for row in rows if isinstance(row, Tried)]
+    assert fastest == sorted(fastest, key=lambda one: -one.rtf)
+    if len(found.tried) <= command.SHOWN:
+        assert fastest == rows
+
+
+def test_what_was_not_run_is_not_counted_as_run_and_what_lacked_time_is_told() -> None:
+    text = "\n".join(shown(plan(*FASTER[:3], FAILED, REFUSED, LATE, STOPPED)))
+    assert "accurate is accurate to 5 % and the fastest of 5 run that is" in text
+    assert "2 had no time: more --minutes may find a faster one" in text
+    assert "--minutes" not in "\n".join(shown(plan(*FASTER[:3], FAILED, REFUSED)))
+    assert "the reference is not known as well as it was wanted to be: more --minutes" in "\n".join(
+        shown(plan(vague=True))
+    )
+
+
+class Searches:
+    """Stands for the search, and counts how often it is asked."""
+
+    def __init__(self, found: Plan) -> None:
+        self.found, self.goals = found, list[Goal]()
+
+    def __call__(self, wishes: Wishes, scene: object, goal: Goal, *others: object) -> Plan:
+        self.goals.append(goal)
+        return self.found
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+
+def planned(wishes: Wishes) -> Plan:
+    return find(wishes, Console(quiet=True))
+
+
+@pytest.mark.usefixtures("cache")
+@pytest.mark.parametrize(("found", "again"), [(plan(LATE), True), (plan(vague=True), True), (plan(FAILED), False)])
+def test_a_plan_that_lacked_time_is_searched_again_where_there_is_more(
+    found: Plan, again: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searches = Searches(found)
+    monkeypatch.setattr(command, "_search", searches)
+    for minutes, count in ((5.0, 1), (5.0, 1), (3.0, 1), (60.0, 1 + again), (60.0, 1 + again), (5.0, 1 + again)):
+        kept = planned(replace(WISHES, minutes=minutes))
+        assert len(searches.goals) == count, f"with {minutes} min"
+        assert kept.tried == found.tried and kept.n_late == found.n_late
+    assert kept.minutes == (60.0 if again else 5.0)
+
+
+def test_a_plan_that_was_kept_before_plans_said_what_lacked_time_is_read() -> None:
+    data = plan(*FASTER[:2]).as_json()
+    del data["minutes"], data["vague"]
+    for one in data["tried"]:
+        del one["status"]
+    found = Plan.from_json(data)
+    assert found.choice == CHOICE and found.n_run == 3 and found.holds_for(1e4)
+    data["tried"][0]["status"] = "lost"
+    with pytest.raises(ValueError, match="lost"):
+        Plan.from_json(data)
+
+
+@pytest.mark.usefixtures("cache")
+@pytest.mark.parametrize(
+    ("asked", "rtf"),
+    [({}, 7.0), ({"tolerance": 0.05}, 7.0), ({"tolerance": 0.05, "rtf": 3.0}, 3.0), ({"rtf": 0.0}, 0.0)],
+)
+def test_the_scenes_budget_holds_unless_a_speed_is_asked_for(
+    asked: dict[str, float], rtf: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searches = Searches(plan())
+    monkeypatch.setattr(command, "_search", searches)
+    wishes = Wishes("tofu_grasp", ("tolerance=0.2", "budget={rtf: 7}"), asked.get("tolerance"), asked.get("rtf"))
+    planned(wishes)
+    assert [goal.rtf for goal in searches.goals] == [rtf]
