@@ -1,0 +1,73 @@
+"""docs/plans.md: what counts as run, what its speeds are of, and which code it is of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from benchmarks import plans
+from benchmarks.plans import Checked, Judged, check, page, ran, timed
+
+from softseam.chart.configurations import Configuration, Fem
+from softseam.chart.errors import Truth
+from softseam.chart.frame import Frame
+from softseam.chart.ladder import Ladder
+from softseam.chart.measure import Outcome, Told
+from softseam.chart.reference import Part, Reference
+from softseam.chart.series import Series
+from softseam.chart.store import Identity, Store
+from softseam.chart.table import rows_of
+from softseam.embedded import solver_digest
+from softseam.scenes import load_scene
+
+TIME, FLAT = np.linspace(0.0, 1.0, 5), np.ones(5)
+LEFT_OUT = Outcome("left out", "give more --minutes")
+
+
+def done(seconds: float, error: float = 0.0) -> Outcome:
+    series = Series(TIME, np.zeros(5), {"sag": FLAT * (1.0 + error)})
+    return Outcome("done", series=series, walls=(seconds,), cpu=seconds, simulated=1.0, steps=5)
+
+
+def reference() -> Reference:
+    truth = {"sag": Truth(FLAT, 1.0, 0.001)}
+    return Reference(TIME, truth, {"sag": Part(0.0, 0.0, 1.0, 1.0, 0.0)}, (), "implicit_euler", True)
+
+
+WANTED = [Configuration(key, "XPBD", key, (f"name={key}",), i + 1.0) for i, key in enumerate(("a", "b", "c", "d"))]
+OUTCOMES = {"a": LEFT_OUT, "b": Outcome("refused", "no"), "c": Outcome("failed", "it diverged"), "d": done(4.0)}
+
+
+def test_what_was_left_out_is_not_counted_as_tried_and_its_sweep_is_incomplete() -> None:
+    ladder = cast(Ladder, SimpleNamespace(tried=list))
+    found = check(0.05, iter([reference()]), WANTED, OUTCOMES, reference(), ladder, lambda one: OUTCOMES[one.key], {})
+    assert found.made and found.met and found.cells[-1] == "2"
+    assert ran(rows_of(WANTED, OUTCOMES, reference())) == "1 of 4, incomplete: 1 had no time"
+    assert ran(rows_of(WANTED[1:], OUTCOMES, reference())) == "1 of 3"
+
+
+def told(text: str, seconds: float) -> Told:
+    return lambda done: None
+
+
+def test_a_short_run_has_the_time_of_one_that_nobody_looks_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
+    one = Fem(frame, (2, 2, 1), 0.08).configuration()
+    store = Store(tmp_path, Identity("scene", "code"), "")
+    short, long = done(0.9), done(1.1)
+    found = timed("tofu_push", ("sag",), one, short, store, told)
+    assert found.walls != short.walls and found.series is short.series and found.simulated == 1.0
+    monkeypatch.setattr(plans, "measure", None)  # what was timed is kept
+    assert timed("tofu_push", ("sag",), one, short, store, told).walls == found.walls
+    assert timed("tofu_push", ("sag",), one, long, store, told) is long
+    assert timed("tofu_push", ("sag",), one, LEFT_OUT, store, told) is LEFT_OUT
+
+
+def test_the_page_says_which_code_it_is_of() -> None:
+    none = tuple(Checked(tolerance, ("*none*", "", "", "", "none", "", "0")) for tolerance in plans.TOLERANCES)
+    text = page([Judged("cube", none, "ships", "1 of 4, incomplete: 1 had no time", "", 1.0)], 3.0)
+    assert f"; solvers {solver_digest()[:8]}.\n" in text
+    assert "| cube | ships | 1 of 4, incomplete: 1 had no time |" in text and "{" not in text
