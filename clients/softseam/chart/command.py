@@ -20,7 +20,7 @@ from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Reference, described, origin
 from softseam.chart.shipped import shipped
 from softseam.chart.store import Identity, Store
-from softseam.chart.sweep import sweep
+from softseam.chart.sweep import finished, sweep
 from softseam.chart.table import Row, busy, row_json, rows_of, write_csv
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
@@ -65,10 +65,12 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     folder = wishes.out or Path("out") / f"chart-{scene.name}"
     key = scene_hash(bundle_scene(scene, bundle.files))
     here, code = machine(), solver_digest()
-    store = Store(folder / "runs", Identity(key, code, here), "start anew with --fresh")
+    identity = Identity(key, code, here)
+    store = Store(folder / "runs" / identity.folder, identity, "start anew with --fresh")
     if wishes.fresh:
         store.clear()
     wanted = configurations(frame)
+    finished(store, wanted)  # what is spoilt is told before a reference is climbed
     ladder = Ladder(wishes.scene, wishes.settings, frame, names)
     ladder.open(code, fresh=wishes.fresh)
     budget = 60.0 * wishes.minutes

@@ -28,6 +28,11 @@ class Identity:
     machine: str = ""
     """processor and cores, where they matter"""
 
+    @property
+    def folder(self) -> str:
+        """Names a folder for its work, so that work of another identity lies elsewhere and is found again."""
+        return f"{self.scene[:12]}-{self.code[:8]}-{hashlib.sha256(self.machine.encode()).hexdigest()[:8]}"
+
 
 class Store:
     """A folder of finished pieces of work, one JSON file each."""
