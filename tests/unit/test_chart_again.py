@@ -80,5 +80,5 @@ def test_a_spoilt_run_is_told_before_the_reference_is_climbed(wishes: Wishes, mo
         raise AssertionError("the reference was climbed")
 
     monkeypatch.setattr(command, "climb", climbed)
-    with pytest.raises(BadInput, match="corrupt.*--fresh"):
+    with pytest.raises(BadInput, match=r"corrupt.*--fresh"):
         made(wishes)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from textwrap import fill
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-from matplotlib.transforms import Bbox
 
 from softseam.chart.configurations import METHODS
 from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import Landmark
+from softseam.chart.names import Box, Floats, Picture, along, places, together
 from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
 from softseam.chart.reference import Reference, origin
 from softseam.chart.table import Row, busy
@@ -29,6 +32,8 @@ ABOVE, BELOW = 152, 180
 """characters in a line of the heading, and of the note below the axes"""
 WORST = 1.0
 """error at the chart's upper edge, where runs that are farther off or failed are drawn [1]"""
+ROOM = 0.16
+"""of the range of speeds, added at the right: there names of the front cover nothing [1]"""
 
 
 def draw_chart(
@@ -55,15 +60,15 @@ def draw_chart(
     axes.set_yscale("log")
     _limits(axes, rows, [*asked, *rivals], reference)
     _scales(axes)
-    _band(axes, reference)
+    band = _band(axes, reference)
     _front(axes, rows)
     for method in METHODS:
         _marks(axes, [row for row in rows if row.configuration.method == method], TONES[method])
-    _landmarks(axes, asked, ASKED, "D", 34.0)
-    _landmarks(axes, rivals, RIVAL, "s", 34.0)
+    _landmarks(axes, asked, ASKED, "D")
+    _landmarks(axes, rivals, RIVAL, "s")
     _legend(figure, rows, asked, rivals, down)
     figure.draw_without_rendering()
-    _label(figure, axes, rows, [*asked, *rivals], reference)
+    _label(figure, axes, rows, [*asked, *rivals], band)
     return write(figure, path)
 
 
@@ -84,8 +89,11 @@ def _wrapped(text: str, width: int) -> str:
 
 
 def placed(row: Row) -> tuple[float, float, bool] | None:
-    """Where a row is drawn (rtf, error, whether at the edge); None for what was not run, or has no speed."""
-    if row.outcome.status in ("left out", "refused") or row.outcome.rtf <= 0.0:
+    """Where a row is drawn (rtf, error, whether at the edge); None for what was not run to its end, or has no speed.
+
+    A run that was stopped for lack of time has not failed, and may have slowed down later: it is in the table only.
+    """
+    if row.outcome.status not in ("done", "failed") or row.outcome.rtf <= 0.0:
         return None
     if row.error is None or not row.error.value < WORST:
         return row.outcome.rtf, WORST, True
@@ -96,7 +104,8 @@ def _limits(axes: Axes, rows: Sequence[Row], marks: Sequence[Landmark], referenc
     at = [place[:2] for row in rows if (place := placed(row))] + [(mark.rtf, mark.error) for mark in marks]
     speeds = [x for x, _ in at] or [1.0]
     floor = min([y for _, y in at if y > 0.0] + [reference.uncertainty if reference.uncertainty > 0.0 else 0.01, 0.1])
-    axes.set_xlim(min(speeds) / 1.7, max(speeds) * 2.2)
+    least, most = min(speeds) / 1.7, max(speeds) * 2.2
+    axes.set_xlim(least, most * (most / least) ** ROOM)
     axes.set_ylim(floor / 1.9, WORST * 1.12)
 
 
@@ -126,25 +135,32 @@ def _scales(axes: Axes) -> None:
 _ERRORS = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 
-def _band(axes: Axes, reference: Reference) -> None:
-    """Errors that the reference cannot tell from none."""
+def _band(axes: Axes, reference: Reference) -> Text | None:
+    """Errors that the reference cannot tell from none; returns what is written there."""
     top = reference.uncertainty
     low, high = axes.get_ylim()
-    if low < top < high:
-        axes.axhspan(low, top, color=BAND, zorder=0, linewidth=0)
-        text = "  below: as good as the reference is known"
-        axes.text(axes.get_xlim()[0], top / 1.03, text, fontsize=9, color=SOFT, va="top")
+    if not low < top < high:
+        return None
+    axes.axhspan(low, top, color=BAND, zorder=0, linewidth=0)
+    text = "  below: as good as the reference is known"
+    return axes.text(axes.get_xlim()[0], top / 1.03, text, fontsize=9, color=SOFT, va="top")
+
+
+def _line(axes: Axes, rows: Sequence[Row]) -> list[tuple[float, float]]:
+    """Corners of the front, from the fastest down; none where there is no front."""
+    at = sorted(((row.outcome.rtf, row.error.value) for row in rows if row.front and row.error), reverse=True)
+    if not at:
+        return []
+    speeds, errors = (np.repeat(column, 2) for column in zip(*at, strict=True))
+    return [*zip([*speeds, axes.get_xlim()[0]], [axes.get_ylim()[1], *errors], strict=True)]
 
 
 def _front(axes: Axes, rows: Sequence[Row]) -> None:
     """Everything above and left of the line is beaten by a configuration on it."""
-    at = sorted((row.outcome.rtf, row.error.value) for row in rows if row.front and row.error is not None)
-    if not at:
-        return
-    speeds, errors = (np.array(column) for column in zip(*at, strict=True))
-    x = [axes.get_xlim()[0], *np.repeat(speeds, 2)]
-    y = [*np.repeat(errors, 2), axes.get_ylim()[1]]
-    axes.plot(x, y, color=INK, linewidth=1.1, zorder=2, alpha=0.75, solid_joinstyle="miter")
+    corners = _line(axes, rows)
+    if corners:
+        x, y = zip(*corners, strict=True)
+        axes.plot(x, y, color=INK, linewidth=1.1, zorder=2, alpha=0.75, solid_joinstyle="miter")
 
 
 def _marks(axes: Axes, rows: Sequence[Row], tone: str) -> None:
@@ -180,12 +196,11 @@ def _marks(axes: Axes, rows: Sequence[Row], tone: str) -> None:
             )
 
 
-def _landmarks(axes: Axes, marks: Sequence[Landmark], tone: str, marker: str, size: float) -> None:
+def _landmarks(axes: Axes, marks: Sequence[Landmark], tone: str, marker: str) -> None:
+    look: dict[str, Any] = {"s": 34.0, "facecolors": "none", "edgecolors": tone, "linewidths": 1.3, "zorder": 3}
     for mark in marks:
-        y = min(mark.error, WORST)
-        axes.scatter(
-            [mark.rtf], [y], s=size, marker=marker, facecolors="none", edgecolors=tone, linewidths=1.3, zorder=3
-        )
+        off = mark.error >= WORST
+        axes.scatter([mark.rtf], [min(mark.error, WORST)], marker="^" if off else marker, clip_on=False, **look)
 
 
 def _legend(
@@ -201,7 +216,11 @@ def _legend(
 
     present = [m for m in METHODS if any(row.configuration.method == m and placed(row) for row in rows)]
     above = [mark(m, TONES[m], "*" if m == "as it is" else "o") for m in present]
-    below = [Line2D([], [], color=INK, linewidth=1.1, label="nothing is both faster and more accurate")]
+    front = mark("nothing is both faster and more accurate", SOFT, "o")
+    front.set(linestyle="-", linewidth=1.1, color=INK, markersize=9, markeredgecolor=INK)
+    above.append(front)
+    above.append(Line2D([], [], color=SOFT, linewidth=0.9, alpha=0.6, label="slowest to fastest run"))
+    below = []
     if asked:
         below.append(mark("asked for, not measured", ASKED, "D", hollow=True))
     if rivals:
@@ -212,6 +231,8 @@ def _legend(
         below.append(mark("failed, at the speed it had", SOFT, "x"))
     if any((place := placed(row)) and place[2] and row.error is not None for row in rows):
         below.append(mark("off by more than 100 %", SOFT, "^"))
+    if any(one.error >= WORST for one in rivals):
+        below.append(mark("another, off by more than 100 %", RIVAL, "^", hollow=True))
     for entries, down in ((above, 1.04 + lower), (below, 1.29 + lower)):
         figure.legend(
             handles=entries,
@@ -226,52 +247,49 @@ def _legend(
         )
 
 
-def _label(figure: Figure, axes: Axes, rows: Sequence[Row], marks: Sequence[Landmark], reference: Reference) -> None:
+def _label(figure: Figure, axes: Axes, rows: Sequence[Row], marks: Sequence[Landmark], band: Text | None) -> None:
     """Name the front and the marks that were not measured, each where it covers nothing."""
-    taken: list[Bbox] = []
-    for x, y in _places(rows, marks):
-        at = axes.transData.transform((x, y))
-        taken.append(Bbox.from_bounds(at[0] - 7.0, at[1] - 7.0, 14.0, 14.0))
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
-    frame = axes.get_window_extent(renderer)
-    wanted = [
-        (row.outcome.rtf, row.error.value, row.configuration.label, INK) for row in rows if row.front and row.error
+    pt = 72.0 / figure.dpi
+
+    def seen(artist: Artist) -> Box:
+        box = artist.get_window_extent(renderer)
+        return box.x0 * pt, box.y0 * pt, box.x1 * pt, box.y1 * pt
+
+    def where(at: Iterable[tuple[float, float]]) -> Floats:
+        return np.asarray(axes.transData.transform(np.array([*at]).reshape(-1, 2))) * pt
+
+    wanted = list(_wanted(rows, marks))
+    at = where((x, y) for x, y, _, _ in wanted)
+    groups = together(at)
+    texts = [
+        axes.text(0.0, 0.0, "\n".join(wanted[i][2] for i in group), fontsize=8.5, va="bottom", zorder=6, transform=None)
+        for group in groups
     ]
-    wanted += [(mark.rtf, min(mark.error, WORST), mark.label, SOFT) for mark in marks]
-    for x, y, label, tone in wanted:
-        for dx, dy, across, along in _OFFSETS:
-            text = axes.annotate(
-                label,
-                (x, y),
-                (dx, dy),
-                textcoords="offset points",
-                fontsize=8.5,
-                color=tone,
-                ha=across,
-                va=along,
-                zorder=6,
-            )
-            box = text.get_window_extent(renderer)
-            inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1 + 2.0
-            if inside and not any(box.overlaps(other) for other in taken):
-                taken.append(box)
-                break
+    sizes = [(right - left, top - bottom) for left, bottom, right, top in map(seen, texts)]
+    named = [((float(at[g[0], 0]), float(at[g[0], 1])), size) for g, size in zip(groups, sizes, strict=True)]
+    taken = (seen(band),) if band else ()
+    picture = Picture(seen(axes), where(_places(rows, marks)), along(where(_line(axes, rows))), taken)
+    found = places(picture, named)
+    for group, text, place in zip(groups, texts, found, strict=True):
+        if place is None:
             text.remove()
+            continue
+        text.set(position=(place.box[0] / pt, place.box[1] / pt), color=wanted[group[0]][3])
+        if place.line is not None:
+            (x0, y0), (x1, y1) = place.line
+            ends = [x0 / pt, x1 / pt], [y0 / pt, y1 / pt]
+            axes.add_artist(Line2D(*ends, transform=None, color=SOFT, linewidth=0.7, zorder=4.5))
 
 
-_OFFSETS = (
-    (8, -1, "left", "center"),
-    (6, -8, "left", "top"),
-    (6, 7, "left", "bottom"),
-    (-8, -1, "right", "center"),
-    (-6, -8, "right", "top"),
-    (-6, 7, "right", "bottom"),
-    (0, -10, "center", "top"),
-    (0, 10, "center", "bottom"),
-    (12, -18, "left", "top"),
-    (-12, -18, "right", "top"),
-)
-"""where a label may stand beside its mark [pt], best first"""
+def _wanted(rows: Sequence[Row], marks: Sequence[Landmark]) -> Iterator[tuple[float, float, str, str]]:
+    """Where what is to be named is drawn, its name and that's colour: the front, fastest first, and landmarks."""
+    for row in sorted(rows, key=lambda row: -row.outcome.rtf):
+        place = placed(row)
+        if row.front and place is not None:
+            yield place[0], place[1], row.configuration.label, INK
+    for mark in marks:
+        yield mark.rtf, min(mark.error, WORST), mark.label, SOFT
 
 
 def _places(rows: Sequence[Row], marks: Sequence[Landmark]) -> Iterator[tuple[float, float]]:
