@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from softseam.chart import draw
 from softseam.chart.configurations import Configuration
 from softseam.chart.errors import Error, Truth
 from softseam.chart.landmarks import ASKED, Landmark
-from softseam.chart.measure import Outcome
+from softseam.chart.measure import Outcome, Status
 from softseam.chart.reference import Part, Reference
 from softseam.chart.table import Row
 
@@ -45,12 +44,10 @@ FRONT = {
 OTHERS = {126: 3, 81: 2.8, 105: 2.2, 112: 2.15, 245: 6.2, 246: 5, 1.2: 26, 40: 25, 95: 24, 140: 25.5, 250: 25, 3: 2.3}
 
 
-def row(name: str, rtf: float, error: float, *, front: bool = False, status: str = "done") -> Row:
+def row(name: str, rtf: float, error: float, *, front: bool = False, status: Status = "done") -> Row:
     """A run of three, the slowest half as fast; its error [1] counts where it is done."""
-    assert status in ("done", "failed", "stopped")
     walls = (1.0 / rtf, 1.0 / rtf, 2.0 / rtf)
-    outcome = Outcome("done", "for a reason", walls=walls, simulated=1.0)
-    outcome = replace(outcome, status=status)
+    outcome = Outcome(status, "for a reason", walls=walls, simulated=1.0)
     off = Error(error, False, error) if status == "done" else None
     return Row(Configuration(name, "XPBD", name, (), 1.0), outcome, {"sag": off} if off else {}, off, front)
 
@@ -58,7 +55,12 @@ def row(name: str, rtf: float, error: float, *, front: bool = False, status: str
 def drawn(rows: list[Row], rivals: list[Landmark], path: Path, patch: pytest.MonkeyPatch) -> Figure:
     """The figure, as it is written."""
     kept: list[Figure] = []
-    patch.setattr(draw, "write", lambda figure, where: kept.append(figure) or where)
+
+    def keep(figure: Figure, where: Path) -> Path:
+        kept.append(figure)
+        return where
+
+    patch.setattr(draw, "write", keep)
     draw.draw_chart(path, "a test", "a machine", rows, REFERENCE, ASKED, rivals)
     kept[0].draw_without_rendering()
     return kept[0]
@@ -91,9 +93,9 @@ def test_rivals_beyond_the_edge_are_marked_so(tmp_path: Path, monkeypatch: pytes
     figure = drawn(rows, [near, far], tmp_path / "chart.png", monkeypatch)
     assert any("100 %" in text for text in explained(figure))
     shapes = {
-        tuple(np.asarray(marks.get_offsets())[0]): len(marks.get_paths()[0].vertices)
+        (float(at[0]), float(at[1])): len(np.asarray(marks.get_paths()[0].vertices))
         for marks in figure.axes[0].collections
-        if len(np.asarray(marks.get_offsets()))
+        for at in np.asarray(marks.get_offsets())
     }
     assert shapes[0.5, 0.9] != shapes[0.7, 1.0]
 
