@@ -15,6 +15,7 @@ from softseam.chart.configurations import Configuration
 from softseam.chart.measure import RUNS, Told
 from softseam.chart.store import Identity, Store
 from softseam.embedded import solver_digest
+from softseam.errors import BadInput
 
 MAPS: dict[str, Callable[[], Map]] = {
     "step": step.build,
@@ -28,11 +29,16 @@ MAPS: dict[str, Callable[[], Map]] = {
 
 @dataclass(frozen=True)
 class Filled:
-    """A map with a verdict for every cell."""
+    """A map with a verdict for every cell, or with none where it was not computed."""
 
     map: Map
     verdicts: Mapping[str, Verdict]
     """by the cell's key"""
+
+    @property
+    def judged(self) -> list[tuple[Cell, Verdict]]:
+        """Every cell with its verdict; none where the map was not computed."""
+        return [(cell, self.verdicts[self.map.key(cell)]) for cell in self.map.cells] if self.verdicts else []
 
     def count(self) -> dict[Kind, int]:
         """How many cells are of each kind."""
@@ -41,14 +47,14 @@ class Filled:
     @property
     def silent(self) -> list[tuple[Cell, Verdict]]:
         """Cells that are wrong without saying so, and were not meant to be."""
-        pairs = [(cell, self.verdicts[self.map.key(cell)]) for cell in self.map.cells]
-        return [(cell, verdict) for cell, verdict in pairs if verdict.silent and not cell.control]
+        return [(cell, verdict) for cell, verdict in self.judged if verdict.silent and not cell.control]
 
     def as_json(self) -> dict[str, Any]:
         return {
             "name": self.map.name,
             "title": self.map.title,
             "text": self.map.text,
+            "computed": bool(self.verdicts),
             "panels": [vars(panel) for panel in self.map.panels],
             "count": self.count(),
             "cells": [
@@ -59,8 +65,8 @@ class Filled:
                     "label": cell.label,
                     "control": cell.control,
                 }
-                | self.verdicts[self.map.key(cell)].as_json()
-                for cell in self.map.cells
+                | verdict.as_json()
+                for cell, verdict in self.judged
             ],
         }
 
@@ -82,22 +88,56 @@ def fill(of: Map, store: Store, watch: Watch) -> Filled:
     verdicts = {}
     for cell in of.cells:
         key = of.key(cell)
-        data = store.read(key)
-        if data is not None:
-            try:
-                verdicts[key] = Verdict.from_json(data)
-            except (KeyError, TypeError, ValueError) as error:
-                raise store.refused(key, f"is corrupt ({error})") from None
-            continue
-        watch(Configuration(key, "as it is", f"{of.title}: {cell.label}", (), cell.seconds), (1 + RUNS) * cell.seconds)
-        verdicts[key] = cell.run()
-        store.write(key, verdicts[key].as_json())
+        verdict = _kept(key, store)
+        if verdict is None:
+            told = Configuration(key, "as it is", f"{of.title}: {cell.label}", (), cell.seconds)
+            watch(told, (1 + RUNS) * cell.seconds)
+            verdict = cell.run()
+            store.write(key, verdict.as_json())
+        verdicts[key] = verdict
     return Filled(of, verdicts)
+
+
+def kept(of: Map, store: Store) -> Filled:
+    """A map as it was computed before; without verdicts where a cell is missing, spoilt or of other code."""
+    verdicts = {}
+    for key in map(of.key, of.cells):
+        try:
+            verdict = _kept(key, store)
+        except BadInput:
+            return Filled(of, {})
+        if verdict is None:
+            return Filled(of, {})
+        verdicts[key] = verdict
+    return Filled(of, verdicts)
+
+
+def _kept(key: str, store: Store) -> Verdict | None:
+    """The verdict of a finished cell, None where there is none. Raises BadInput where it is spoilt or of other code."""
+    data = store.read(key)
+    if data is None:
+        return None
+    try:
+        return Verdict.from_json(data)
+    except (KeyError, TypeError, ValueError) as error:
+        raise store.refused(key, f"is corrupt ({error})") from None
 
 
 def store_of(folder: Path) -> Store:
     """Where finished cells are kept: they belong to the solvers' sources and to the atlas's own."""
-    return Store(folder / "runs", Identity(_own_digest(), solver_digest()), "start anew with --fresh")
+    return Store(
+        folder / "runs",
+        Identity(_own_digest(), solver_digest()),
+        "start anew with --fresh",
+        writer="softseam atlas",
+        other="another version of the atlas",
+    )
+
+
+def forget(store: Store, prefix: str) -> None:
+    """Delete the kept runs of one map (or of the pitfalls, or the long runs), whatever code they are of."""
+    for name in store.names(f"{prefix}-"):
+        store.path(name).unlink(missing_ok=True)
 
 
 def _own_digest() -> str:

@@ -13,10 +13,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.atlas.atlas import MAPS, Filled, expected, fill, store_of
-from softseam.atlas.pitfalls import Row, pitfalls, rows_json
+from softseam.atlas import long_run, pitfalls
+from softseam.atlas.atlas import MAPS, Filled, expected, fill, forget, kept, store_of
+from softseam.atlas.pitfalls import Row
 from softseam.atlas.verdicts import KINDS
 from softseam.chart.progress import ChartProgress
+from softseam.chart.store import Store
+from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
 from softseam.report import write_report
 from softseam_protocol.facts import machine
@@ -39,40 +42,66 @@ class Wishes:
 
 @dataclass(frozen=True)
 class Found:
-    """What the atlas holds."""
+    """What the atlas holds: what was asked for, and what is kept from before of the same code."""
 
     maps: tuple[Filled, ...]
+    """all, in their order; without verdicts where one was not computed"""
     pitfalls: tuple[Row, ...]
+
+    @property
+    def computed(self) -> tuple[Filled, ...]:
+        return tuple(filled for filled in self.maps if filled.verdicts)
 
 
 def atlas(wishes: Wishes, console: Console) -> Found:
-    """Fill the maps, and leave a picture of each, overview.png, atlas.csv and atlas.json; or the long run alone."""
+    """Fill the maps, and leave a picture of each, overview.png, atlas.csv and atlas.json; or the long run alone.
+
+    The files hold all maps that are kept of the same code, also where only some are asked for. Raises BadInput for an
+    unknown map, for maps beside the long run, and for kept runs that are spoilt or of other code.
+    """
+    _check(wishes)
+    require_extra("solve", "simulating in this process")
+    require_extra("view", "drawing an atlas")
+    folder = wishes.out or Path("out") / "atlas"
+    store = store_of(folder)
+    if wishes.long:
+        if wishes.fresh:
+            forget(store, long_run.PREFIX)
+        long_run.long_run(store, folder, console)
+        return Found((), ())
+    began = perf_counter()
+    names = wishes.maps or NAMES
+    if wishes.fresh:
+        for name in names:
+            forget(store, name if name in MAPS else pitfalls.PREFIX)
+    found = _find(names, store, console)
+    _write(folder, found)
+    n_runs = sum(len(filled.verdicts) for filled in found.maps if filled.map.name in names)
+    _tell(console, folder, found, f"{n_runs} runs in {perf_counter() - began:.0f} s")
+    return found
+
+
+def _check(wishes: Wishes) -> None:
+    """Raise BadInput where the wishes do not go together."""
     for name in wishes.maps:
         if name not in NAMES:
             near = difflib.get_close_matches(name, NAMES, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise BadInput(f"no map is called {name!r}{hint} (there are: {', '.join(NAMES)})")
-    require_extra("solve", "simulating in this process")
-    require_extra("view", "drawing an atlas")
-    folder = wishes.out or Path("out") / "atlas"
-    store = store_of(folder)
-    if wishes.fresh:
-        store.clear()
-    if wishes.long:
-        from softseam.atlas.long_run import long_run
+    if wishes.long and wishes.maps:
+        raise BadInput(f"--long is a run of its own, beside the maps: leave out {' '.join(wishes.maps)}, or --long")
 
-        long_run(store, folder, console)
-        return Found((), ())
-    began = perf_counter()
-    wanted = [build() for name, build in MAPS.items() if not wishes.maps or name in wishes.maps]
+
+def _find(names: Sequence[str], store: Store, console: Console) -> Found:
+    """Fill the maps asked for, then read the others as far as they are kept."""
+    maps = {name: build() for name, build in MAPS.items()}
+    wanted = [of for name, of in maps.items() if name in names]
     with ChartProgress(console) as progress:
         progress.expect(expected(wanted), math.inf)
-        filled = tuple(fill(of, store, progress.configuration) for of in wanted)
-    rows = tuple(pitfalls(store)) if not wishes.maps or PITFALLS in wishes.maps else ()
-    found = Found(filled, rows)
-    _write(folder, found)
-    _tell(console, folder, found, perf_counter() - began)
-    return found
+        done = {of.name: fill(of, store, progress.configuration) for of in wanted}
+    filled = tuple(done[of.name] if of.name in done else kept(of, store) for of in maps.values())
+    measure = pitfalls.pitfalls if PITFALLS in names else pitfalls.kept_pitfalls
+    return Found(filled, tuple(measure(store)))
 
 
 def _write(folder: Path, found: Found) -> None:
@@ -82,38 +111,44 @@ def _write(folder: Path, found: Found) -> None:
         raise missing_extra(error, "drawing an atlas") from error
     from softseam.atlas.table import write_csv
 
-    here = machine()
+    code = solver_digest()[:8]
+    here = f"{machine()}; code {code}"
     document = {
         "atlas_version": ATLAS_VERSION,
-        "machine": here,
+        "machine": machine(),
+        "code": code,
         "maps": [filled.as_json() for filled in found.maps],
-        "pitfalls": rows_json(found.pitfalls),
+        "pitfalls": pitfalls.rows_json(found.pitfalls),
     }
     try:
         write_report(document, folder / "atlas.json")
         write_csv(found.maps, folder / "atlas.csv")
-        for filled in found.maps:
+        for filled in found.computed:
             draw_map(folder / f"{filled.map.name}.png", filled, here)
-        if len(found.maps) > 1:
-            draw_overview(folder / "overview.png", found.maps, here)
+        draw_overview(folder / "overview.png", found.maps, here)
     except OSError as error:
         raise SoftseamError(f"cannot write {error.filename}: {error.strerror}") from error
 
 
-def _tell(console: Console, folder: Path, found: Found, seconds: float) -> None:
+def _tell(console: Console, folder: Path, found: Found, spent: str) -> None:
     """How many runs are of which kind, those that were wrong in silence, the pitfalls, and the files."""
-    if found.maps:
+    if found.computed:
         table = Table(box=None, padding=(0, 1))
         table.add_column("map")
         for kind in KINDS:
             table.add_column(kind, justify="right")
         table.add_column("in silence", justify="right")
-        for filled in found.maps:
+        for filled in found.computed:
             count = filled.count()
             table.add_row(filled.map.name, *(str(count[kind]) for kind in KINDS), str(len(filled.silent)))
         console.print(table)
         for line in silent_lines(found.maps):
             console.print(Text(line, style="yellow"), soft_wrap=True)
+    missing = [filled.map.name for filled in found.maps if not filled.verdicts]
+    missing += [] if found.pitfalls else [PITFALLS]
+    if missing:
+        line = f"not computed with this code: {', '.join(missing)} (softseam atlas {' '.join(missing)})"
+        console.print(Text(line, style="dim"), soft_wrap=True)
     if found.pitfalls:
         table = Table(box=None, padding=(0, 2))
         for name in ("pitfall", "the control fails", "the remedy holds"):
@@ -121,10 +156,9 @@ def _tell(console: Console, folder: Path, found: Found, seconds: float) -> None:
         for row in found.pitfalls:
             table.add_row(row.name, row.control, row.remedy, style="" if row.holds else "bold red")
         console.print(table)
-    console.print(Text(f"{sum(len(filled.verdicts) for filled in found.maps)} runs in {seconds:.0f} s", style="dim"))
-    pictures = [f"{filled.map.name}.png" for filled in found.maps]
-    overview = ["overview.png"] if len(found.maps) > 1 else []
-    for name in (*overview, *pictures, "atlas.csv", "atlas.json"):
+    console.print(Text(spent, style="dim"))
+    pictures = [f"{filled.map.name}.png" for filled in found.computed]
+    for name in ("overview.png", *pictures, "atlas.csv", "atlas.json"):
         console.print(f"{folder / name}", highlight=False, soft_wrap=True)
 
 

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from softseam.atlas.atlas import Filled
 from softseam.atlas.maps.grid import Cell
 from softseam.atlas.palette import LETTER, SILENT, TONES
+from softseam.atlas.table import NOT_COMPUTED
 from softseam.atlas.verdicts import KINDS, MEANING, Verdict
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
 
@@ -24,7 +25,19 @@ LETTER_WIDTH = 0.077
 """of a row's name [inch]"""
 HEAD = 0.70
 LINE = 0.19
-LEGEND = 0.62
+LEGEND, WORDS = 0.62, 0.30
+"""colours, and what stands in the cells [inch]"""
+MARKS = {
+    "0.3": "error in per cent",
+    "0": "error below 0.1 %",
+    ">999": "error of 1000 % and more",
+    "0.3 R": "saved by a safeguard",
+    "R": "saved, error below 0.1 %",
+    "U": "unstable",
+    "-": "refused",
+    "": "wrong, without a figure",
+}
+"""what may stand in a cell (0.3 for any number), and what it means"""
 
 
 def draw_map(path: Path, filled: Filled, machine: str) -> Path:
@@ -40,7 +53,7 @@ def draw_map(path: Path, filled: Filled, machine: str) -> Path:
     width = max(12.6, *(sum(widths[i] for i in line) for line in lines))
     text = "\n".join([*textwrap.wrap(of.text, int(12.6 * width)), f"{_counted(filled)}; {machine}"])
     head = HEAD + LINE * (text.count("\n") + 1)
-    height = head + sum(tall) + LEGEND
+    height = head + sum(tall) + LEGEND + WORDS
     figure = Figure(figsize=(width, height), dpi=130, facecolor=PAPER)
     heading(figure, of.title, text)
     top = height - head
@@ -54,12 +67,14 @@ def draw_map(path: Path, filled: Filled, machine: str) -> Path:
             draw_panel(axes, filled, i, shown=True)
             left += widths[i]
         top -= high
-    _legend(figure, height)
+    _legend(figure, height, WORDS)
+    marks = "; ".join(f"{mark} = {meaning}" for mark, meaning in MARKS.items() if mark)
+    figure.text(0.014, 0.12 / height, f"In the cells: {marks}.", fontsize=9, color=SOFT)
     return write(figure, path)
 
 
 def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
-    """Write all maps small, without words in the cells."""
+    """Write all maps small, without words in the cells; those that were not computed say so."""
     across = 3
     n_lines = -(-len(maps) // across)
     width, height = 15.0, 1.35 + 3.75 * n_lines + LEGEND
@@ -72,6 +87,9 @@ def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
         line, place = divmod(number, across)
         left, bottom = 0.35 + place * width / across, height - 1.15 - 3.75 * (line + 1) + 0.45
         figure.text(left / width, (bottom + 2.98) / height, filled.map.title, fontsize=12, color=INK, weight="bold")
+        if not filled.verdicts:
+            figure.text(left / width, (bottom + 2.5) / height, NOT_COMPUTED, fontsize=10, color=SOFT)
+            continue
         panels = filled.map.panels
         n = len(panels)
         each = (width / across - 0.55) / n
@@ -89,9 +107,9 @@ def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
 def draw_panel(axes: Axes, filled: Filled, number: int, *, shown: bool) -> None:
     """One grid. shown: with errors in the cells, and the scales named."""
     panel = filled.map.panels[number]
-    for cell in filled.map.cells:
+    for cell, verdict in filled.judged:
         if cell.panel == number:
-            _cell(axes, cell, filled.verdicts[filled.map.key(cell)], shown)
+            _cell(axes, cell, verdict, shown)
     axes.set_xlim(-0.5, len(panel.columns) - 0.5)
     axes.set_ylim(-0.5, len(panel.rows) - 0.5)
     for side in axes.spines.values():
@@ -155,13 +173,14 @@ def _per_line(widths: Sequence[float], most: float = 16.0) -> int:
     return 1
 
 
-def _legend(figure: Figure, height: float) -> None:
+def _legend(figure: Figure, height: float, above: float = 0.0) -> None:
+    """What the colours mean; above the figure's lower end by that much [inch]."""
     entries = [Patch(facecolor=TONES[kind], label=f"{kind}: {MEANING[kind]}") for kind in KINDS]
     entries.append(Patch(fill=False, edgecolor=SILENT, linewidth=1.5, label="framed: wrong, and it did not say so"))
     figure.legend(
         handles=entries,
         loc="lower left",
-        bbox_to_anchor=(0.006, 0.05 / height),
+        bbox_to_anchor=(0.006, (above + 0.05) / height),
         ncols=3,
         frameon=False,
         fontsize=9.5,

@@ -20,6 +20,8 @@ from softseam.session import open_as_given
 from softseam_protocol.facts import machine
 from softseam_protocol.scene import Scene
 
+PREFIX = "long"
+"""of the files' names"""
 N_STEPS = 100_000
 WINDOW = 1_000
 """steps whose mean is compared, after the first settling and at the end"""
@@ -107,7 +109,7 @@ def long_run(store: Store, folder: Path, console: Console, n_steps: int = N_STEP
     """All models; writes long.json, and prints the figures."""
     runs = []
     for model in MODELS:
-        key = f"long-{model}-{n_steps}"
+        key = f"{PREFIX}-{model}-{n_steps}"
         data = store.read(key)
         run = LongRun(**data) if data is not None else hold(model, n_steps, console)
         if data is None:

@@ -19,6 +19,10 @@ from softseam.atlas.controls import (
     negative_jacobian,
 )
 from softseam.chart.store import Store
+from softseam.errors import BadInput
+
+PREFIX = "pitfall"
+"""of the files' names"""
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ def pitfalls(store: Store) -> list[Row]:
     """Measure every pitfall, or read what was measured before."""
     rows = []
     for name, measure in PITFALLS.items():
-        key = "pitfall-" + name.lower().replace(" ", "-").replace("'", "")
+        key = _key(name)
         data = store.read(key)
         if data is None:
             control, remedy, holds, test = measure()
@@ -66,3 +70,16 @@ def pitfalls(store: Store) -> list[Row]:
             store.write(key, data)
         rows.append(Row(**data))
     return rows
+
+
+def kept_pitfalls(store: Store) -> list[Row]:
+    """What was measured before; none where a pitfall is missing, spoilt or of other code."""
+    try:
+        found = [store.read(_key(name)) for name in PITFALLS]
+    except BadInput:
+        return []
+    return [Row(**data) for data in found if data is not None] if None not in found else []
+
+
+def _key(name: str) -> str:
+    return f"{PREFIX}-" + name.lower().replace(" ", "-").replace("'", "")

@@ -9,19 +9,22 @@ from pathlib import Path
 
 from softseam.atlas.atlas import Filled
 
+NOT_COMPUTED = "not computed"
 COLUMNS = ("map", "panel", "x", "y", "kind", "silent", "control", "error", "safeguards", "told", "why")
 
 
 def write_csv(maps: Sequence[Filled], path: Path) -> None:
-    """Write all maps, all or nothing; errors relative, not in per cent."""
+    """Write all maps, all or nothing; errors relative, not in per cent. One row tells of a map not computed."""
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with fresh.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(COLUMNS)
             for filled in maps:
-                for cell in filled.map.cells:
-                    verdict = filled.verdicts[filled.map.key(cell)].as_json()
+                if not filled.verdicts:
+                    writer.writerow((filled.map.name, "", "", "", NOT_COMPUTED, *[""] * (len(COLUMNS) - 5)))
+                for cell, judged in filled.judged:
+                    verdict = judged.as_json()
                     panel = filled.map.panels[cell.panel]
                     where = (filled.map.name, panel.title, panel.columns[cell.column], panel.rows[cell.row])
                     flags = (verdict["kind"], str(verdict["silent"]).lower(), str(cell.control).lower())

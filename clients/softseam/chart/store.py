@@ -37,9 +37,23 @@ class Identity:
 class Store:
     """A folder of finished pieces of work, one JSON file each."""
 
-    def __init__(self, folder: Path, identity: Identity, remedy: str) -> None:
-        """remedy  what to do about a file that is refused, e.g. 'start anew with --fresh'"""
+    def __init__(
+        self,
+        folder: Path,
+        identity: Identity,
+        remedy: str,
+        *,
+        writer: str = "softseam chart",
+        other: str = "another scene",
+    ) -> None:
+        """Raises BadInput where the folder cannot be made.
+
+        remedy  what to do about a file that is refused, e.g. 'start anew with --fresh'
+        writer  the command whose files these are
+        other   what a file belongs to whose `Identity.scene` is not ours
+        """
         self.folder, self._identity, self._remedy = folder, identity, remedy
+        self._writer, self._other = writer, other
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -66,16 +80,16 @@ class Store:
         except ValueError:
             raise self.refused(name, "is corrupt: it is not JSON") from None
         if not isinstance(document, dict) or not {"softseam_chart", "identity", "digest", "data"} <= document.keys():
-            raise self.refused(name, "was not written by softseam chart")
+            raise self.refused(name, f"was not written by {self._writer}")
         if document["softseam_chart"] != VERSION:
-            raise self.refused(name, "was written by another version of softseam chart")
+            raise self.refused(name, f"was written by another version of {self._writer}")
         data = document["data"]
         if not isinstance(data, dict) or document["digest"] != _digest(data):
             raise self.refused(name, "is corrupt: its contents do not match its digest")
         for part, ours in asdict(self._identity).items():
             theirs = dict(document["identity"]).get(part)
             if theirs != ours:
-                told = {"scene": "another scene", "code": "other code", "machine": f"another machine ({theirs})"}
+                told = {"scene": self._other, "code": "other code", "machine": f"another machine ({theirs})"}
                 raise self.refused(name, f"belongs to {told[part]}")
         return data
 
