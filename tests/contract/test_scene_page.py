@@ -1,0 +1,51 @@
+"""docs/scene.md tells the truth: its scene is one, and no key or quantity of a scene file goes unexplained."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from rich.console import Console
+
+from softseam.checking import check_scene
+from softseam.columns import UNITS
+from softseam_protocol.scene import Quantity
+from softseam_protocol.scene_file import scene_schema
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "scene.md").read_text(encoding="utf-8")
+LINKED = ("tools.md", "materials.md", "particles.md", "pbd.md", "import.md")
+"""pages that explain the keys of one part"""
+
+
+def test_the_example_is_checked_without_complaint(tmp_path: Path) -> None:
+    found = re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    assert found
+    path = tmp_path / "my_press.yaml"
+    path.write_text(found[1], encoding="utf-8")
+    console = Console(record=True, quiet=False, file=(tmp_path / "out").open("w"), width=200)
+    check_scene(str(path), (), console)
+    assert "my_press" in console.export_text()
+
+
+def keys() -> list[str]:
+    """Every key that a scene file may have, with the spec that has it."""
+    schema = json.loads(scene_schema())
+    specs = {"Scene": schema, **schema["$defs"]}
+    return [f"{name}.{key}" for name, spec in specs.items() for key in spec.get("properties", {})]
+
+
+def test_every_key_is_explained_here_or_where_this_page_leads() -> None:
+    pages = [PAGE, *((DOCS / name).read_text(encoding="utf-8") for name in LINKED if f"]({name}" in PAGE)]
+    code = " ".join(text for page in pages for text in re.findall(r"```.*?```|`[^`]+`", page, re.DOTALL))
+    missing = [key for key in keys() if not re.search(rf"\b{key.partition('.')[2]}\b", code)]
+    assert not missing
+
+
+@pytest.mark.parametrize("quantity", get_args(Quantity))
+def test_every_quantity_has_its_unit(quantity: str) -> None:
+    row = next(line for line in PAGE.partition("## Quantities")[2].splitlines() if f"`{quantity}`" in line)
+    assert UNITS[quantity] in [unit.strip() for unit in row.split("|")[2].split(",")]
