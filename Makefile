@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo chart references plans atlas results bus pbd test lint types lock clean
+.PHONY: help demo chart rivals references plans atlas results bus pbd test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -12,13 +12,16 @@ SOURCES := protocol coupling services clients tests
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
 
 demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recording, report and pictures in out/
 	@$(VENV)/bin/softseam demo
 
 chart: $(VENV)/.dev ## regenerate docs/chart.md: accuracy against speed on this machine
 	@$(PY) tests/benchmarks/chart.py
+
+rivals: $(VENV)/.dev ## measure other simulators, installed in out/, for the marks in docs/chart.md
+	@PYTHONPATH=tests $(PY) tests/benchmarks/rivals.py
 
 references: $(VENV)/.dev ## make the references that ship with the scenes anew: hours
 	@PYTHONPATH=tests $(PY) tests/benchmarks/truths.py

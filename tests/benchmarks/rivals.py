@@ -1,4 +1,4 @@
-"""Other simulators on our scenes, as marks of our charts: `python tests/benchmarks/rivals.py [--scenes ...]`.
+"""Other simulators on our scenes, as marks of our charts: `make rivals`, or `python tests/benchmarks/rivals.py`.
 
 Charts the scenes with softseam, makes a scratch environment for each rival (from the package index, so no part of any
 test), runs the rivals one after the other on the same scenes on this machine right afterwards, compares their curves

@@ -37,6 +37,13 @@ def test_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
     duration = expected_duration(softseam.load_scene("tofu_grasp"))
     assert duration is not None and len(lines) == math.ceil(duration / 0.01 - 1e-6)
     assert float(lines[-1].split()[1]) > 3.0  # it grips [N]
+    assert max(float(line.split()[3]) for line in lines) > 0.0, "there is no seam whose gap it could print"
+
+
+def test_the_first_picture_s_caption_gives_its_command() -> None:
+    """It shows both models, which `softseam run` of a scene so small has only where it is told so."""
+    caption = README.partition("docs/pictures/tofu_grasp.png)")[2].partition("\n#")[0]
+    assert "softseam run tofu_grasp --model hybrid --pictures" in caption
 
 
 def test_commands_exist() -> None:

@@ -10,15 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import solids
+from benchmarks.pictures import WIDTH, smaller
 from matplotlib.image import imread
+from PIL import Image
 from solids import obj
 from squeeze import Squeeze
 
 import softseam
 from softseam.pictures import draw_pictures
 from softseam.recording import Recording
+from softseam.replay.facts import summary
 from softseam.replay.show import save_rrd
+from softseam.replay.world import find_scales
+from softseam.report import ReportBuilder
 from softseam.view import colors
+from softseam.view.surface import DisplaySurface
 from softseam_services.recorder.recorder import McapRecorder
 
 
@@ -67,6 +73,33 @@ def test_three_pictures_that_show_something(recording: Path, drawn: subprocess.C
         assert picture.shape[0] > 400 and picture.shape[1] > 1000
         assert picture[..., :3].std() > 0.02, f"{path.name} is blank"
     assert set(written[0].parent.iterdir()) == set(written)
+
+
+def test_fem_alone_is_painted_as_fem(tmp_path: Path) -> None:
+    """In coral, though all of its cells are in the far region, and blue is PBD's."""
+    with softseam.open("tofu_grasp", model="fem", record=tmp_path / "run.mcap") as session:
+        session.reset()
+        session.step(count=2)
+    snapshots = imread(draw_pictures(tmp_path / "run.mcap", tmp_path)[0])
+    body = snapshots[: len(snapshots) // 2]
+    assert hue_present(body, colors.NEAR) > 0.01 and hue_present(body, colors.FAR) < 1e-4
+    recording = Recording(tmp_path / "run.mcap")
+    assert recording.surface is not None
+    builder = ReportBuilder(recording.bundle)
+    for message in recording:
+        builder.add(message)
+    told = summary(recording, builder, find_scales(recording, DisplaySurface(recording.surface)))
+    assert "Coral: FEM. Yellow" in told
+
+
+def test_a_smaller_picture_keeps_the_scale_of_stress_even() -> None:
+    """Beside a large picture of other colours; a palette chosen for the picture alone leaves bands."""
+    other = np.linspace([255, 200, 180], [60, 20, 0], 500).astype(np.uint8)
+    seen = np.broadcast_to(other[:, None], (500, WIDTH, 3)).copy()
+    seen[:100], seen[100:112] = 255, colors.stress_colors(np.linspace(0.0, 1.0, WIDTH), 1.0)
+    found = np.asarray(smaller(Image.fromarray(seen)).convert("RGB")).astype(int)
+    assert (found[:90] == 255).all()
+    assert np.abs(np.diff(found[106], axis=0)).max() < 10
 
 
 def test_a_recording_cut_before_its_first_frame_still_gives_no_traceback(recording: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 from squeeze import Squeeze
 
 from softseam.stress import von_mises
+from softseam.view import colors
 from softseam.view.colors import engineering, round_up, stress_colors
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface
@@ -208,3 +209,12 @@ def test_a_fitted_camera_fills_the_picture() -> None:
     part = np.ptp(at, axis=0) / [300, 200]
     assert_allclose(part.max(), 0.9, rtol=0.02)
     assert_allclose(0.5 * (at.min(axis=0) + at.max(axis=0)), [150, 100], atol=3.0)
+
+
+def test_one_region_has_the_name_and_colour_of_its_model() -> None:
+    """Whatever the region is called: FEM is coral and PBD is blue, alone as beside each other."""
+    assert colors.regions({"far": "fem"}) == {"far": ("FEM", colors.NEAR)}
+    assert colors.regions({"near": "fem"}) == {"near": ("FEM", colors.NEAR)}
+    assert colors.regions({"far": "pbd"}) == {"far": ("PBD", colors.FAR)}
+    both = {"near": ("near region: FEM", colors.NEAR), "far": ("far region: PBD", colors.FAR)}
+    assert colors.regions({"far": "pbd", "near": "fem"}) == both

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 
 import numpy as np
 import rerun as rr
@@ -40,7 +41,7 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str
         lines.append(f"| {name} ({region['model']}) | {region['n_elements']['max']:.0f} cells at most |")
     lines += [
         "",
-        "**Colours.** Coral: near region. Blue: far region. Yellow arrows: contact forces on the body. "
+        f"**Colours.** {_painted(builder.columns.models)} Yellow arrows: contact forces on the body. "
         "Green: seam nodes and the seam's force on the near side.",
         "",
         f"Longest arrows: contact {colors.engineering(scales.contact, 'N')}, "
@@ -49,6 +50,12 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str
         f"Seed {recording.seed}; softseam {recording.facts.get('softseam', '?')}; {recording.facts.get('machine', '')}",
     ]
     return "\n".join(lines)
+
+
+def _painted(models: Mapping[str, str]) -> str:
+    """What the body's colours mean."""
+    words = {colors.NEAR: "Coral", colors.FAR: "Blue"}
+    return " ".join(f"{words[tone]}: {label}." for label, tone in colors.regions(models).values())
 
 
 def log_scale(stream: rr.RecordingStream, surface: DisplaySurface, top: float) -> None:

@@ -66,6 +66,8 @@ class World:
         self._stream, self._surface, self._scales = stream, surface, scales
         meshes = {} if recording.surface is None else recording.surface.tools
         self._tools = tool_shapes(recording.scene, surface.extent, meshes)
+        regions = recording.scene.regions
+        self._far = colors.FAR if regions.near is not None else colors.MODEL[regions.default]
         self._near: NDArray[np.bool_] | None = None
         self._error = (paths.ERROR,) if scales.error > 0.0 else ()
         self._log_static()
@@ -80,7 +82,7 @@ class World:
             self._stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
         ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
         self._stream.log(paths.GHOST, ghost, static=True)
-        for path, color in ((paths.NEAR, colors.NEAR), (paths.FAR, colors.FAR)):
+        for path, color in ((paths.NEAR, colors.NEAR), (paths.FAR, self._far)):
             self._stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
 
     def log(self, frame: Frame) -> None:

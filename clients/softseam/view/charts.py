@@ -87,10 +87,9 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     middle.set_ylim(0.0, 1e3 * max(float(np.quantile(total, 0.99)), 1e-9) * 1.35)
     _phases(middle, columns)
     plain(right, "cells in each region", _TIME)
-    for name, model in columns.models.items():
-        tone = _tone(0 if name == "near" else 1)
+    for name, (label, tone) in colors.regions(columns.models).items():
         cells = np.nan_to_num(columns[f"{name}.cells"])
-        right.step(time, cells, where="post", color=tone, linewidth=1.8, label=f"{name} ({model})")
+        right.step(time, cells, where="post", color=_shade(tone), linewidth=1.8, label=label)
     right.set_ylim(bottom=0.0)
     right.legend(frameon=False, fontsize=9, labelcolor=INK)
     return write(figure, path)
@@ -146,5 +145,9 @@ def _running_median(values: Floats, reach: int = 7) -> Floats:
 
 
 def _tone(index: int) -> tuple[float, float, float]:
-    red, green, blue = colors.SERIES[index % len(colors.SERIES)]
+    return _shade(colors.SERIES[index % len(colors.SERIES)])
+
+
+def _shade(tone: colors.Tone) -> tuple[float, float, float]:
+    red, green, blue = tone
     return red / 255.0, green / 255.0, blue / 255.0

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Tone = tuple[int, int, int]
 
 NEAR = (232, 121, 74)
 """warm coral: the near region (usually FEM)"""
 FAR = (108, 148, 196)
 """slate blue: the far region (usually PBD)"""
+MODEL: dict[str, Tone] = {"fem": NEAR, "pbd": FAR}
+"""of a body with one region"""
 BORDER = (255, 255, 255)
 """white: where an inclusion begins"""
 TOOL = (166, 172, 184)
@@ -58,6 +63,20 @@ def engineering(value: float, unit: str) -> str:
         if abs(value) >= factor:
             return f"{value / factor:.3g} {prefix}{unit}"
     return f"{value:.3g} {unit}"
+
+
+def regions(models: Mapping[str, str]) -> dict[str, tuple[str, Tone]]:
+    """Label and colour of each region, near before far; where there is one alone, those of its model.
+
+    >>> regions({"far": "fem"}) == {"far": ("FEM", NEAR)}
+    True
+
+    models  'fem' or 'pbd' by region, 'near' or 'far', as in `Columns.models`
+    """
+    if len(models) == 1:
+        return {name: (model.upper(), MODEL[model]) for name, model in models.items()}
+    tones = {"near": NEAR, "far": FAR}
+    return {name: (f"{name} region: {models[name].upper()}", tones[name]) for name in tones if name in models}
 
 
 def label(name: str) -> str:

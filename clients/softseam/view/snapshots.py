@@ -36,6 +36,8 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     frames = _pick(recording)
     stresses = [surface.load(frame) for frame in frames]
     top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
+    tones = {"near": colors.NEAR, "far": colors.FAR}
+    tones |= {name: tone for name, (_, tone) in colors.regions(builder.columns.models).items()}
     tools = tool_shapes(recording.scene, surface.extent, recording.surface.tools)
     camera, height = _camera(frames, tools, surface.extent)
     errors = _errors(frames, surface)
@@ -48,7 +50,7 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     figure.subplots_adjust(left=0.012, right=0.988, top=1.0 - 1.15 / tall, bottom=0.8 / tall, wspace=0.025, hspace=0.03)
     for column, (frame, stress) in enumerate(zip(frames, stresses, strict=True)):
         near = surface.near(frame.cell_near)
-        tint = np.where(near[:, None], colors.NEAR, colors.FAR) / 255.0
+        tint = np.where(near[:, None], tones["near"], tones["far"]) / 255.0
         layers = [np.broadcast_to(tint[:, None, :], (len(tint), 3, 3)), _corners(surface, stress, top)]
         if errors:
             layers.append(_corners(surface, errors[column], wrong))
@@ -150,11 +152,9 @@ def _draw(
 
 def _legend(figure: Figure, builder: ReportBuilder, tall: float, *, outlined: bool) -> None:
     """What the colours mean, below the rows."""
-    models = builder.columns.models
     patches = [
-        Patch(color=(tone[0] / 255.0, tone[1] / 255.0, tone[2] / 255.0), label=f"{name} region: {models[name].upper()}")
-        for name, tone in (("near", colors.NEAR), ("far", colors.FAR))
-        if name in models
+        Patch(color=(tone[0] / 255.0, tone[1] / 255.0, tone[2] / 255.0), label=label)
+        for label, tone in colors.regions(builder.columns.models).values()
     ]
     patches.append(Patch(color=(0.78, 0.80, 0.83), label="tools"))
     if outlined:
