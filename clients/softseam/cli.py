@@ -267,7 +267,7 @@ def atlas(
     long: Annotated[
         bool, typer.Option("--long", help="Instead: hold a small body for 100,000 steps with each model.")
     ] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept runs.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept runs of what is asked for.")] = False,
 ) -> None:
     """Map stability where methods fail: which settings are accurate, recovered, wrong, unstable, or refused."""
     from softseam.atlas.command import Wishes

@@ -76,7 +76,7 @@ What the names of configurations say:
   fastest.
 - An error is one of the whole motion, the settling and every change of phase included; between steps a run is taken as
   straight. Runs whose accuracy is measured look at their fields in every step, those that are timed do not.
-- Other simulators were measured on the same machine right after ours by `python tests/benchmarks/rivals.py`, against
+- Other simulators were measured on the same machine right after ours by `make rivals`, against
   the same references; their laws, drives and contacts differ from ours a little. Their error is the worst of the
   quantities that they can report, which are fewer than ours. *Times faster* is how much sooner the fastest of ours is
   done whose error is no larger.
