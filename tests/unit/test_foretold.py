@@ -133,11 +133,14 @@ class Bench:
         self.asked: list[str] = []
 
     def __call__(self, one: Configuration) -> Outcome:
+        assert one.fem is not None
+        if one.fem.cells not in {each.fem.cells for each in self.wanted if each.fem is not None}:
+            return Outcome("refused", "finer cells are test_refined.py's")
         self.asked.append(one.key)
         return self.outcomes[one.key]
 
     def extra(self) -> list[str]:
-        """What was asked for beside what was wanted."""
+        """What was asked for beside what was wanted, on its cells."""
         return [key for key in self.asked if key not in {one.key for one in self.wanted}]
 
 

@@ -9,7 +9,7 @@ so that only what is promising is run.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,17 +22,15 @@ from softseam.chart.series import Series
 Run = tuple[Configuration, Outcome]
 
 
-def foretold(runs: Iterable[Run]) -> Iterator[Run]:
+def foretold(runs: Sequence[Run], more: Sequence[Run] = ()) -> Iterator[Run]:
     """FEM alone with shorter steps than its cells were run with, and what it will do by eq. (1), each once.
 
     f are the most cells that were run with both steps, by the same scheme; what a run will take [s] goes by that of c.
+
+    more  were not run, but are foretold otherwise (refined.py): they may be c, and not f
     """
-    by_cells: dict[str, dict[float, _Made]] = {}
-    for one, outcome in runs:
-        if one.fem is not None and outcome.status == "done" and outcome.series is not None:
-            by_cells.setdefault(one.fem.cells, {})[one.fem.step] = _Made(one.fem, outcome, outcome.series)
-    families = sorted((made for made in by_cells.values() if len(made) > 1), key=_standing)
-    for made in by_cells.values():
+    families = with_steps(by_cells(runs))
+    for made in by_cells([*more, *runs]).values():
         base = made[min(made)]
         alike = [each for each in families if base.fem.step in each and _any(each).integrator == base.fem.integrator]
         of_most = {step: each for each in alike for step in each if step < base.fem.step}
@@ -43,7 +41,7 @@ def foretold(runs: Iterable[Run]) -> Iterator[Run]:
             yield replace(one, seconds=seconds), replace(base.outcome, series=series)
 
 
-class _Made(NamedTuple):
+class Made(NamedTuple):
     """A run of FEM alone."""
 
     fem: Fem
@@ -51,11 +49,25 @@ class _Made(NamedTuple):
     series: Series
 
 
-def _any(made: dict[float, _Made]) -> Fem:
+def by_cells(runs: Iterable[Run]) -> dict[str, dict[float, Made]]:
+    """Those of the runs that are FEM alone and ended well, by their cells and scheme, then by their step [s]."""
+    found: dict[str, dict[float, Made]] = {}
+    for one, outcome in runs:
+        if one.fem is not None and outcome.status == "done" and outcome.series is not None:
+            found.setdefault(one.fem.cells, {})[one.fem.step] = Made(one.fem, outcome, outcome.series)
+    return found
+
+
+def with_steps(made_by_cells: Mapping[str, dict[float, Made]]) -> list[dict[float, Made]]:
+    """Cells that were run with more than one step; those that say most of it last."""
+    return sorted((made for made in made_by_cells.values() if len(made) > 1), key=_standing)
+
+
+def _any(made: dict[float, Made]) -> Fem:
     return next(iter(made.values())).fem
 
 
-def _standing(made: dict[float, _Made]) -> tuple[int, bool, str]:
+def _standing(made: dict[float, Made]) -> tuple[int, bool, str]:
     """More cells say more of a step; of as many, the default's."""
     cells = _any(made)
     return cells.n_cells, cells.is_plain, cells.cells

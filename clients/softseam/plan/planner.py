@@ -3,8 +3,9 @@
 Nothing is guessed. The reference ships with the scene (the chart's shipped.py), or is FEM alone, refined here until it
 is known to a fraction of the tolerance (climb.py); the configurations are tried cheapest first, each once, until those
 left cannot be faster than the best one found. Cells with shorter steps than the chart's are tried where runs so far
-foretell that they are accurate enough (foretold.py). What counts as an error is what a run differs from the reference
-by, and what the reference may be off by, as errors that know nothing of each other add up: e* = sqrt(e^2 + u^2).
+foretell that they are accurate enough (foretold.py), and then finer ones (refined.py). What counts as an error is what
+a run differs from the reference by, and what the reference may be off by, as errors that know nothing of each other add
+up: e* = sqrt(e^2 + u^2).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
 from softseam.plan.foretold import Run, foretold
 from softseam.plan.kept import Goal, Plan, Tried
+from softseam.plan.refined import refined
 
 REFERENCE = 0.25
 """the reference is refined until it is known to this share of the tolerance [1]"""
@@ -54,7 +56,7 @@ def known_to(tolerance: float) -> float:
 
 
 MISLED = 3
-"""so many runs that are far less accurate than was foretold end the trying: here errors of cells and steps meddle"""
+"""so many runs that fail or are far less accurate than was foretold end the trying: errors of cells and steps meddle"""
 FAR = 1.25
 """times the error that was foretold: what is nearer is just not accurate enough, and something a little finer is [1]"""
 Measure = Callable[[Configuration], Outcome]
@@ -150,20 +152,30 @@ class _Search:
                 learn(self._pace, one, self._run(one))
 
     def attempt_foretold(self) -> None:
-        """Run what is foretold to be accurate enough and may be the fastest, cheapest first; each run tells more."""
+        """Run what is foretold to be accurate enough and may be the fastest, cheapest first; each run tells more.
+
+        First cells that were run, with shorter steps; then finer cells, too.
+        """
+        misled = self._attempt_told(foretold)
+        given_up = {one.key for one, _ in foretold(list(self.runs.values()))} if misled else set()
+        self._attempt_told(lambda runs: (run for run in _told(runs, self._reference) if run[0].key not in given_up))
+
+    def _attempt_told(self, tell: Callable[[Sequence[Run]], Iterable[Run]]) -> bool:
+        """Run what is told; whether that was given up since it misled."""
         misled = 0
         while misled < MISLED:
-            told = [run for run in foretold(self.runs.values()) if run[0].key not in self.runs]
+            told = [run for run in tell(list(self.runs.values())) if run[0].key not in self.runs]
             hoped = {one.key: self._judged(one, outcome).error for one, outcome in told}
             good = [one for one, _ in told if hoped[one.key] <= self._goal.tolerance]
             one = min(good, key=lambda c: (c.seconds, c.key), default=None)
             if one is None or not self._may_be_fastest(one.seconds):
-                return
+                return False
             outcome = self._run(one)
             if outcome.status in ("left out", "stopped"):
                 self.late = self.late or one
             bound = max(self._goal.tolerance, FAR * hoped[one.key])
-            misled += outcome.status == "done" and self.tried[-1].error > bound
+            misled += outcome.status == "failed" or (outcome.status == "done" and self.tried[-1].error > bound)
+        return True
 
     def _may_be_fastest(self, seconds: float) -> bool:
         return seconds <= HOPE * self._least
@@ -179,6 +191,13 @@ class _Search:
 
     def _judged(self, one: Configuration, outcome: Outcome) -> Tried:
         return judged(one, outcome, self._reference, self._goal.harder, self._goal.tolerance)
+
+
+def _told(runs: Sequence[Run], reference: Reference) -> Iterable[Run]:
+    """What runs foretell of finer cells and of shorter steps, each once."""
+    finer = list(refined(runs, reference))
+    every = (*foretold(runs), *finer, *foretold(runs, finer))
+    return {one.key: (one, outcome) for one, outcome in reversed(every)}.values()
 
 
 def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
