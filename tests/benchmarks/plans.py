@@ -116,8 +116,8 @@ others that have a limit are off by at least; *cost* is the plan's run over that
   looked at in every step, which is slower. A chart takes the median of three: its speeds differ by that and by what
   else the machine does.
 - A configuration that would not end within a quarter of the time is left out of the sweep, as in a chart.
-- Cells with shorter steps than the sweep's are run where its runs foretell that they are accurate enough, beside it and
-  for as long as they take: `softseam plan` may need more `--minutes` than its five.
+- Finer cells than the sweep's, and cells with shorter steps, are run where its runs foretell that they are accurate
+  enough, beside it and for as long as they take: `softseam plan` may need more `--minutes` than its five.
 """
 
 

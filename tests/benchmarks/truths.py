@@ -101,18 +101,18 @@ def take_over(ladder: Ladder, code: str, console: Console) -> None:
             ours.write(name, level.as_json())
 
 
-def levels_in(folder: Path, key: str) -> list[tuple[int, float, str, Outcome]]:
+def levels_in(folder: Path, key: str) -> list[tuple[float, float, str, Outcome]]:
     """Cells across, step [s], file and outcome of all levels that are kept of other code."""
     found = []
     for path in sorted(folder.glob("level-*.json")):
         identity = json.loads(path.read_text(encoding="utf-8"))["identity"]
         data = Store(folder, Identity(key, identity["code"]), REMEDY).read(path.stem)
         _, across, step, _ = path.stem.split("-")
-        found.append((int(across), 1e-3 * float(step.removesuffix("ms")), path.stem, Outcome.from_json(data or {})))
+        found.append((float(across), 1e-3 * float(step.removesuffix("ms")), path.stem, Outcome.from_json(data or {})))
     return found
 
 
-def apart(ladder: Ladder, across: int, step: float, found: Sequence[tuple[int, float, str, Outcome]]) -> float:
+def apart(ladder: Ladder, across: float, step: float, found: Sequence[tuple[float, float, str, Outcome]]) -> float:
     """By how much a level differs from what it did: the worst quantity, relative to its scale [1]."""
     ladder.run(across, step, math.inf)
     now, time = ladder.series((across, step)), ladder.common([(across, step)])
@@ -168,7 +168,7 @@ def main() -> None:
             failed.append(name)
             continue
         levels = ", ".join(
-            f"{level.across}{'' if level.grading == 1.0 else ' graded'} at {1e3 * level.step:.3g} ms"
+            f"{level.across:g}{'' if level.grading == 1.0 else ' graded'} at {1e3 * level.step:.3g} ms"
             for level in reference.levels
         )
         console.print(table(reference))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, climb_graded, short_enough, steps_at
+from softseam.chart.climb import climb, climb_graded, short_enough, steps_at, with_halves
 from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told
@@ -29,12 +29,12 @@ class Known(Ladder):
     def __init__(self, frame: Frame, cost: float, rise: float = 0.0) -> None:
         super().__init__("tofu_grasp", (), frame, ("grip_force",))
         self.graded = None
-        self.cost, self.rise, self.asked = cost, rise, list[tuple[int, float]]()
+        self.cost, self.rise, self.asked = cost, rise, list[tuple[float, float]]()
 
-    def cached(self, across: int, step: float) -> Outcome | None:
+    def cached(self, across: float, step: float) -> Outcome | None:
         return self.done.get((across, step))
 
-    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         if (across, step) not in self.done:
             self.asked.append((across, step))
             force = np.full(len(TIME), 1.0 + 0.1 / across + step)
@@ -49,7 +49,7 @@ class Known(Ladder):
 class Meddling(Known):
     """Levels of J = 1 + 10 dt + h (1/10 - 8 dt): what cells do to it depends on the step."""
 
-    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         found = super().run(across, step, limit_s, told)
         if found.series is not None:
             found.series.values["grip_force"][:] = 1.0 + 10.0 * step + (0.1 - 8.0 * step) / across
@@ -75,6 +75,42 @@ def test_levels_end_with_the_last_that_ends_within_the_budget() -> None:
     assert found.truth["grip_force"].values == pytest.approx(np.ones(len(TIME)), abs=1e-9)
 
 
+def test_what_no_whole_level_fits_in_goes_to_levels_between() -> None:
+    """Whole levels to seven across and steps leave some of 125 s, and eight across do not fit."""
+    slab = frame("tofu_slab", (0.24, 0.16, 0.06))
+    ladder = Known(slab, 0.1)
+    found = climb(ladder, slab, 125.0, told, target=1e-6)
+    across = [level.across for level in found.levels if level.step == slab.scene.step]
+    whole = [each for each in across if each == int(each)]
+    assert whole == list(range(2, int(across[-1]) + 1)) and 8 not in across
+    assert across == sorted(across) and len(across) > len(whole)
+    assert ladder.spent <= 125.0
+    force = found.truth["grip_force"]
+    assert force.uncertainty < 0.02
+    assert force.values == pytest.approx(np.ones(len(TIME)), abs=force.uncertainty)
+
+
+def test_levels_between_are_tried_from_the_finest_each_of_other_cells_than_all() -> None:
+    """Of tofu_slab 4.5 across are 18 x 12 x 4 cells; of a cube half of them are those of the next level."""
+    asked: list[float] = []
+
+    def take(across: float) -> bool:
+        asked.append(across)
+        return across < 5
+
+    slab = frame("tofu_slab", (0.24, 0.16, 0.06))
+    assert with_halves(slab, [2, 3, 4, 5, 6], take) == [2, 2.5, 3, 3.5, 4, 4.5, 5, 6]
+    assert asked == [5.5, 4.5, 3.5, 2.5]
+    counts = [slab.level(across) for across in (2, 2.5, 3, 3.5, 4, 4.5, 5)]
+    assert len({slab.n_cells(each) for each in counts}) == len(counts)
+    assert with_halves(frame(), [2, 4, 6], lambda across: True) == [2, 3, 4, 5, 6]
+
+
+def test_levels_that_divide_cells_alike_have_none_between() -> None:
+    heavy = frame("heavy_on_soft", (0.06, 0.04, 0.04))
+    assert with_halves(heavy, [2, 4, 6], lambda across: True) == [2, 4, 6]
+
+
 class Thinner(Known):
     """A second family: J = 1 + h/30 + dt + `apart`, on an eighth more cells."""
 
@@ -82,12 +118,12 @@ class Thinner(Known):
         super().__init__(frame, cost)
         self._grading, self.apart, self.most = 4.0, apart, 99
 
-    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         if (across, step) not in self.done:
             found = super().run(across, step, limit_s, told)
             force = np.full(len(TIME), 1.0 + 0.1 / 3 / across + step + self.apart)
             series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": np.ones(len(TIME))})
-            self.done[across, step] = replace(found, series=series, n_cells=across**3 + across**3 // 8)
+            self.done[across, step] = replace(found, series=series, n_cells=int(1.125 * across**3))
         return self.done[across, step]
 
 
@@ -122,9 +158,9 @@ def test_families_that_disagree_leave_more_uncertain(apart: float) -> None:
 
 def test_levels_of_no_more_cells_are_left_out() -> None:
     """Between planes, seven across may be what six are."""
-    ladder, cells = Thinner(frame(), 1e-4), {3: 27, 4: 64, 5: 64, 6: 60, 7: 125}
+    ladder, cells = Thinner(frame(), 1e-4), {3.0: 27, 4.0: 64, 5.0: 64, 6.0: 60, 7.0: 125}
 
-    def take(across: int) -> bool:
+    def take(across: float) -> bool:
         if across in cells:
             found = ladder.run(across, 0.01, 1.0)
             ladder.done[across, 0.01] = replace(found, n_cells=cells[across])
@@ -135,7 +171,7 @@ def test_levels_of_no_more_cells_are_left_out() -> None:
 
 def test_thin_cells_that_fail_end_their_family_and_not_the_reference() -> None:
     class Failing(Thinner):
-        def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+        def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
             if across > self.most:
                 raise SoftseamError("the reference cannot be computed")
             return super().run(across, step, limit_s, told)

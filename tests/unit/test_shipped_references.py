@@ -45,15 +45,15 @@ class Known(Ladder):
         scene = with_settings(load_scene("tofu_grasp"), settings)
         super().__init__("tofu_grasp", settings, Frame(scene, np.full(3, 0.05)), names)
         self.graded = None
-        self.cost, self.asked = cost, list[tuple[int, float]]()
+        self.cost, self.asked = cost, list[tuple[float, float]]()
 
-    def cached(self, across: int, step: float) -> Outcome | None:
+    def cached(self, across: float, step: float) -> Outcome | None:
         return self.done.get((across, step))
 
-    def seconds(self, across: int, step: float) -> float:
+    def seconds(self, across: float, step: float) -> float:
         return self.cost * across**3
 
-    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         self.asked.append((across, step))
         wave = 1.0 + 0.1 * np.sin(9.0 * TIME)
         values = {

@@ -24,7 +24,7 @@ QUICK = [(3, 0.01), (2, 0.005)]
 """of those that take no longer than a check may: of most cells at the longest step, and of the shortest step"""
 
 
-def level(across: int, step: float) -> Outcome:
+def level(across: float, step: float) -> Outcome:
     time = np.arange(0.0, 1.0, 0.01)
     series = Series(time, np.zeros(100), {"grip_force": 1.0 + 0.1 / across + step + 0.0 * time})
     spent = 2.0 if across < 6 and step > 0.004 else 60.0
@@ -36,9 +36,9 @@ class Known(Ladder):
 
     def __init__(self) -> None:
         super().__init__("tofu_grasp", (), Frame(load_scene("tofu_grasp"), np.full(3, 0.05)), ("grip_force",))
-        self.asked = list[tuple[int, float]]()
+        self.asked = list[tuple[float, float]]()
 
-    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         self.asked.append((across, step))
         self.done[across, step] = level(across, step)
         assert self._store is not None
@@ -46,15 +46,15 @@ class Known(Ladder):
         return self.done[across, step]
 
 
-def name(across: int, step: float) -> str:
-    return f"level-{across}-{1e3 * step:g}ms-all"
+def name(across: float, step: float) -> str:
+    return f"level-{across:g}-{1e3 * step:g}ms-all"
 
 
 def folder(code: str) -> Path:
     return cache_folder() / f"tofu_grasp-{Known().key[:12]}-{code[:8]}"
 
 
-def left(change: Callable[[tuple[int, float]], float], code: str = OLD) -> None:
+def left(change: Callable[[tuple[float, float]], float], code: str = OLD) -> None:
     """Levels of other code, whose force differs by this share."""
     store = Store(folder(code), Identity(Known().key, code), "")
     for rung in RUNGS:

@@ -1,13 +1,14 @@
 """How a reference is refined: cells at the scene's step, then the step at nearly cubic cells about as fine as its own.
 
-Refined until both are fine enough, or the next level would not end within the budget. Where the scene's step changes
+Refined until both are fine enough, or the next level would not end within the budget: what is left of that goes into
+levels between those that are there, for where levels scatter more of them know more. Where the scene's step changes
 much of what happens, cells are refined at a shorter one as well, and these count.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import takewhile
+from itertools import pairwise, takewhile
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def climb(
     step, second = frame.scene.step, ladder.graded
     enough = True
 
-    def take(across: int, step: float, share: float, of: Ladder = ladder) -> bool:
+    def take(across: float, step: float, share: float, of: Ladder = ladder) -> bool:
         spent = ladder.spent_in_all
         new = of.cached(across, step) is None
         foreseen = of.seconds(across, step) if new else 0.0
@@ -65,16 +66,16 @@ def climb(
         told = None
         if new:
             kind = "" if of is ladder else " graded"
-            told = watch(f"reference, {across}{kind} cells across, {1e3 * step:.4g} ms", foreseen)
+            told = watch(f"reference, {across:g}{kind} cells across, {1e3 * step:.4g} ms", foreseen)
         outcome = of.run(across, step, max(1.0, share * budget - spent), told)
         return outcome.status == "done"
 
-    def halvings(across: int) -> float:
+    def halvings(across: float) -> float:
         """Foreseen seconds of as many as an order needs."""
         steps = (step / 2**k for k in range(1, LEAST_HALVINGS + 1))
         return sum(ladder.seconds(across, each) for each in steps if ladder.cached(across, each) is None)
 
-    cells: list[int] = []
+    cells: list[float] = []
     for across in levels_of(frame):
         # what the steps will need is kept back, and what a second family will
         if not take(across, step, 0.85 if second is None else 0.5):
@@ -99,10 +100,12 @@ def climb(
     by_steps = [(at, s) for s in steps]
     base, short = step, short_enough(ladder, by_steps)
     if short < step:
-        anew = list(takewhile(lambda a: take(a, short, 1.0), levels_of(frame)))
+        anew: list[float] = list(takewhile(lambda a: take(a, short, 1.0), levels_of(frame)))
         if len(anew) >= RECENT:
             cells, base = anew, short
     thinner = [] if second is None else climb_graded(second, frame, base, lambda a: take(a, base, 1.0, second))
+    if not enough:
+        cells = with_halves(frame, cells, lambda a: take(a, base, 1.0))
     return assemble(ladder, [(a, base) for a in cells], by_steps, enough, target, known, thinner)
 
 
@@ -121,20 +124,36 @@ def short_enough(ladder: Ladder, rungs: Sequence[Rung]) -> float:
     return next(step for across, step in rungs if changes((across, step)) <= enough)
 
 
-def climb_graded(second: Ladder, frame: Frame, step: float, take: Callable[[int], bool]) -> list[Rung]:
-    """Levels of the second family, each of more cells than all before, for as long as there is time to `take` one.
+def with_halves(frame: Frame, taken: Sequence[float], take: Callable[[float], bool]) -> list[float]:
+    """Levels that were taken, and those half-way between two of them that there is time to `take`, finest first, by
+    their cells. None where levels divide the coarsest's cells alike: others would jump."""
+    if any(frame.borders) and all(refines(frame, across) for across in taken):
+        return list(taken)
+    sizes = {frame.n_cells(frame.level(across)): across for across in taken}
+    for coarse, fine_ in sorted(pairwise(sorted(taken)), reverse=True):
+        half = 0.5 * (coarse + fine_)
+        n_cells = frame.n_cells(frame.level(half))
+        if n_cells not in sizes and take(half):
+            sizes[n_cells] = half
+    return [sizes[n_cells] for n_cells in sorted(sizes)]
+
+
+def climb_graded(second: Ladder, frame: Frame, step: float, take: Callable[[float], bool]) -> list[Rung]:
+    """Levels of the second family for as long as there is time to `take` one, each of more cells than all before.
 
     Thin cells may fail where equal ones do not. That ends this family, and not the reference.
     """
-    found: list[Rung] = []
-    for across in levels_of(frame):
-        if across == COARSEST and not frame.towards:
-            continue  # two cells that are thinner towards both faces are equal ones, however graded
+
+    def taken(across: float) -> bool:
         try:
-            if not take(across):
-                break
+            return take(across)
         except SoftseamError:
-            break
+            return False
+
+    # two cells that are thinner towards both faces are equal ones, however graded
+    levels = (across for across in levels_of(frame) if across > COARSEST or frame.towards)
+    found: list[Rung] = []
+    for across in with_halves(frame, list(takewhile(taken, levels)), taken):
         rung = (across, step)
         # between planes, more across are not always more
         if not found or second.level(*rung).n_cells > second.level(*found[-1]).n_cells:
@@ -156,7 +175,7 @@ def levels_of(frame: Frame) -> tuple[int, ...]:
     return alike if len(alike) > 3 else different
 
 
-def refines(frame: Frame, across: int) -> bool:
+def refines(frame: Frame, across: float) -> bool:
     """Whether this level divides the coarsest's cells alike."""
     return frame.refines(frame.level(across), frame.level(COARSEST))
 

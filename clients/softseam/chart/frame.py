@@ -59,7 +59,7 @@ class Frame:
         """Expected length of the motion [s]."""
         return expected_duration(self.scene) or UNKNOWN_LENGTH
 
-    def across(self, count: int) -> Counts:
+    def across(self, count: float) -> Counts:
         """Nearly cubic cells, `count` of them along the body's shortest edge, that end where its materials meet; longer
         ones along `even`."""
         edges = np.full(3, self.extent.min() / count)
@@ -67,7 +67,7 @@ class Frame:
             edges[self.even] *= LONGER
         return self._to_borders(self._counts(edges))
 
-    def level(self, count: int) -> Counts:
+    def level(self, count: float) -> Counts:
         """Cells of a reference's level: those of `across`, and shorter ones along `narrow`."""
         counts = list(self.across(count))
         if self.narrow is not None:

@@ -31,8 +31,8 @@ from softseam_protocol.scene_models import ModelsSpec
 from softseam_protocol.scene_regions import SeamSpec
 
 Floats = NDArray[np.float64]
-Rung = tuple[int, float]
-"""cells along the body's shortest edge, and the step [s]"""
+Rung = tuple[float, float]
+"""cells along the body's shortest edge, of a level between two others halves, and the step [s]"""
 
 COARSEST = 2
 """cells along the body's shortest edge that a reference begins with"""
@@ -97,11 +97,11 @@ class Ladder:
         nothing = {"tolerance": None, "budget": None}
         return scene_hash(bundle_scene(coarsest.model_copy(update=others | nothing), bundle.files))
 
-    def seconds(self, across: int, step: float) -> float:
+    def seconds(self, across: float, step: float) -> float:
         """Foreseen wall time of a level that is not done [s]; no less than one that was begun before said it takes."""
         return max(self._foreseen(across, step), self._begun(across, step))
 
-    def _foreseen(self, across: int, step: float) -> float:
+    def _foreseen(self, across: float, step: float) -> float:
         rough = self._fem(across, step).seconds
         coarser = sorted((a, s) for a, s in self.done if a <= across)
         # shorter steps take fewer iterations each
@@ -118,7 +118,7 @@ class Ladder:
             power = float(np.clip(np.log(paid / less) / np.log(before / fewer), *GROWTH))
         return float(self._paid(at) * (cells / before) ** power * at[1] / step)
 
-    def run(self, across: int, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         """A level, from the cache where it is there. Raises SoftseamError where it cannot be computed."""
         found = self.cached(across, step)
         if found is None:
@@ -135,7 +135,7 @@ class Ladder:
             )
             self.spent += found.spent
             if found.status in ("refused", "failed"):
-                raise SoftseamError(f"the reference cannot be computed on {across} cells across: {found.reason}")
+                raise SoftseamError(f"the reference cannot be computed on {across:g} cells across: {found.reason}")
             assert self._store is not None
             if found.status == "done":
                 self._store.write(self._file(across, step), found.as_json())
@@ -153,7 +153,7 @@ class Ladder:
         own = [(self._fem(*rung).configuration(), outcome) for rung, outcome in sorted(self.done.items())]
         return [*own, *(self.graded.tried() if self.graded is not None else ())]
 
-    def cached(self, across: int, step: float) -> Outcome | None:
+    def cached(self, across: float, step: float) -> Outcome | None:
         """A level that was computed before."""
         assert self._store is not None
         for name in self._store.names(self._rung(across, step)):
@@ -175,7 +175,7 @@ class Ladder:
             return outcome
         return replace(outcome, series=replace(series, values={name: series.values[name] for name in self.names}))
 
-    def _begun(self, across: int, step: float) -> float:
+    def _begun(self, across: float, step: float) -> float:
         """What a level that did not end in time would have taken [s]; 0 where none was begun."""
         if self._store is None:
             return 0.0
@@ -188,22 +188,22 @@ class Ladder:
     def _paid(self, level: Rung) -> float:
         return max(1e-3, self.done[level].spent)
 
-    def _level(self, across: int, step: float) -> tuple[str, ...]:
+    def _level(self, across: float, step: float) -> tuple[str, ...]:
         return self._fem(across, step).settings
 
-    def _fem(self, across: int, step: float) -> Fem:
+    def _fem(self, across: float, step: float) -> Fem:
         counts = self._frame.level(across)
         return Fem(self._frame, counts, step, "hex27", self.integrator, self._grading, self._towards)
 
     @staticmethod
-    def _rung(across: int, step: float) -> str:
-        return f"level-{across}-{1e3 * step:.6g}ms-"
+    def _rung(across: float, step: float) -> str:
+        return f"level-{across:g}-{1e3 * step:.6g}ms-"
 
-    def _file(self, across: int, step: float) -> str:
+    def _file(self, across: float, step: float) -> str:
         names = ",".join(sorted(quantity_names(self._frame.scene)))
         return self._rung(across, step) + hashlib.sha256(names.encode()).hexdigest()[:8]
 
-    def level(self, across: int, step: float) -> Level:
+    def level(self, across: float, step: float) -> Level:
         """Facts of a level that is done."""
         outcome = self.done[across, step]
         return Level(across, step, outcome.n_cells, outcome.n_nodes, outcome.seconds, self._grading)

@@ -21,7 +21,8 @@ TARGET = 0.005
 class Level:
     """One computation of the ladder."""
 
-    across: int
+    across: float
+    """cells along the body's shortest edge; halves between two other levels"""
     step: float
     """[s]"""
     n_cells: int

@@ -59,7 +59,7 @@ class _Quantity(_Strict):
 
 
 class _Level(_Strict):
-    across: int
+    across: int | float
     step: float
     n_cells: int
     n_nodes: int
@@ -70,7 +70,7 @@ class _Level(_Strict):
 class Check(_Strict):
     """A moderate level, and what it did at the reference's times when that was made."""
 
-    across: int
+    across: int | float
     step: float
     values: dict[str, list[float]]
 
