@@ -59,6 +59,8 @@ MISLED = 3
 """so many runs that fail or are far less accurate than was foretold end the trying: errors of cells and steps meddle"""
 FAR = 1.25
 """times the error that was foretold: what is nearer is just not accurate enough, and something a little finer is [1]"""
+NEARLY = 1.15
+"""times the tolerance: what is foretold to miss it by no more is tried where nothing better is told of [1]"""
 Measure = Callable[[Configuration], Outcome]
 
 
@@ -154,26 +156,33 @@ class _Search:
     def attempt_foretold(self) -> None:
         """Run what is foretold to be accurate enough and may be the fastest, cheapest first; each run tells more.
 
-        First cells that were run, with shorter steps; then finer cells, too.
+        First cells that were run, with shorter steps; then finer cells, too. Where none of these does, what is foretold
+        to be nearly accurate enough, as it may be off either way.
         """
         misled = self._attempt_told(foretold)
         given_up = {one.key for one, _ in foretold(list(self.runs.values()))} if misled else set()
-        self._attempt_told(lambda runs: (run for run in _told(runs, self._reference) if run[0].key not in given_up))
 
-    def _attempt_told(self, tell: Callable[[Sequence[Run]], Iterable[Run]]) -> bool:
-        """Run what is told; whether that was given up since it misled."""
-        misled = 0
+        def every(runs: Sequence[Run]) -> Iterable[Run]:
+            return (run for run in _told(runs, self._reference) if run[0].key not in given_up)
+
+        if not self._attempt_told(every) and self.best is None:
+            self._attempt_told(every, NEARLY)
+
+    def _attempt_told(self, tell: Callable[[Sequence[Run]], Iterable[Run]], nearly: float = 1.0) -> bool:
+        """Run what is told to be accurate enough, or `nearly` times; whether that was given up since it misled."""
+        misled, tolerance = 0, self._goal.tolerance
         while misled < MISLED:
             told = [run for run in tell(list(self.runs.values())) if run[0].key not in self.runs]
             hoped = {one.key: self._judged(one, outcome).error for one, outcome in told}
-            good = [one for one, _ in told if hoped[one.key] <= self._goal.tolerance]
-            one = min(good, key=lambda c: (c.seconds, c.key), default=None)
+            good = [one for one, _ in told if hoped[one.key] <= nearly * tolerance]
+            one = min(good, key=lambda c: (max(tolerance, hoped[c.key]), c.seconds, c.key), default=None)
             if one is None or not self._may_be_fastest(one.seconds):
                 return False
             outcome = self._run(one)
-            if outcome.status in ("left out", "stopped"):
+            nearly_only = hoped[one.key] > tolerance
+            if outcome.status in ("left out", "stopped") and not nearly_only:
                 self.late = self.late or one
-            bound = max(self._goal.tolerance, FAR * hoped[one.key])
+            bound = tolerance if nearly_only else max(tolerance, FAR * hoped[one.key])
             misled += outcome.status == "failed" or (outcome.status == "done" and self.tried[-1].error > bound)
         return True
 
