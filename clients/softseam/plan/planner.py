@@ -169,12 +169,14 @@ class _Search:
             self._attempt_told(every, NEARLY)
 
     def _attempt_told(self, tell: Callable[[Sequence[Run]], Iterable[Run]], nearly: float = 1.0) -> bool:
-        """Run what is told to be accurate enough, or `nearly` times; whether that was given up since it misled."""
+        """Run what is told to be accurate enough, or `nearly` so as long as nothing is; whether that was given up since
+        it misled."""
         misled, tolerance = 0, self._goal.tolerance
         while misled < MISLED:
             told = [run for run in tell(list(self.runs.values())) if run[0].key not in self.runs]
             hoped = {one.key: self._judged(one, outcome).error for one, outcome in told}
-            good = [one for one, _ in told if hoped[one.key] <= nearly * tolerance]
+            bar = tolerance if self.best is not None else nearly * tolerance
+            good = [one for one, _ in told if hoped[one.key] <= bar]
             one = min(good, key=lambda c: (max(tolerance, hoped[c.key]), c.seconds, c.key), default=None)
             if one is None or not self._may_be_fastest(one.seconds):
                 return False
