@@ -138,6 +138,17 @@ def test_chromium_shows_the_page(charted: tuple[Path, set[str], str], tmp_path: 
     assert str(seen["tip"]).startswith("block") and "real-time factor" in str(seen["tip"])
 
 
+def test_minutes_that_nothing_ends_in_draw_nothing_and_spoil_nothing(tmp_path: Path) -> None:
+    """What was drawn before stays as it is."""
+    arguments = ["chart", "cantilever", "--out", str(tmp_path), "--minutes", "1e-5"]
+    (tmp_path / "chart.json").write_text("drawn before")
+    done = subprocess.run(
+        [sys.executable, "-m", "softseam.cli", *arguments], capture_output=True, text=True, timeout=240, check=False
+    )
+    assert done.returncode == 1 and "ran to its end" in done.stderr and "give more --minutes" in done.stderr
+    assert (tmp_path / "chart.json").read_text() == "drawn before" and not (tmp_path / "chart.png").exists()
+
+
 @pytest.mark.viewer
 def test_the_page_names_marks_plainly(tmp_path: Path) -> None:
     """On a crowded front each name has its mark nearest or a line to it; stopped runs are in the table only, and

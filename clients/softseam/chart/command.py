@@ -50,7 +50,10 @@ class Wishes:
 
 
 def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
-    """Compute the reference, sweep the methods, write chart.png, .html, .csv and .json; returns rows and reference."""
+    """Compute the reference, sweep the methods, write chart.png, .html, .csv and .json; returns rows and reference.
+
+    Raises SoftseamError where no configuration could be run to its end, and what was drawn before stays as it is.
+    """
     if not 0.0 < wishes.minutes < 1e5:
         raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
     require_extra("solve", "simulating in this process")
@@ -81,6 +84,10 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
         progress.expect(wanted, left)
         outcomes = sweep(wishes.scene, wishes.settings, frame, names, wanted, store, left, progress.configuration)
     rows = rows_of(wanted, outcomes, reference)
+    if all(row.error is None for row in rows):
+        least = min(rows, key=lambda row: row.configuration.seconds)
+        told = f"{least.configuration.label}: {least.outcome.reason}"
+        raise SoftseamError(f"none of {len(rows)} configurations ran to its end, there is nothing to draw ({told})")
     _write(folder, scene, key, code, here, rows, reference, rivals)
     _tell(console, folder, rows, reference, perf_counter() - began)
     return rows, reference
