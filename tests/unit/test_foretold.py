@@ -63,6 +63,14 @@ def test_what_cells_and_steps_are_off_by_adds_up() -> None:
     assert {key: float(values(told)[-1]) - 1.0 for key, told in found.items()} == pytest.approx(expected)
 
 
+@pytest.mark.parametrize(("walls", "times"), [((1.0, 1.2), 1.2), ((1.0, 0.5), 1.0), ((1.0, 9.0), 2.0)])
+def test_what_a_run_takes_goes_by_what_few_cells_took_with_both_steps(walls: tuple[float, float], times: float) -> None:
+    """No less than with the longer step, and no more than as many times as there are more steps."""
+    few = ((fem(2, step), outcome(0.1, wall)) for step, wall in zip((0.01, 0.005), walls, strict=True))
+    ((one, _),) = foretold((*few, (fem(4, 0.01), outcome(0.05, 3.0))))
+    assert one.seconds == pytest.approx(3.0 * times)
+
+
 def test_the_family_of_most_cells_tells_what_a_step_does() -> None:
     """Three cells across were run with both steps, too, where the shorter one changes twice as much."""
     three = run(3, 0.01), (fem(3, 0.005), outcome(0.04))
@@ -172,7 +180,7 @@ def test_after_three_that_were_foretold_wrongly_no_more_are_run() -> None:
 
 def test_those_that_just_do_not_do_are_no_reason_to_give_up() -> None:
     """Five kinds of cells are foretold to be within 2 %, and are by a seventh less accurate; with 2.5 ms they are."""
-    most = [(fem(8, step), outcome(0.1 + 4.0 * step)) for step in (0.01, 0.005, 0.0025)]
+    most = [(fem(8, step), outcome(0.1 + 4.0 * step, 0.01 / step)) for step in (0.01, 0.005, 0.0025)]
     many = [(fem(n, 0.01), outcome(0.053)) for n in (3, 4, 5, 6, 7)]
     bench = Bench(*most, *many)
     bench.outcomes |= {fem(n, 0.005).key: outcome(0.0375, float(n)) for n in (3, 4, 5, 6, 7)}

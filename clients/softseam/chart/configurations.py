@@ -20,7 +20,7 @@ OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
 TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
 """cells across whose borders lie at tools' edges, how thin they are there, and the multiple of the scene's step"""
-SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125)), (3, (0.25,)))
+SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125, 0.0625)), (3, (0.25,)))
 """cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
 
 BOUNCES: tuple[tuple[int, Factors], ...] = ((2, (1 / 16, 1 / 32, 1 / 64)),)

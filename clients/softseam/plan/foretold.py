@@ -25,7 +25,8 @@ Run = tuple[Configuration, Outcome]
 def foretold(runs: Sequence[Run], more: Sequence[Run] = ()) -> Iterator[Run]:
     """FEM alone with shorter steps than its cells were run with, and what it will do by eq. (1), each once.
 
-    f are the most cells that were run with both steps, by the same scheme; what a run will take [s] goes by that of c.
+    f are the most cells that were run with both steps, by the same scheme; what a run will take [s] goes by that of c,
+    and by what f took with both.
 
     more  were not run, but are foretold otherwise (refined.py): they may be c, and not f
     """
@@ -36,7 +37,9 @@ def foretold(runs: Sequence[Run], more: Sequence[Run] = ()) -> Iterator[Run]:
         of_most = {step: each for each in alike for step in each if step < base.fem.step}
         for step, each in of_most.items():
             one = replace(base.fem, step=step).configuration()
-            seconds = base.outcome.seconds * base.fem.step / step
+            # shorter steps take fewer iterations each: what f took of both tells how many times as long
+            longer = each[step].outcome.seconds / max(1e-9, each[base.fem.step].outcome.seconds)
+            seconds = base.outcome.seconds * min(max(1.0, longer), base.fem.step / step)
             series = _sum(base.series, each[step].series, each[base.fem.step].series)
             yield replace(one, seconds=seconds), replace(base.outcome, series=series)
 
