@@ -60,7 +60,9 @@ MISLED = 3
 FAR = 1.25
 """times the error that was foretold: what is nearer is just not accurate enough, and something a little finer is [1]"""
 NEARLY = 1.15
-"""times the tolerance: what is foretold to miss it by no more is tried where nothing better is told of [1]"""
+"""times the tolerance: what is foretold to miss it by no more is tried, too, until `MISLED` of these did miss it [1]"""
+FAR_DEARER = 3.0
+"""where what is foretold to meet it, if anything, takes so many times as long [1]"""
 Measure = Callable[[Configuration], Outcome]
 
 
@@ -156,36 +158,37 @@ class _Search:
     def attempt_foretold(self) -> None:
         """Run what is foretold to be accurate enough and may be the fastest, cheapest first; each run tells more.
 
-        First cells that were run, with shorter steps; then finer cells, too. Where none of these does, what is foretold
-        to be nearly accurate enough, as it may be off either way.
+        First cells that were run, with shorter steps; then finer cells, too. As long as none of these does, what is
+        foretold to be nearly accurate enough, as it may be off either way: the nearest first, where there is nothing
+        better or that is far dearer.
         """
         misled = self._attempt_told(foretold)
         given_up = {one.key for one, _ in foretold(list(self.runs.values()))} if misled else set()
-
-        def every(runs: Sequence[Run]) -> Iterable[Run]:
-            return (run for run in _told(runs, self._reference) if run[0].key not in given_up)
-
-        if not self._attempt_told(every) and self.best is None:
-            self._attempt_told(every, NEARLY)
+        self._attempt_told(
+            lambda runs: (run for run in _told(runs, self._reference) if run[0].key not in given_up), NEARLY
+        )
 
     def _attempt_told(self, tell: Callable[[Sequence[Run]], Iterable[Run]], nearly: float = 1.0) -> bool:
-        """Run what is told to be accurate enough, or `nearly` so as long as nothing is; whether that was given up since
-        it misled."""
-        misled, tolerance = 0, self._goal.tolerance
+        """Run what is told to be accurate enough, or nearly so; whether that was given up since it misled."""
+        misled = missed = 0
         while misled < MISLED:
             told = [run for run in tell(list(self.runs.values())) if run[0].key not in self.runs]
             hoped = {one.key: self._judged(one, outcome).error for one, outcome in told}
-            bar = tolerance if self.best is not None else nearly * tolerance
-            good = [one for one, _ in told if hoped[one.key] <= bar]
-            one = min(good, key=lambda c: (max(tolerance, hoped[c.key]), c.seconds, c.key), default=None)
+            good = [one for one, _ in told if hoped[one.key] <= self._goal.tolerance]
+            one = min(good, key=lambda c: (c.seconds, c.key), default=None)
+            if self.best is None and missed < MISLED:
+                bar, dear = nearly * self._goal.tolerance, np.inf if one is None else one.seconds / FAR_DEARER
+                near = (one for one, _ in told if hoped[one.key] <= bar and one.seconds <= dear)
+                one = min(near, key=lambda c: (hoped[c.key], c.key), default=one)
             if one is None or not self._may_be_fastest(one.seconds):
                 return False
+            is_good = hoped[one.key] <= self._goal.tolerance
             outcome = self._run(one)
-            nearly_only = hoped[one.key] > tolerance
-            if outcome.status in ("left out", "stopped") and not nearly_only:
+            if outcome.status in ("left out", "stopped") and is_good:
                 self.late = self.late or one
-            bound = tolerance if nearly_only else max(tolerance, FAR * hoped[one.key])
-            misled += outcome.status == "failed" or (outcome.status == "done" and self.tried[-1].error > bound)
+            done, error = outcome.status == "done", self.tried[-1].error
+            misled += outcome.status == "failed" or (done and error > max(self._goal.tolerance, FAR * hoped[one.key]))
+            missed += not is_good and not (done and error <= self._goal.tolerance)
         return True
 
     def _may_be_fastest(self, seconds: float) -> bool:
