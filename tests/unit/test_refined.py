@@ -137,7 +137,7 @@ def test_what_nearly_does_is_tried_first_where_what_does_takes_three_times_as_lo
         found = bench(one)
         if one.fem is None or one.fem.grading == 1.0:
             return found
-        return outcome(0.6 / one.fem.counts[0] ** 2 + one.fem.step, share * found.seconds)
+        return outcome(0.9 / one.fem.counts[0] ** 2 + one.fem.step, share * found.seconds)
 
     plan = choose(Goal(0.01), TRUTH, bench.wanted, measure)
     assert plan.choice.error <= 0.01 and bench.extra[0] == first
