@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam.chart.configurations import Configuration
+from softseam.chart.configurations import Configuration, Fem
 from softseam.chart.errors import KNOWN, Error, errors, sure
 from softseam.chart.measure import Outcome
 from softseam.chart.reference import Reference, in_words, origin
@@ -145,6 +145,7 @@ class _Search:
         self.runs: dict[str, Run] = {}
         self.tried: list[Tried] = []
         self.best: Tried | None = None
+        self._winner: Configuration | None = None
         self.late: Configuration | None = None
         """the cheapest of what is foretold to be accurate enough, and was given no time"""
         self._least = float("inf")
@@ -172,7 +173,7 @@ class _Search:
         """Run what is told to be accurate enough, or nearly so; whether that was given up since it misled."""
         misled = missed = 0
         while misled < MISLED:
-            told = [run for run in tell(list(self.runs.values())) if run[0].key not in self.runs]
+            told = [run for run in tell(list(self.runs.values())) if self._is_new(run[0])]
             hoped = {one.key: self._judged(one, outcome).error for one, outcome in told}
             good = [one for one, _ in told if hoped[one.key] <= self._goal.tolerance]
             one = min(good, key=lambda c: (c.seconds, c.key), default=None)
@@ -191,6 +192,10 @@ class _Search:
             missed += not is_good and not (done and error <= self._goal.tolerance)
         return True
 
+    def _is_new(self, one: Configuration) -> bool:
+        """Whether it was not run, and is not the best one on finer cells or with shorter steps: these take longer."""
+        return one.key not in self.runs and (self._winner is None or not _is_finer(one.fem, self._winner.fem))
+
     def _may_be_fastest(self, seconds: float) -> bool:
         return seconds <= HOPE * self._least
 
@@ -200,11 +205,19 @@ class _Search:
         found = self._judged(one, outcome)
         self.tried.append(found)
         if found.error <= self._goal.tolerance and (self.best is None or found.rtf > self.best.rtf):
-            self.best, self._least = found, outcome.seconds
+            self.best, self._winner, self._least = found, one, outcome.seconds
         return outcome
 
     def _judged(self, one: Configuration, outcome: Outcome) -> Tried:
         return judged(one, outcome, self._reference, self._goal.harder, self._goal.tolerance)
+
+
+def _is_finer(one: Fem | None, than: Fem | None) -> bool:
+    """Whether it is of the same kind, on no fewer cells and with no longer step."""
+    if one is None or than is None:
+        return False
+    same = all(getattr(one, name) == getattr(than, name) for name in ("element", "integrator", "grading", "towards"))
+    return same and one.n_cells >= than.n_cells and one.step <= than.step
 
 
 def _told(runs: Sequence[Run], reference: Reference) -> Iterable[Run]:
