@@ -181,7 +181,8 @@ def test_a_frozen_recorder_is_waited_for_once_and_begins_anew_when_it_thaws(bus:
             os.kill(recorder.process.pid, signal.SIGCONT)
             deadline = time.monotonic() + READY
             while not recorder.lives(bus):
-                assert time.monotonic() < deadline
+                code = recorder.process.poll()
+                assert code is None and time.monotonic() < deadline, f"it does not come back: {code}, {warnings}"
                 time.sleep(0.02)  # a flood of questions would keep it from coming back
         began = time.monotonic()
         source.publish(message)
