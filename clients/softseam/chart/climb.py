@@ -130,8 +130,8 @@ def with_halves(frame: Frame, taken: Sequence[float], take: Callable[[float], bo
     if any(frame.borders) and all(refines(frame, across) for across in taken):
         return list(taken)
     sizes = {frame.n_cells(frame.level(across)): across for across in taken}
-    for coarse, fine_ in sorted(pairwise(sorted(taken)), reverse=True):
-        half = 0.5 * (coarse + fine_)
+    for coarse, finer in sorted(pairwise(sorted(taken)), reverse=True):
+        half = 0.5 * (coarse + finer)
         n_cells = frame.n_cells(frame.level(half))
         if n_cells not in sizes and take(half):
             sizes[n_cells] = half
