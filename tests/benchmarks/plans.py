@@ -110,7 +110,7 @@ others that have a limit are off by at least; *cost* is the plan's run over that
   they failed. What it asked for and the sweep had no time for is not counted. Where a sweep is *incomplete*, what had
   no time may be faster than *least*.
 - Levels of a reference that is made here, FEM on the finest cells and steps, are runs too, and may be the plan. Where
-  one ships, they are made where nothing in the sweep is accurate enough.
+  one ships, they are made where nothing in the sweep is accurate enough; those that are kept from before take no time.
 - Plan and comparison share a configuration's run and its time: *cost* is not blurred by timing twice. What took up to
   {short:g} s is timed by one more run, as in a chart; what took longer, and levels of a reference, by the run that is
   looked at in every step, which is slower. A chart takes the median of three: its speeds differ by that and by what
