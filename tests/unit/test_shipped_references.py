@@ -65,7 +65,7 @@ class Known(Ladder):
         }
         series = Series(TIME, np.zeros(len(TIME)), {name: values[name] for name in self.names})
         self.spent += (taken := self.seconds(across, step))
-        cells = across**3
+        cells = int(across**3)
         self.done[across, step] = Outcome(
             "done", series=series, walls=(taken,), spent=taken, simulated=1.0, n_cells=cells
         )
@@ -230,8 +230,11 @@ def test_a_chart_with_what_ships_runs_no_reference(
 
     def swept(scene: object, settings: object, frame: object, names: object, wanted: object, *rest: object) -> object:
         budgets.append(rest[1])  # type: ignore[arg-type]
-        return {one.key: Outcome("left out", "not now") for one in wanted}  # type: ignore[attr-defined]
+        keys = [one.key for one in wanted]  # type: ignore[attr-defined]
+        late = {key: Outcome("left out", "not now") for key in keys[1:]}
+        return {keys[0]: Outcome("done", series=of_ones, walls=(1.0,), simulated=1.0)} | late
 
+    of_ones = Series(TIME, np.zeros(len(TIME)), {name: np.ones(len(TIME)) for name in NAMES})
     monkeypatch.setattr(command, "sweep", swept)
     monkeypatch.setattr(command, "quantity_names", lambda scene: NAMES)
     console = Console(record=True, width=200)
