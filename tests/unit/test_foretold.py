@@ -169,6 +169,16 @@ def test_nothing_finer_than_the_plan_is_run_for_it_takes_longer() -> None:
     assert plan.choice.label == fem(4, 0.005).label and bench.extra() == [fem(4, 0.005).key]
 
 
+def test_finer_cells_of_another_kind_may_be_faster_than_the_plan() -> None:
+    """Cells that follow a ball are tried beside equal ones: 5 equal ones with 5 ms take half as long here."""
+    few = [(fem(2, 0.04), outcome(0.14, 1.0)), (fem(2, 0.005), outcome(0.12, 1.1))]
+    other = Fem(replace(FRAME, follows=False), (5, 5, 5), 0.04)
+    shorter = replace(other, step=0.005).configuration()
+    bench = Bench(*few, (fem(4, 0.01), outcome(0.03, 40.0)), (other.configuration(), outcome(0.05, 20.0)))
+    bench.outcomes[shorter.key] = outcome(0.03, 22.0)
+    assert choose(Goal(0.02), reference(), bench.wanted, bench).choice.label == shorter.label
+
+
 def test_where_it_is_not_so_what_comes_next_is_run() -> None:
     bench = Bench(*FEW, run(4, 0.01), run(3, 0.01))
     bench.outcomes |= {fem(4, 0.005).key: outcome(0.04, 40.0), fem(4, 0.0025).key: outcome(0.02, 80.0)}

@@ -75,6 +75,11 @@ class Fem:
         return self.frame.n_cells(self.counts)
 
     @property
+    def family(self) -> tuple[str, str, bool, float, tuple[str, ...]]:
+        """All but how many cells there are and the step: within it, what is finer takes longer."""
+        return self.element, self.integrator, self.frame.follows, self.grading, self.towards
+
+    @property
     def cells(self) -> str:
         """Names its cells and scheme, without the step."""
         return f"{self.element} {self.integrator} {_cells(self.frame, self.counts)}{self._graded}"

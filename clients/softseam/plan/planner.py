@@ -213,11 +213,10 @@ class _Search:
 
 
 def _is_finer(one: Fem | None, than: Fem | None) -> bool:
-    """Whether it is of the same kind, on no fewer cells and with no longer step."""
+    """Whether it is of the same family, on no fewer cells and with no longer step."""
     if one is None or than is None:
         return False
-    same = all(getattr(one, name) == getattr(than, name) for name in ("element", "integrator", "grading", "towards"))
-    return same and one.n_cells >= than.n_cells and one.step <= than.step
+    return one.family == than.family and one.n_cells >= than.n_cells and one.step <= than.step
 
 
 def _told(runs: Sequence[Run], reference: Reference) -> Iterable[Run]:

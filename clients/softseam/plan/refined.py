@@ -47,7 +47,7 @@ def refined(runs: Iterable[Run], reference: Reference) -> Iterator[Run]:
     made_by_cells = by_cells(runs)
     steps = with_steps(made_by_cells)
     every = (each for made in made_by_cells.values() for each in made.values() if _is_level(each.fem))
-    for _, group in groupby(sorted(every, key=_family_and_size), key=lambda each: _family_and_size(each)[:-1]):
+    for _, group in groupby(sorted(every, key=_by_size), key=lambda each: (each.fem.family, each.fem.step)):
         *coarser, base = group
         off = _of_step(base.fem, steps)
         orders = _orders(coarser[-1:], base, off, reference)
@@ -59,9 +59,8 @@ def refined(runs: Iterable[Run], reference: Reference) -> Iterator[Run]:
             yield replace(fem.configuration(), seconds=seconds), told
 
 
-def _family_and_size(made: Made) -> tuple[str, bool, float, tuple[str, ...], float, int]:
-    fem = made.fem
-    return fem.integrator, fem.frame.follows, fem.grading, fem.towards, fem.step, fem.n_cells
+def _by_size(made: Made) -> tuple[tuple[str, str, bool, float, tuple[str, ...]], float, int]:
+    return made.fem.family, made.fem.step, made.fem.n_cells
 
 
 def _levels(fem: Fem) -> Iterator[tuple[int, int, int]]:
