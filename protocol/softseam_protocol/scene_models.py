@@ -39,6 +39,11 @@ class FemSpec(Spec):
         description="largest error in position that a substep may make in time, relative to a cell edge; substeps are "
         "as long as it allows; default: the step is one [1]",
     )
+    mirrored: bool = Field(
+        default=True,
+        description="where body and tools mirror each other solve for one side only, as long as they do; false: it may "
+        "give way to one side, as a column does that buckles",
+    )
 
     @model_validator(mode="after")
     def _substeps(self) -> FemSpec:

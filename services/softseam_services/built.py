@@ -14,7 +14,7 @@ from softseam_protocol.messages import Configure
 from softseam_services.body.body import Body
 
 if TYPE_CHECKING:  # a participant of PBD does not load FEM
-    from softseam_services.fem.model import Tables
+    from softseam_services.fem.region_tables import RegionTables
 
 _REGIONS = 4
 _BYTES = 200_000_000
@@ -25,21 +25,19 @@ class Built:
     """Tables of the regions that were asked for last, of one server."""
 
     def __init__(self) -> None:
-        self._kept: dict[
-            tuple[int, bytes, bytes, bool], tuple[Body, Tables, int]
-        ] = {}  # in the order of their last use
+        self._kept: dict[tuple[int, bytes, bytes, bool], tuple[Body, RegionTables]] = {}
 
-    def find(self, body: Body, request: Configure) -> Tables | None:
+    def find(self, body: Body, request: Configure) -> RegionTables | None:
         """The tables of the region of this body that a Configure asks for; None where they are not kept."""
         kept = self._kept.get(_region(body, request))
         return None if kept is None else kept[1]
 
-    def keep(self, body: Body, request: Configure, tables: Tables) -> None:
+    def keep(self, body: Body, request: Configure, tables: RegionTables) -> None:
         """Keep these, and of the others the latest."""
         region, kept = _region(body, request), self._kept
         kept.pop(region, None)
-        kept[region] = body, tables, sum(_size(table) for table in tables)
-        while len(kept) > _REGIONS or sum(size for _, _, size in kept.values()) > _BYTES:
+        kept[region] = body, tables
+        while len(kept) > _REGIONS or sum(_size(table) for _, tables in kept.values() for table in tables) > _BYTES:
             kept.pop(next(iter(kept)))
 
 

@@ -40,6 +40,7 @@ FIRM, FIRM_INSIDE = 20.0, 24.0
 MOST_FACTORED = 100_000
 # Materials from which mu/2 I1 splits off in kernels/cells.py.
 _SPLITS = ("neo_hookean", "linear")
+_NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)
 
 
 @by_reference
@@ -110,6 +111,8 @@ class FemModel(NamedTuple):
     """its transpose above their stabilisation, fill and mu included: what F and x give a force with (u, 24 + 27, 27)"""
     seam: Ints
     """(s,)"""
+    rollers: Ints
+    """nodes that do not leave a plane, and the axis across it (h, 2)"""
     point_ptr: Ints
     """(p + 1,)"""
     point_node: Ints
@@ -148,9 +151,11 @@ def build_model(
     tools: ToolSet | None = None,
     spec: FemSpec | None = None,
     solution: int | None = None,
+    rollers: Ints = _NO_ROLLERS,
 ) -> Tables:
     """Tables, matrix and point weights of a region; spec: which element, the default's where it is None; solution: how
-    the matrix is solved with (kernels/multigrid.py), by size where it is None."""
+    the matrix is solved with (kernels/multigrid.py), by size where it is None; rollers: as of the model, of a matrix
+    that is factored."""
     element = (FemSpec() if spec is None else spec).element
     n_nodes = len(region.nodes)
     cell_grid = body.cell_grid[region.cells]
@@ -248,6 +253,7 @@ def build_model(
         cut_gradient=np.ascontiguousarray(np.swapaxes(special.gradient_t, 1, 2)),
         cut_force=np.concatenate([special.gradient_t, special.stabilisation], axis=1),
         seam=region.seam,
+        rollers=rollers,
         point_ptr=pointer,
         point_node=node,
         point_place=tree.position[node],

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
+from functools import cached_property
 
 import numpy as np
 
 from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
 from softseam_protocol.scene import Scene
-from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.field_reader import FieldReader
+from softseam_services.fem.fold import Fold
 from softseam_services.fem.kernels import step as kernel
+from softseam_services.fem.kernels.contact import N_STATE
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED
-from softseam_services.fem.model import Tables, build_model
+from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
@@ -27,7 +30,7 @@ _NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
 
 
 class FemSolver:
-    """One region computed with finite elements; a `participant.Solver`."""
+    """One region computed with finite elements, or one side of its mirrors (`fold`); a `participant.Solver`."""
 
     def __init__(
         self,
@@ -36,61 +39,99 @@ class FemSolver:
         region: Region,
         tools: ToolSet,
         state: BodyState | None = None,
-        tables: Tables | None = None,
+        tables: RegionTables | None = None,
     ) -> None:
         """state: of the whole body, taken over at a region switch; None is rest with the initial velocities.
         tables: of this region, where they are built already.
 
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
-        self._region, self._n_tools = region, len(tools.names)
-        self.tables = tables or build_model(body, region, tools, scene.models.fem)
-        self._model, tree = self.tables
-        self._stepper = Stepper(scene.models.fem, self._model, tree, self._n_tools, body.material.retardation_time)
-        self._reader = FieldReader(body, region, self._model, scene.models)
-        if state is None:
-            x, v = body.x_rest[region.nodes], body.v_initial[region.nodes]
-            force, tool = np.zeros((len(region.points), 3)), np.full(len(region.points), -1, dtype=np.int32)
-        else:
-            x, v = state.x[region.nodes], state.v[region.nodes]
-            force, tool = state.contact_force[region.points], state.contact_tool[region.points]
-        self._committed = FemState(
-            np.ascontiguousarray(x, dtype=np.float64),
-            np.ascontiguousarray(v, dtype=np.float64),
-            taken_over(self._model, x, force, tool, self._n_tools),
-            np.zeros((self._stepper.scheme.n_history, len(region.nodes), 3)),
-        )
-        self._next = self._committed.copy()
+        self._body, self._region, self._n_tools = body, region, len(tools.names)
+        self._models, self._retardation_time = scene.models, body.material.retardation_time
+        self.tables = tables or RegionTables(body, region, tools, scene.models.fem)
+        self._steppers: dict[bool, Stepper] = {}
         self._tentative = False
         self._step: tuple[int, int] | None = None
         self._dt = 0.0  # of the last advance [s]
-        self._whole = at_rest(tools)
+        self._tools = at_rest(tools)
+        if state is None:
+            fold = self.tables.fold
+            part = region if fold is None else fold.region
+            force, tool = np.zeros((len(part.points), 3)), np.full(len(part.points), -1, dtype=np.int32)
+            self._go_on(self._start(fold, body.x_rest[part.nodes], body.v_initial[part.nodes], force, tool), fold)
+        else:
+            force, tool = state.contact_force[region.points], state.contact_tool[region.points]
+            self._take_over(self._start(None, state.x[region.nodes], state.v[region.nodes], force, tool))
+
+    def _start(self, fold: Fold | None, x: Floats, v: Floats, force: Floats, tool: Ints) -> FemState:
+        """A state without history, of what a fold leaves of the region."""
+        model, _ = self.tables.whole if fold is None else fold.tables
+        return FemState(
+            np.ascontiguousarray(x, dtype=np.float64),
+            np.ascontiguousarray(v, dtype=np.float64),
+            taken_over(model, x, force, tool, self._n_tools),
+            np.zeros((self._stepper_of(fold).scheme.n_history, len(x), 3)),
+        )
+
+    def _stepper_of(self, fold: Fold | None) -> Stepper:
+        """What takes steps of what a fold leaves of the region."""
+        folded = fold is not None
+        if folded not in self._steppers:
+            model, tree = self.tables.whole if fold is None else fold.tables
+            self._steppers[folded] = Stepper(self._models.fem, model, tree, self._n_tools, self._retardation_time)
+        return self._steppers[folded]
+
+    def _go_on(self, state: FemState, fold: Fold | None) -> None:
+        """Go on from a state of what a fold leaves of the region."""
+        self._fold, self._stepper = fold, self._stepper_of(fold)
+        self._model, _ = self.tables.whole if fold is None else fold.tables
+        self._committed, self._next = state, state.copy()
+
+    def _take_over(self, whole: FemState) -> None:
+        """Go on from a state of the whole region, folded where it mirrors itself."""
+        fold = self.tables.fold
+        part = None if fold is None else fold.fold(whole, self.tables.images)
+        self._go_on(part or whole, None if part is None else fold)
+
+    def _unfolded(self, state: FemState) -> FemState:
+        """Of the whole region."""
+        return state if self._fold is None else self._fold.unfold(state, self.tables.images)
 
     @property
     def n_nodes(self) -> int:
         return len(self._region.nodes)
 
     @property
+    def folded(self) -> int:
+        """The region is so many times what is computed."""
+        return 1 if self._fold is None else self._fold.times
+
+    @property
     def factorisations(self) -> int:
         """Matrices factored since the state was last set."""
-        return self._stepper.factorisations
+        return sum(stepper.factorisations for stepper in self._steppers.values())
 
     @property
     def state(self) -> FemState:
         """State at the end of the last advanced step, or the committed one."""
+        return self._unfolded(self._now)
+
+    @property
+    def _now(self) -> FemState:
         return self._next if self._tentative else self._committed
 
     @property
     def strain(self) -> float:
         """Strain energy of the last advanced step [J]."""
-        return float(strain_energy(self.state.x, self._model, self._stepper.work))
+        return self.folded * float(strain_energy(self._now.x, self._model, self._stepper.work))
 
     @property
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last advanced step [J]."""
-        model, state = self._model, self.state
+        model, state = self._model, self._now
         sunk = (state.x - model.x_rest) @ model.acceleration
-        return 0.5 * float(model.mass @ (state.v * state.v).sum(axis=1)), -float(model.mass @ sunk)
+        kinetic = 0.5 * float(model.mass @ (state.v * state.v).sum(axis=1))
+        return self.folded * kinetic, -self.folded * float(model.mass @ sunk)
 
     def advance(self, request: Advance) -> Advanced:
         """Advance tentatively by request.dt; a new step number commits the tentative step before it."""
@@ -100,21 +141,25 @@ class FemSolver:
         if not again:
             self.commit()
         self._step, self._dt = key, request.dt
-        stepper, now, end = self._stepper, self._committed, self._next
         problem = problem_of(request, self._n_tools, len(self._region.seam))
-        problem = problem or problem_of_anchor(request, len(self._region.seam), stepper.knows_stiffness)
+        problem = problem or problem_of_anchor(request, len(self._region.seam), self._stepper.knows_stiffness)
         if problem:
             return self._failed(request, problem, began)
+        tools = moved(self._tools, request.tools)
+        if self._fold is not None and not self._fold.agrees(tools):
+            self._go_on(self._unfolded(self._committed), None)
+            again = False
+        stepper, now, end = self._stepper, self._committed, self._next
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
         stepper.couple(request.seam_anchor, request.seam_stiffness)
-        whole = moved(self._whole, request.tools)
-        status = stepper.take(now, end, request, whole)
+        status = stepper.take(now, end, request, tools)
         if status == CONVERGED and request.compliance and not stepper.by_error:
-            status = stepper.derive(now, end, request, whole)
+            status = stepper.derive(now, end, request, tools)
         if status != CONVERGED:
-            return self._failed(request, stepper.why(status, self._region.cells), began)
+            region = self._region if self._fold is None else self._fold.region
+            return self._failed(request, stepper.why(status, region.cells), began)
         self._tentative = True
         return self._reply(request, "converged", began)
 
@@ -127,8 +172,11 @@ class FemSolver:
         return self._reply(request, text, began)
 
     def _reply(self, request: Advance, status: str, began: float) -> Advanced:
-        stepper = self._stepper
-        out, numbers, taken = stepper.out, stepper.out.tolist(), stepper.taken
+        stepper, fold = self._stepper, self._fold
+        out, wrench, taken = stepper.out.copy(), stepper.wrench.copy(), stepper.taken
+        if fold is not None and status == "converged":
+            fold.add_up(self._next, self._tools, out, wrench)
+        numbers = out.tolist()
         whole = request.compliance and status == "converged"
         settles = status == "converged" and stepper.settles
         return Advanced(
@@ -136,27 +184,27 @@ class FemSolver:
             status,
             stepper.seam_x.copy(),
             stepper.compliance.copy() if whole else _NONE,
-            stepper.wrench.copy(),
+            wrench,
             numbers[kernel.KINETIC],
             numbers[kernel.STRAIN],
             numbers[kernel.GRAVITY],
             numbers[kernel.TOOL_WORK],
             numbers[kernel.SEAM_WORK],
-            out[kernel.MOMENTUM : kernel.MOMENTUM + 3].copy(),
-            out[kernel.ANGULAR : kernel.ANGULAR + 3].copy(),
+            out[kernel.MOMENTUM : kernel.MOMENTUM + 3],
+            out[kernel.ANGULAR : kernel.ANGULAR + 3],
             numbers[kernel.PENETRATION],
             numbers[kernel.SLIPPED],
             int(numbers[kernel.N_CONTACTS]),
             int(numbers[kernel.N_ITERATIONS]),
             time.perf_counter() - began,
-            stepper.distance.copy(),
-            out[kernel.LOWEST : kernel.LOWEST + 6].copy().reshape(2, 3),
+            stepper.distance.copy() if fold is None else stepper.distance[fold.cell],
+            out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
-            n_crushed=int(stepper.work.mixed[0]),
+            n_crushed=self.folded * int(stepper.work.mixed[0]),
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
-            seam_v=self.state.v[self._region.seam] if len(request.seam_force_start) else _FREE,
+            seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
             settles=settles,
             seam_yield_root=stepper.news_of_yield() if settles else _NONE,
         )
@@ -181,26 +229,35 @@ class FemSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        return self._reader.read(request_header, self.state, self._stepper.work, indicators, own)
+        work = self._stepper_of(None).work
+        if self._fold is not None:
+            part = self._stepper.work
+            work.part[:], work.full[:] = part.part[self._fold.cell], part.full[self._fold.cell]
+            work.mixed[0] = self.folded * part.mixed[0]
+        return self._reader.read(request_header, self.state, work, indicators, own)
+
+    @cached_property
+    def _reader(self) -> FieldReader:
+        return FieldReader(self._body, self._region, self.tables.whole[0], self._models)
 
     def snapshot(self) -> bytes:
         """Commit, drop the factor and the first guess, and return the state."""
         self.commit()
+        whole = self._unfolded(self._committed)
+        self._take_over(whole)  # as who restores it does, to the last bit
         self._forget()
-        now = self._committed
-        return pack(now.x, now.v, now.contact, now.history, np.array([now.past, float(now.level)]))
+        return pack(whole.x, whole.v, whole.contact, whole.history, np.array([whole.past, float(whole.level)]))
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
-        now = self._committed
-        x, v, contact, history, past = unpack(
-            state, now.x.shape, now.v.shape, now.contact.shape, now.history.shape, (2,)
-        )
-        self._committed = FemState(x, v, contact, history, float(past[0]), int(past[1]))
-        self._next = self._committed.copy()
+        n_history, n_points = self._committed.history.shape[0], len(self.tables.whole[0].point_face)
+        place, contact_shape = (self.n_nodes, 3), (n_points, self._n_tools, N_STATE)
+        x, v, contact, history, past = unpack(state, place, place, contact_shape, (n_history, *place), (2,))
+        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1])))
         self._forget()
 
     def _forget(self) -> None:
         self._tentative = False
         self._step = None
-        self._stepper.forget()
+        for stepper in self._steppers.values():
+            stepper.forget()

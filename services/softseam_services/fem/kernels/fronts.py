@@ -16,6 +16,9 @@ from softseam_services.fem.kernels.panel import ascend, descend, factor_panel, i
 # columns of tree.meta
 FIRST, OWN, ALL, PARENT, VALUES, ROW, REST, CHILD, SIBLING, RUN, RUN_END = range(11)
 
+_HELD = 1e15
+"""what is held takes part with this share of rounding"""
+
 
 @njit(cache=True, error_model="numpy")
 def add_diagonal(tree, values, diagonal, scale):
@@ -78,6 +81,18 @@ def add_seam_stiffness(tree, values, stiffness):
                     to = column + 3 * tree.seam_place[a]
                     for i in range(3):
                         values[to + i] += stiffness[3 * a + i, 3 * b + k]
+
+
+@njit(cache=True, error_model="numpy")
+def hold(tree, values, rollers):
+    """Make the diagonal of each node and axis in rollers (h, 2) so large that it does not move; `values` in place."""
+    for h in range(len(rollers)):
+        place = tree.position[rollers[h, 0]]
+        if place >= 0:
+            front = tree.own_front[place]
+            m = 3 * tree.meta[front, ALL]
+            own = 3 * (place - tree.meta[front, FIRST]) + rollers[h, 1]
+            values[tree.meta[front, VALUES] + own * (m + 1)] *= _HELD
 
 
 @njit(cache=True, error_model="numpy")

@@ -29,7 +29,7 @@ from softseam_services.fem.kernels.contact import (
 )
 from softseam_services.fem.kernels.contact_changes import solve_with_changes
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
-from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, seam_inverse, solve
+from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, hold, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.fem.kernels.multigrid import NONE, conjugate_gradients, prepare
 from softseam_services.fem.kernels.pair import factor
@@ -120,6 +120,10 @@ def residual(x, x0, model, tools, count, inertia, share, work, memo):
         subtract_viscous(inside, x0, model, work, r)
     missing = evaluate_contacts(x, model, tools, count, work)
     add_contact_forces(model, count, work, r)
+    for h in range(len(model.rollers)):
+        place = model.order[model.rollers[h, 0]]
+        if place >= 0:
+            r[3 * place + model.rollers[h, 1]] = 0.0
     return missing
 
 
@@ -147,6 +151,7 @@ def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep
         memo[FACTOR_TOUCHES] = add_contact_tangents(model, tools, tree, count, ahead, work)
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
+        hold(tree, work.values, model.rollers)
         memo[N_FACTORS] += 1.0
         if _factor(model, tree, work):
             memo[FACTORED] = 1.0
