@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -33,6 +34,7 @@ from softseam_protocol.messages import (
     SnapshotTaken,
 )
 from softseam_protocol.scene import Scene
+from softseam_protocol.scene_regions import RegionsSpec
 from softseam_services.body.body import Body
 from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup
@@ -83,6 +85,35 @@ def warm_participant(model: str, mesh: bool = False) -> None:
     """Let a participant of `model` answer every kind of request; mesh: of a mesh as a tool too. Raises WarmUpFailed."""
     with compiling(model):
         _ask_everything(model, mesh)
+        if model == "fem":
+            _fold()
+
+
+def _asked(server: ParticipantServer, request: Request) -> object:
+    reply = server.handle(request)
+    if isinstance(reply, Failure):
+        raise WarmUpFailed(f"{type(request).__name__}: {reply.message}")
+    return reply
+
+
+def _header(step: int, exchange: int = 0) -> Header:
+    return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
+
+
+def _fold() -> None:
+    """What mirrors itself: the same block on the ground, whole."""
+    scene = warm_scene("fem")
+    ground = {"tools": {"ground": scene.tools["ground"]}, "motion": (), "regions": RegionsSpec(default="fem")}
+    bundle = Bundle(scene.model_copy(update=ground).model_dump_json(), {})
+    setup = build_setup(bundle)
+    server = ParticipantServer()
+    server.adopt(bundle, setup)
+    _asked(server, Configure(_header(0), bundle, "fem", np.array([0, 1], dtype=np.int32), np.zeros(0, dtype=np.int32)))
+    tools = setup.tools
+    motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((1, 6)), scene.step)
+    _asked(server, Advance(_header(0), scene.step, np.zeros((0, 3)), motion, False))
+    _asked(server, Observe(_header(0)))
+    _asked(server, Release(_header(0)))
 
 
 def _ask_everything(model: str, mesh: bool) -> None:
@@ -90,16 +121,7 @@ def _ask_everything(model: str, mesh: bool) -> None:
     setup = build_setup(bundle)
     server = ParticipantServer()
     server.adopt(bundle, setup)
-
-    def ask(request: Request) -> object:
-        reply = server.handle(request)
-        if isinstance(reply, Failure):
-            raise WarmUpFailed(f"{type(request).__name__}: {reply.message}")
-        return reply
-
-    def header(step: int, exchange: int = 0) -> Header:
-        return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
-
+    ask, header = partial(_asked, server), _header
     tools, scene = setup.tools, setup.scene
     assert isinstance(setup.body, Body)
     shared = np.intersect1d(setup.body.cell_nodes[0], setup.body.cell_nodes[1]).astype(np.int32)

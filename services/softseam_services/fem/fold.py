@@ -17,8 +17,8 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.mirrors import Mirror, find_mirrors, match, mirrored
 from softseam_services.body.region import build_region, node_of_point
 from softseam_services.fem.face_forces import point_positions
-from softseam_services.fem.kernels.contact import ANCHOR, FORCE, SLIP_SO_FAR
-from softseam_services.fem.kernels.mirrored import add_images, tools_agree
+from softseam_services.fem.kernels.contact import FORCE, SLIP_SO_FAR
+from softseam_services.fem.kernels.mirrored import add_images, tools_agree, unfold_contact, unfold_nodes
 from softseam_services.fem.model import MOST_FACTORED, FemModel, Tables, build_model
 from softseam_services.fem.state import FemState
 from softseam_services.fem.tool_motion import Tools
@@ -78,28 +78,14 @@ class Fold:
 
     def unfold(self, state: FemState, points: PointImages) -> FemState:
         """The whole's state of that of the part."""
-        sign, node = self.sign, self.node
-        x = sign * state.x[node] + self.shift
-        history = sign * state.history[:, node]
+        x, v = np.empty_like(self.sign), np.empty_like(self.sign)
+        history = np.empty((len(state.history), *self.sign.shape))
+        unfold_nodes(self.node, self.sign, self.shift, state.x, state.v, state.history, x, v, history)
         if self.keeps_places and state.past > 0.0:
             history[0] += self.shift
-        part, shape = state.contact.copy(), points.shape
-        for m, e in enumerate(self.axis):
-            here, image = self.on[m], self.image[m]
-            force = part[here, :, FORCE : FORCE + 3][:, image]
-            force[..., e] *= -1.0
-            part[here, :, FORCE : FORCE + 3] += force
-        contact = np.zeros((*shape, part.shape[-1]))
-        touched = part[..., FORCE : FORCE + 3].any(axis=-1)
-        for combination in range(self.times):
-            rows, tools = part.copy(), np.arange(shape[1])
-            for m, e in enumerate(self.axis):
-                if combination >> m & 1:
-                    rows[..., [FORCE + e, SLIP_SO_FAR + e, ANCHOR + e]] *= -1.0
-                    rows[..., ANCHOR + e] += 2.0 * self.plane[m] * touched
-                    tools = self.image[m][tools]
-            contact[points.of_image[combination][:, None], tools[None, :]] = rows
-        return FemState(x, sign * state.v[node], contact, history, state.past, state.level)
+        contact = np.zeros((*points.shape, state.contact.shape[2]))
+        unfold_contact(self.axis, self.plane, self.image, self.on, points.of_image, state.contact, contact)
+        return FemState(x, v, contact, history, state.past, state.level)
 
     def fold(self, state: FemState, points: PointImages) -> FemState | None:
         """The part's of a state of the whole, None where that does not mirror itself."""
@@ -117,8 +103,8 @@ class Fold:
             _close(again.x, state.x, near)
             and _close(again.v, state.v, _SAME * float(np.abs(state.v).max(initial=0.0)))
             and all(
-                _close(*both, _SAME * float(np.abs(both[1]).max()))
-                for both in zip(again.history, state.history, strict=True)
+                _close(one, other, _SAME * float(np.abs(other).max()))
+                for one, other in zip(again.history, state.history, strict=True)
             )
             and _close(forces, force, _SAME * float(np.abs(force).max(initial=0.0)))
             and _close(again.contact[touches][..., SLIP_SO_FAR:], state.contact[touches][..., SLIP_SO_FAR:], near)
@@ -168,10 +154,10 @@ def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold
     node, cell = np.arange(body.n_nodes), np.arange(body.n_cells)
     sign, shift = np.ones((body.n_nodes, 3)), np.zeros((body.n_nodes, 3))
     for mirror in mirrors:
-        e, plane = mirror.axis, mirror.plane
-        beyond, side = x[:, e] < plane - near, x[body.cell_nodes[:, 13], e] < plane
+        e, at = mirror.axis, mirror.plane
+        beyond, side = x[:, e] < at - near, x[body.cell_nodes[:, 13], e] < at
         node, cell = np.where(beyond[node], mirror.nodes[node], node), np.where(side[cell], mirror.cells[cell], cell)
-        sign[beyond, e], shift[beyond, e] = -1.0, 2.0 * plane
+        sign[beyond, e], shift[beyond, e] = -1.0, 2.0 * at
     halved = _with_points_of(body, mirrors, near)
     part = build_region(halved, np.unique(cell), _NO_NODES)
     if 3 * np.count_nonzero(~part.fixed) > MOST_FACTORED:
@@ -181,7 +167,7 @@ def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold
     across = [np.flatnonzero(np.abs(x[part.nodes, e] - c) <= near) for e, c in zip(axis, plane, strict=True)]
     rollers = [np.stack([nodes, np.full_like(nodes, e)], axis=1) for e, nodes in zip(axis, across, strict=True)]
     model, tree = build_model(halved, part, tools, spec, rollers=np.concatenate(rollers).astype(np.int32))
-    at = point_positions(model, model.x_rest)
+    points = point_positions(model, model.x_rest)
     return Fold(
         mirrors=tuple(mirrors),
         keeps_places=spec.integrator == "bdf2",
@@ -194,7 +180,7 @@ def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold
         cell=np.searchsorted(part.cells, cell).astype(np.int32),
         sign=sign,
         shift=shift,
-        on=np.array([np.abs(at[:, e] - c) <= near for e, c in zip(axis, plane, strict=True)]),
+        on=np.array([np.abs(points[:, e] - c) <= near for e, c in zip(axis, plane, strict=True)]),
         edge=body.resolution,
     )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.compiled_once import njit
+from softseam_services.fem.kernels.contact import ANCHOR, FORCE, SLIP_SO_FAR
 from softseam_services.fem.kernels.step import (
     ANGULAR,
     GRAVITY,
@@ -164,3 +165,60 @@ def _count_touching(contact, on, image):
                     times *= 1.0 if on[m, point] and image[m, tool] == tool else 2.0
                 total += times
     return total
+
+
+@njit(cache=True, error_model="numpy")
+def unfold_nodes(source, sign, shift, x, v, history, whole_x, whole_v, whole_history):
+    """Fill places, velocities and vectors of the whole's nodes (n, 3), (n, 3), (h, n, 3) from the part's.
+
+    source (n,) node of the part, sign, shift (n, 3): place = sign place' + shift
+    """
+    for node in range(len(source)):
+        for i in range(3):
+            whole_x[node, i] = sign[node, i] * x[source[node], i] + shift[node, i]
+            whole_v[node, i] = sign[node, i] * v[source[node], i]
+            for entry in range(len(history)):
+                whole_history[entry, node, i] = sign[node, i] * history[entry, source[node], i]
+
+
+@njit(cache=True, error_model="numpy")
+def unfold_contact(axis, plane, image, on, of_image, part, whole):
+    """Contact of the whole's points (p, t, 9), zero where nothing touches, from the part's (p', t, 9); whole updated.
+
+    of_image (2^k, p'): the whole's point at each of the part's, mirrored in the mirrors whose bits are set. A point on
+    a plane (`on`) bears what both of its sides do.
+    """
+    n_tools, row = part.shape[1], np.empty(part.shape[2])
+    force = np.empty((n_tools, 3))
+    sums = np.empty((n_tools, 3))
+    for point in range(len(part)):
+        touched = False
+        for tool in range(n_tools):
+            for i in range(3):
+                force[tool, i] = part[point, tool, FORCE + i]
+                touched = touched or force[tool, i] != 0.0
+        if not touched:
+            continue
+        for m in range(len(axis)):
+            if on[m, point]:
+                for tool in range(n_tools):
+                    for i in range(3):
+                        sign = -1.0 if i == axis[m] else 1.0
+                        sums[tool, i] = force[tool, i] + sign * force[image[m, tool], i]
+                force[:] = sums
+        for combination in range(len(of_image)):
+            to = of_image[combination, point]
+            for tool in range(n_tools):
+                if force[tool, 0] == 0.0 and force[tool, 1] == 0.0 and force[tool, 2] == 0.0:
+                    continue
+                row[:] = part[point, tool]
+                row[FORCE : FORCE + 3] = force[tool]
+                other = tool
+                for m in range(len(axis)):
+                    if combination >> m & 1:
+                        e = axis[m]
+                        row[FORCE + e] = -row[FORCE + e]
+                        row[SLIP_SO_FAR + e] = -row[SLIP_SO_FAR + e]
+                        row[ANCHOR + e] = 2.0 * plane[m] - row[ANCHOR + e]
+                        other = image[m, other]
+                whole[to, other] = row
