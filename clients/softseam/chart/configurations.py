@@ -18,7 +18,7 @@ SWIFT = ("hex27", "hex27_reduced")
 """the default element and a softer one of its cost"""
 OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
-TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4))
+TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4), (6, 4.0, 4))
 """cells across whose borders lie at tools' edges, how thin they are there, and the multiple of the scene's step"""
 SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125, 0.0625)), (3, (0.25,)))
 """cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
@@ -61,7 +61,7 @@ class Fem:
     @property
     def seconds(self) -> float:
         """Rough wall time of a run [s]."""
-        swift = fem_seconds(self.frame, self.counts, self.step)
+        swift = fem_seconds(self.frame, self.n_solved, self.step)
         return swift if self.element in SWIFT else 2.0 * swift
 
     @property
@@ -73,6 +73,11 @@ class Fem:
     def n_cells(self) -> int:
         """Of the body."""
         return self.frame.n_cells(self.counts)
+
+    @property
+    def n_solved(self) -> float:
+        """Of these cells those that are solved for."""
+        return self.frame.n_solved(self.counts)
 
     @property
     def family(self) -> tuple[str, str, bool, float, tuple[str, ...]]:
@@ -121,46 +126,60 @@ def _cells_and_factors(
     return cells if frame.own_to_borders is None else [*cells, (frame.own_to_borders, own)]
 
 
+def _folding(
+    frame: Frame, given: Sequence[tuple[int, Factors]], own: Factors, idle: int | None = None
+) -> list[tuple[Counts, Factors]]:
+    """The same for FEM alone, which folds them, with one cell along an axis that is idle."""
+    found: dict[Counts, Factors] = {}
+    for counts, factors in _cells_and_factors(frame, given, own):
+        x, y, z = (1 if axis == idle else count for axis, count in enumerate(frame.folding(counts)))
+        found[x, y, z] = tuple(dict.fromkeys((*found.get((x, y, z), ()), *factors)))
+    return list(found.items())
+
+
 def _fem(frame: Frame) -> Iterator[Configuration]:
     step = frame.scene.step
+
+    def folded(across: int) -> Counts:
+        return frame.folding(frame.across(across))
+
     cubic = ((1, (8, 4, 2, 1)), (2, (8, 4, 2, 1, 0.5)), (3, (4, 2, 1, 0.5)), (4, (2, 1, 0.5)), (6, (1, 0.5)))
-    for counts, factors in _cells_and_factors(frame, cubic, (4, 2, 1, 0.5)):
+    for counts, factors in _folding(frame, cubic, (4, 2, 1, 0.5)):
         for factor in factors:
             yield Fem(frame, counts, factor * step).configuration()
     if 0.0 < retardation_time(frame.scene) <= step:
         # a longer step damps more than the material
         for across, factors in SHORTER:
             for factor in factors:
-                yield Fem(frame, frame.across(across), factor * step).configuration()
+                yield Fem(frame, folded(across), factor * step).configuration()
     if frame.scene.tools and not frame.scene.motion:
         for across, factors in BOUNCES:
             for factor in factors:
-                yield Fem(frame, frame.across(across), factor * step).configuration()
+                yield Fem(frame, folded(across), factor * step).configuration()
     if frame.even is not None:
         for across in (2, 3, 4):
-            for cells in (frame.across(across), frame.level(across)):
+            for cells in (folded(across), frame.folding(frame.level(across))):
                 x, y, z = (1 if axis == frame.even else n for axis, n in enumerate(cells))
                 for factor in (2, 1):
                     yield Fem(frame, (x, y, z), factor * step).configuration()
-            yield Fem(frame, frame.level(across), step).configuration()
+            yield Fem(frame, frame.folding(frame.level(across)), step).configuration()
     elif frame.idle is not None:
         # the quadratic functions of one cell follow how free faces bulge
-        for counts, factors in _cells_and_factors(frame, IDLE, (8, 5, 4, 3, 2)):
-            x, y, z = (1 if axis == frame.idle else n for axis, n in enumerate(counts))
+        for counts, factors in _folding(frame, IDLE, (8, 5, 4, 3, 2), frame.idle):
             for factor in factors:
-                yield Fem(frame, (x, y, z), factor * step, "hex27_reduced").configuration()
+                yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
-    for counts, factors in _cells_and_factors(frame, softer, (8, 5, 4, 3, 2)):
+    for counts, factors in _folding(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:
             yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
     if isinstance(frame.scene.body, BodySpec) and isinstance(frame.scene.body.shape, BlockShape) and not frame.ball:
         # cells that are thinner at the faces, where stress peaks
         for grading, across, factors in ((4.0, 3, (4, 2, 1)), (8.0, 3, (2, 1)), (4.0, 4, (2,)), (4.0, 5, (1,))):
             for factor in factors:
-                yield Fem(frame, frame.across(across), factor * step, grading=grading).configuration()
+                yield Fem(frame, folded(across), factor * step, grading=grading).configuration()
     if frame.edged and not frame.ball:
         for across, grading, factor in TOWARDS_EDGES:
-            yield Fem(frame, frame.across(across), factor * step, grading=grading, towards=frame.edged).configuration()
+            yield Fem(frame, folded(across), factor * step, grading=grading, towards=frame.edged).configuration()
     if frame.ball is not None:
         # equal cells, of which fewer will do where the ball is hardly stiffer
         equal = replace(frame, follows=False)
@@ -169,7 +188,7 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
                 yield Fem(equal, equal.across(across), factor * step).configuration()
     for element in OTHERS:
         for across in (2, 4):
-            yield Fem(frame, frame.across(across), step, element).configuration()
+            yield Fem(frame, folded(across), step, element).configuration()
     # without contact their second order shows; with it, it does not
     second: tuple[tuple[int, Factors], ...] = ((2, (1, 2)),)
     if not frame.scene.tools:
@@ -177,7 +196,7 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     for integrator in ("midpoint",) if is_viscous(frame.scene) else ("midpoint", "bdf2"):
         for across, factors in second:
             for factor in factors:
-                yield Fem(frame, frame.across(across), factor * step, integrator=integrator).configuration()
+                yield Fem(frame, folded(across), factor * step, integrator=integrator).configuration()
 
 
 def _xpbd(frame: Frame) -> Iterator[Configuration]:
@@ -222,7 +241,7 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
             for factor in factors if told in ("", ", one block a cell") else (1,):
                 settings = ("regions.near.split=always", *frame.cells(counts), f"step={factor * step:.9g}", *region)
                 label = f"hybrid {_cells(frame, counts)}, {_ms(factor * step)}{told}"
-                seconds = 3.0 * fem_seconds(frame, counts, factor * step)
+                seconds = 3.0 * fem_seconds(frame, frame.n_cells(counts), factor * step)
                 key = (
                     f"hybrid-{_cells(frame, counts)}-{_ms(factor * step, '')}{told.replace(',', '').replace(' ', '-')}"
                 )
@@ -232,14 +251,14 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
 def _as_is(frame: Frame) -> Iterator[Configuration]:
     for factor in (4, 2, 1, 0.5):
         step = factor * frame.scene.step
-        seconds = 2.0 * fem_seconds(frame, frame.own or frame.across(3), step)
+        seconds = 2.0 * fem_seconds(frame, frame.n_cells(frame.own or frame.across(3)), step)
         label = f"as it is, {_ms(step)}"
         yield Configuration(f"as-is-{_ms(step, '')}", "as it is", label, (f"step={step:.9g}",), seconds)
 
 
-def fem_seconds(frame: Frame, counts: Counts, step: float) -> float:
-    """Rough wall time of FEM alone [s]."""
-    return float(frame.length / step * (2e-4 + 4e-6 * frame.n_cells(counts) ** 1.55))
+def fem_seconds(frame: Frame, n_cells: float, step: float) -> float:
+    """Rough wall time of FEM that solves for so many cells [s]."""
+    return float(frame.length / step * (2e-4 + 4e-6 * n_cells**1.55))
 
 
 def _cells(frame: Frame, counts: Counts) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.duration import expected_duration
+from softseam.embedded import mirror_axes
 from softseam.errors import SceneRefused
 from softseam.scenes import located
 from softseam.session import open_as_given
@@ -53,6 +54,8 @@ class Frame:
     """of the body (3,) [m]"""
     follows: bool = True
     """whether cells may follow a ball in the block, which a seam does not let them"""
+    mirrors: tuple[int, ...] = ()
+    """axes that FEM solves one side of, where an even number of cells lies along them"""
 
     @property
     def length(self) -> float:
@@ -120,6 +123,18 @@ class Frame:
     def n_cells(self, counts: Counts) -> int:
         """Of these counts along the block's edges, with those around a ball."""
         return self.ball.n_cells(self._pieces(counts)) if self.ball is not None else int(np.prod(counts))
+
+    def n_solved(self, counts: Counts) -> float:
+        """Of these cells those that FEM alone solves for."""
+        folds = sum(counts[axis] % 2 == 0 for axis in self.mirrors)
+        return self.n_cells(counts) * 0.5**folds
+
+    def folding(self, counts: Counts) -> Counts:
+        """These cells, one more along axes that an odd number of them does not fold across: half of more are fewer."""
+        if self.ball is not None:
+            return counts
+        x, y, z = (count + (axis in self.mirrors and count % 2) for axis, count in enumerate(counts))
+        return x, y, z
 
     def across_ball(self, counts: Counts) -> int:
         """Cells along the longest edge of the box around a ball; 0 where there is none."""
@@ -306,7 +321,7 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
         )
     shape = scene.body.shape
     if isinstance(shape, BlockShape):
-        return Frame(scene, np.array(shape.size))
+        return Frame(scene, np.array(shape.size), mirrors=mirror_axes(scene))
     if shape.cells == "own":
         text = (
             "body.shape.cells: charts and plans try cells of many sizes, and this mesh brings its own: "

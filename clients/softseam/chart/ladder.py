@@ -109,13 +109,14 @@ class Ladder:
         if not known:
             return rough
         at = known[-1]
-        cells, before = (float(self._frame.n_cells(self._frame.level(a))) for a in (across, at[0]))
+        cells, before = (self._frame.n_solved(self._frame.level(a)) for a in (across, at[0]))
         power = GROWTH[1]
         if len({a for a, _ in known}) > 1:
             lower = next(k for k in reversed(known) if k[0] < at[0])
-            fewer = float(self._frame.n_cells(self._frame.level(lower[0])))
+            fewer = self._frame.n_solved(self._frame.level(lower[0]))
             paid, less = self._paid(at) / at[1] ** -1, self._paid(lower) / lower[1] ** -1
-            power = float(np.clip(np.log(paid / less) / np.log(before / fewer), *GROWTH))
+            if before > fewer:
+                power = float(np.clip(np.log(paid / less) / np.log(before / fewer), *GROWTH))
         return float(self._paid(at) * (cells / before) ** power * at[1] / step)
 
     def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:

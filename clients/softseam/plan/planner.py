@@ -213,10 +213,11 @@ class _Search:
 
 
 def _is_finer(one: Fem | None, than: Fem | None) -> bool:
-    """Whether it is of the same family, on no fewer cells and with no longer step."""
+    """Whether it is of the same family, on no fewer cells, no fewer of them solved for, and with no longer step."""
     if one is None or than is None:
         return False
-    return one.family == than.family and one.n_cells >= than.n_cells and one.step <= than.step
+    finer = one.n_cells >= than.n_cells and one.n_solved >= than.n_solved and one.step <= than.step
+    return one.family == than.family and finer
 
 
 def _told(runs: Sequence[Run], reference: Reference) -> Iterable[Run]:

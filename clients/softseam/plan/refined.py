@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from softseam.chart.configurations import Fem
 from softseam.chart.errors import rms
+from softseam.chart.frame import Counts
 from softseam.chart.reference import Reference
 from softseam.chart.richardson import SLOWEST
 from softseam.chart.series import Series
@@ -35,7 +36,7 @@ ACROSS = 20
 SWIFTEST = 2.0
 """an order above it is not believed: coarse cells are off by more than their size"""
 DEARER = 1.55
-"""wall time grows with this power of the number of cells"""
+"""wall time grows with this power of the number of cells that are solved for"""
 
 
 def refined(runs: Iterable[Run], reference: Reference) -> Iterator[Run]:
@@ -54,7 +55,7 @@ def refined(runs: Iterable[Run], reference: Reference) -> Iterator[Run]:
         for fem in _finer(base.fem):
             more = fem.n_cells / base.fem.n_cells
             series = _scaled(base.series, off, {k: more ** (-p / 3.0) for k, p in orders.items()}, reference)
-            seconds = base.outcome.seconds * more**DEARER
+            seconds = base.outcome.seconds * (fem.n_solved / base.fem.n_solved) ** DEARER
             told = replace(base.outcome, series=series, walls=(seconds,), cpu=0.0)
             yield replace(fem.configuration(), seconds=seconds), told
 
@@ -63,14 +64,16 @@ def _by_size(made: Made) -> tuple[tuple[str, str, bool, float, tuple[str, ...]],
     return made.fem.family, made.fem.step, made.fem.n_cells
 
 
-def _levels(fem: Fem) -> Iterator[tuple[int, int, int]]:
-    return (fem.frame.level(across) for across in range(1, ACROSS + 1))
+def _levels(fem: Fem) -> Iterator[Counts]:
+    """As FEM folds them."""
+    return (fem.frame.folding(fem.frame.level(across)) for across in range(1, ACROSS + 1))
 
 
 def _is_level(fem: Fem) -> bool:
     """Whether its cells are a level's, or a sweep's nearly cubic ones, and its element is the default."""
-    every = (*_levels(fem), *(fem.frame.across(across) for across in range(1, ACROSS + 1)))
-    return fem.element == "hex27" and fem.counts in every
+    frame = fem.frame
+    plain = [cells(across) for across in range(1, ACROSS + 1) for cells in (frame.level, frame.across)]
+    return fem.element == "hex27" and (fem.counts in plain or fem.counts in map(frame.folding, plain))
 
 
 def _finer(fem: Fem) -> list[Fem]:

@@ -139,15 +139,9 @@ class PointImages:
 def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold | None:
     """How a region can be folded; None where it mirrors itself nowhere, or is not all of the body, or its tools begin
     elsewhere, and where its integrator or its size ask for all of it."""
-    explicit = spec.integrator == "symplectic_euler"
-    if not spec.mirrored or explicit or len(region.seam) or len(region.cells) < body.n_cells:
+    if not can_fold(spec) or len(region.seam) or len(region.cells) < body.n_cells:
         return None
-    mirrors, images = [], []
-    for mirror in find_mirrors(body):
-        image = _images_of_tools(mirror, tools, body.resolution)
-        if image is not None:
-            mirrors.append(mirror)
-            images.append(image)
+    mirrors, images = common_mirrors(body, tools)
     if not mirrors:
         return None
     x, near = body.x_rest, _SAME * body.resolution
@@ -183,6 +177,17 @@ def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold
         on=np.array([np.abs(points[:, e] - c) <= near for e, c in zip(axis, plane, strict=True)]),
         edge=body.resolution,
     )
+
+
+def can_fold(spec: FemSpec) -> bool:
+    """Whether these settings let FEM fold anything."""
+    return spec.mirrored and spec.integrator != "symplectic_euler"
+
+
+def common_mirrors(body: Body, tools: ToolSet) -> tuple[list[Mirror], list[Ints]]:
+    """Mirrors of a body in which its tools begin as images of each other, and each tool's image there (t,)."""
+    found = [(mirror, _images_of_tools(mirror, tools, body.resolution)) for mirror in find_mirrors(body)]
+    return [mirror for mirror, image in found if image is not None], [image for _, image in found if image is not None]
 
 
 def _images_of_tools(mirror: Mirror, tools: ToolSet, edge: float) -> Ints | None:
