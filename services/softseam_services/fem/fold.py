@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.interpolate import FUNCTIONS
 from softseam_services.body.mirrors import Mirror, find_mirrors, match, mirrored
 from softseam_services.body.region import build_region, node_of_point
 from softseam_services.fem.face_forces import point_positions
@@ -180,8 +181,9 @@ def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold
 
 
 def can_fold(spec: FemSpec) -> bool:
-    """Whether these settings let FEM fold anything."""
-    return spec.mirrored and spec.integrator != "symplectic_euler"
+    """Whether these settings let FEM fold anything: octants are not divided alike into tetrahedra on both sides."""
+    alike = not FUNCTIONS[spec.element].startswith("tet")
+    return spec.mirrored and alike and spec.integrator != "symplectic_euler"
 
 
 def common_mirrors(body: Body, tools: ToolSet) -> tuple[list[Mirror], list[Ints]]:
