@@ -260,7 +260,7 @@ def test_a_level_that_did_not_end_in_time_is_not_begun_again_in_as_much(
 ) -> None:
     """What it was seen to take is kept: a chart that is drawn anew does not spend half of its minutes on it."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    block = frame()
+    block = replace(frame(), mirrors=(0, 1))
     first, again = (Ladder("tofu_grasp", (), block, ("grip_force",)) for _ in range(2))
     for ladder in (first, again):
         ladder.open("code", fresh=False)

@@ -47,7 +47,7 @@ def test_a_rough_grip_lifts_and_holds() -> None:
     assert abs(run.x[:, 2].mean() - before - 0.05) < 0.002
     assert held[-1].slip < 2e-3
     assert abs(held[-1].slip - held[len(held) // 2].slip) < 1e-6
-    weight = run.solver._model.mass.sum() * 9.81
+    weight = run.body.total_mass * 9.81
     np.testing.assert_allclose(held[-1].wrench[1:, 2].sum(), -weight, rtol=1e-3)
     assert -held[-1].wrench[1, 0] == pytest.approx(10.15, rel=0.05)
     assert held[-1].n_contacts > 40

@@ -20,6 +20,7 @@ from softseam_services.body.region import build_region, node_of_point
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.kernels.contact import FORCE, SLIP_SO_FAR
 from softseam_services.fem.kernels.mirrored import add_images, tools_agree, unfold_contact, unfold_nodes
+from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.model import MOST_FACTORED, FemModel, Tables, build_model
 from softseam_services.fem.state import FemState
 from softseam_services.fem.tool_motion import Tools
@@ -161,7 +162,7 @@ def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold
     plane = np.array([mirror.plane for mirror in mirrors])
     across = [np.flatnonzero(np.abs(x[part.nodes, e] - c) <= near) for e, c in zip(axis, plane, strict=True)]
     rollers = [np.stack([nodes, np.full_like(nodes, e)], axis=1) for e, nodes in zip(axis, across, strict=True)]
-    model, tree = build_model(halved, part, tools, spec, rollers=np.concatenate(rollers).astype(np.int32))
+    model, tree = build_model(halved, part, tools, spec, NONE, rollers=np.concatenate(rollers).astype(np.int32))
     points = point_positions(model, model.x_rest)
     return Fold(
         mirrors=tuple(mirrors),
