@@ -90,7 +90,7 @@ def reads_the_same(one: FemRun, other: FemRun) -> None:
     np.testing.assert_array_equal(left.contact_tool[loaded], right.contact_tool[loaded])
 
 
-GRASPED = {
+GRASPED: dict[str, dict[str, Any]] = {
     "hex27": {},
     "hex27_reduced": {"element": "hex27_reduced"},
     "hex8": {"element": "hex8"},
@@ -271,10 +271,11 @@ def test_mirrored_false_lets_a_column_buckle() -> None:
         "ground": {"kind": "plane", "friction": 2.0},
         "plate": {"kind": "box", "size": (0.1, 0.1, 0.01), "position": (0, 0, 0.1051), "friction": 2.0},
     }
-    push = {"body": {"velocity": (1e-3, 0.0, 0.0)}}
+    push: dict[str, Any] = {"body": {"velocity": (1e-3, 0.0, 0.0)}}
     press: dict[str, Vector] = {"plate": (0.0, 0.0, -0.1)}
     bent = []
-    for keys, mirrored in (({}, True), ({}, False), (push, False)):
+    cases: tuple[tuple[dict[str, Any], bool], ...] = (({}, True), ({}, False), (push, False))
+    for keys, mirrored in cases:
         scene = block(size=(0.01, 0.01, 0.1), cell=(0.005, 0.005, 0.01), tools=plates, step=0.01, **keys)
         run = FemRun(scene.model_copy(update={"models": fine(scene, mirrored).models}))
         run.run(0.3, press)
