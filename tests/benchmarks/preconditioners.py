@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from fem_run import FemRun, tofu
+from fem_run import FemRun, tofu, unfolded
 from timing import least
 
 from softseam_services.fem import model as fem_model
@@ -99,7 +99,7 @@ class Case:
 
     def __init__(self, n: int, step: float, factored: bool) -> None:
         fem_model.MOST_FACTORED = 10**9 if factored else 0
-        self.run = FemRun(tofu(cell=0.05 / n, step=step))
+        self.run = FemRun(unfolded(tofu(cell=0.05 / n, step=step)))
         solver = self.run.solver
         self.step = step
         stepper = solver._stepper
@@ -146,13 +146,13 @@ def compare(n: int, step: float) -> str:
     start = run.request().tools
     run.position[1:, 0] = np.array([-1.0, 1.0]) * (np.abs(x[:, 0]).max() + 0.005)
     end = run.request().tools
-    sparse.assemble(x, contact, moved(run.solver._whole, end))
+    sparse.assemble(x, contact, moved(run.solver._tools, end))
     matrix = sparse.work.values.copy()
     b = np.random.default_rng(1).standard_normal(size)
     fresh = old = "-"
     if size <= MOST_FACTORED:
         direct = Case(n, step, True)
-        whole = direct.run.solver._whole
+        whole = direct.run.solver._tools
         direct.assemble(rest, contact, moved(whole, start))
         assert factor(direct.tree, direct.work.values, direct.work.factoring) == 0
         stale = direct.work.values.copy()

@@ -193,7 +193,7 @@ class Ladder:
         return self._fem(across, step).settings
 
     def _counts(self, across: float) -> Counts:
-        """Of thin cells as many as fold; equal ones as they were before any did, for what ships is checked with them."""
+        """Of thin cells as many as fold; of equal ones as many as ever, since what ships is checked with them."""
         counts = self._frame.level(across)
         return counts if self._grading == 1.0 else self._frame.folding(counts)
 
