@@ -53,7 +53,7 @@ What the names of configurations say:
 
 | in a name | it means |
 |---|---|
-| FEM, XPBD | all of the body is simulated by it |
+| FEM, XPBD | all of the body is simulated by it; FEM solves for one side where all mirrors itself |
 | hybrid | FEM near the tools, XPBD elsewhere, joined by a seam, on the scene's own regions |
 | half as wide, twice as wide | that reach of the FEM region, against the scene's |
 | as it is | the scene's own cells, models and regions; only the step is set |

@@ -26,8 +26,9 @@ SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 
 BOUNCES: tuple[tuple[int, Factors], ...] = ((2, (1 / 16, 1 / 32, 1 / 64)),)
 """and where a body falls on what does not move: how it bounces shows in steps far shorter than it is seen in"""
 
-IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (4, 2)), (4, (4, 3, 2)))
-"""cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along"""
+IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (4, 2)), (4, (5, 4, 3, 2)))
+"""cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along, and
+with two where half of that is solved for"""
 
 
 @dataclass(frozen=True)
@@ -127,12 +128,14 @@ def _cells_and_factors(
 
 
 def _folding(
-    frame: Frame, given: Sequence[tuple[int, Factors]], own: Factors, idle: int | None = None
+    frame: Frame, given: Sequence[tuple[int, Factors]], own: Factors, idle: tuple[int, int] | None = None
 ) -> list[tuple[Counts, Factors]]:
-    """The same for FEM alone, which folds them, with one cell along an axis that is idle."""
+    """The same for FEM alone, which folds them; idle: an axis, and how many cells lie along it."""
     found: dict[Counts, Factors] = {}
     for counts, factors in _cells_and_factors(frame, given, own):
-        x, y, z = (1 if axis == idle else count for axis, count in enumerate(frame.folding(counts)))
+        x, y, z = frame.folding(counts)
+        if idle is not None:
+            x, y, z = (idle[1] if axis == idle[0] else count for axis, count in enumerate((x, y, z)))
         found[x, y, z] = tuple(dict.fromkeys((*found.get((x, y, z), ()), *factors)))
     return list(found.items())
 
@@ -165,9 +168,10 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
             yield Fem(frame, frame.folding(frame.level(across)), step).configuration()
     elif frame.idle is not None:
         # the quadratic functions of one cell follow how free faces bulge
-        for counts, factors in _folding(frame, IDLE, (8, 5, 4, 3, 2), frame.idle):
-            for factor in factors:
-                yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
+        for few in (1, 2) if frame.idle in frame.mirrors else (1,):
+            for counts, factors in _folding(frame, IDLE, (8, 5, 4, 3, 2), (frame.idle, few)):
+                for factor in factors:
+                    yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
     for counts, factors in _folding(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:
