@@ -27,8 +27,8 @@ BOUNCES: tuple[tuple[int, Factors], ...] = ((2, (1 / 16, 1 / 32, 1 / 64)),)
 """and where a body falls on what does not move: how it bounces shows in steps far shorter than it is seen in"""
 
 IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (4, 2)), (4, (5, 4, 3, 2)))
-"""cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along, and
-with two where half of that is solved for"""
+"""cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along,
+and with two where half of them is solved for"""
 
 
 @dataclass(frozen=True)
