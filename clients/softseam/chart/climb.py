@@ -29,6 +29,8 @@ STEPS_AT = 4
 """most cells along the shortest edge at which the step is refined"""
 STEPS_CELLS = 220
 """and most cells in all, unless the coarsest level has more: steps are halved up to `HALVINGS` times"""
+DEAR = 300
+"""cells that a level may solve for though a finer one solves for fewer"""
 HALVINGS = 7
 """most halvings of the step"""
 LEAST_HALVINGS = 3
@@ -165,14 +167,17 @@ def levels_of(frame: Frame) -> tuple[int, ...]:
     """Cells across the coarsest level and finer ones, no two of which are the same cells.
 
     Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
-    have other shapes on either side of a border, and levels would jump back and forth.
+    have other shapes on either side of a border, and levels would jump back and forth. And none that solves for many
+    cells, and for more of them than a finer one does, which folds.
     """
     different = tuple({frame.level(across): across for across in ACROSS}.values())
     if frame.ball is not None:
         # with two cells across the box forces and sag still go to and fro
         different = tuple(across for across in different if frame.across_ball(frame.level(across)) >= LEAST_ROUND)
     alike = tuple(across for across in different if refines(frame, across))
-    return alike if len(alike) > 3 else different
+    found = alike if len(alike) > 3 else different
+    solved = [frame.n_solved(frame.level(across)) for across in found]
+    return tuple(a for k, a in enumerate(found) if solved[k] <= max(DEAR, min(solved[k + 1 :], default=np.inf)))
 
 
 def refines(frame: Frame, across: float) -> bool:

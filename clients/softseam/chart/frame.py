@@ -41,6 +41,8 @@ NARROWER = 2.0
 """and a reference's are this many times as short across lines of contact [1]"""
 DEEP = 0.1
 """share of a block's edge that tools' edges lie inside its faces at least, for cells of any size to end there [1]"""
+FEW = 8.0
+"""a run that solves for fewer cells takes no less time"""
 UNKNOWN_LENGTH = 3.0
 """for estimates, where the length of the motion is not known before [s]"""
 

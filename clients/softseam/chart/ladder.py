@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from softseam.chart.configurations import Configuration, Fem
 from softseam.chart.errors import rms
-from softseam.chart.frame import Counts, Frame, is_viscous
+from softseam.chart.frame import FEW, Counts, Frame, is_viscous
 from softseam.chart.measure import Outcome, Told, measure, quantity_names
 from softseam.chart.reference import Level
 from softseam.chart.richardson import Limit
@@ -109,11 +109,11 @@ class Ladder:
         if not known:
             return rough
         at = known[-1]
-        cells, before = (self._frame.n_solved(self._counts(a)) for a in (across, at[0]))
+        cells, before = self._cells(across), self._cells(at[0])
         power = GROWTH[1]
         if len({a for a, _ in known}) > 1:
             lower = next(k for k in reversed(known) if k[0] < at[0])
-            fewer = self._frame.n_solved(self._counts(lower[0]))
+            fewer = self._cells(lower[0])
             paid, less = self._paid(at) / at[1] ** -1, self._paid(lower) / lower[1] ** -1
             if before > fewer:
                 power = float(np.clip(np.log(paid / less) / np.log(before / fewer), *GROWTH))
@@ -196,6 +196,10 @@ class Ladder:
         """Of thin cells as many as fold; of equal ones as many as ever, since what ships is checked with them."""
         counts = self._frame.level(across)
         return counts if self._grading == 1.0 else self._frame.folding(counts)
+
+    def _cells(self, across: float) -> float:
+        """That a level's time goes by."""
+        return max(FEW, self._frame.n_solved(self._counts(across)))
 
     def _fem(self, across: float, step: float) -> Fem:
         return Fem(self._frame, self._counts(across), step, "hex27", self.integrator, self._grading, self._towards)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from softseam.chart.configurations import Fem
 from softseam.chart.errors import rms
-from softseam.chart.frame import Counts
+from softseam.chart.frame import FEW, Counts
 from softseam.chart.reference import Reference
 from softseam.chart.richardson import SLOWEST
 from softseam.chart.series import Series
@@ -55,7 +55,7 @@ def refined(runs: Iterable[Run], reference: Reference) -> Iterator[Run]:
         for fem in _finer(base.fem):
             more = fem.n_cells / base.fem.n_cells
             series = _scaled(base.series, off, {k: more ** (-p / 3.0) for k, p in orders.items()}, reference)
-            seconds = base.outcome.seconds * (fem.n_solved / base.fem.n_solved) ** DEARER
+            seconds = base.outcome.seconds * (max(FEW, fem.n_solved) / max(FEW, base.fem.n_solved)) ** DEARER
             told = replace(base.outcome, series=series, walls=(seconds,), cpu=0.0)
             yield replace(fem.configuration(), seconds=seconds), told
 
