@@ -146,10 +146,10 @@ def test_a_plan_holds_until_its_error_and_what_is_added_exceed_the_tolerance() -
     bench = Bench({"cheap": replace(outcome(0.1, 0.04), estimate=0.02)})
     plan = choose(Goal(0.0501), reference(1e-6), WANTED[1:2], bench)
     watch = PlanWatch(Wishes("nothing"), plan, Console(), lambda settings: pytest.fail("not opened"))
-    for answer, harder in ((0.01, None), (0.02, None), (0.03, None), (0.032, 1.6)):
+    for answer, harder in ((0.01, None), (0.02, None), (0.03, None), (0.032, 3.2)):
         assert watch.needed(estimated(answer)) == harder
     assert watch.needed(None) is None
-    again = replace(watch, plan=replace(plan, goal=Goal(0.0501, harder=1.6)))
+    again = replace(watch, plan=replace(plan, goal=Goal(0.0501, harder=3.2)))
     assert again.needed(estimated(0.032)) is None, "it is what this one was made for"
     unknown = replace(plan, choice=replace(plan.choice, estimate=0.0))
     assert replace(watch, plan=unknown).needed(estimated(0.5)) is None

@@ -5,8 +5,8 @@ be a off. The rest of e has other reasons, the step's length above all. So this 
 
     e + a - a_0                                                                                                   (1)
 
-Where that is more than the tolerance, the fastest run is chosen whose e + (r - 1) a_0 is not, r = a / a_0 of the plan's
-run being taken for that of all. Most runs were made before.
+Where that is more than the tolerance, the fastest run is chosen whose e + (r - 1) a_0 is not, r being `ROUGHLY` times
+a / a_0 of the plan's run: few cells see less of what another motion does. Most runs were made before.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from softseam.plan.command import Wishes, find, settings_of
 from softseam.plan.kept import Plan
 from softseam.session import Session
 from softseam_protocol.messages import ErrorEstimate
+
+ROUGHLY = 2.0
+"""the ratio of two motions' errors may be so many times as large on other cells [1]"""
 
 
 @dataclass(frozen=True)
@@ -48,11 +51,11 @@ class PlanWatch:
         return replace(self, wishes=wishes, plan=find(wishes, self.console)).begin()
 
     def needed(self, estimate: ErrorEstimate | None) -> float | None:
-        """How many times as large errors are as in the plan's own run, rounded up; None as of `anew`."""
+        """How many times as large errors may be as in the plan's own run, rounded up; None as of `anew`."""
         choice, goal = self.plan.choice, self.plan.goal
         if estimate is None or choice.estimate <= 0.0:
             return None
         more = estimate.answer - goal.harder * choice.estimate
         if more <= 0.0 or choice.error + more <= goal.tolerance:
             return None
-        return math.ceil(10.0 * estimate.answer / choice.estimate) / 10.0
+        return math.ceil(10.0 * ROUGHLY * estimate.answer / choice.estimate) / 10.0
