@@ -142,7 +142,7 @@ def estimated(answer: float) -> ErrorEstimate:
 
 
 def test_a_plan_holds_until_its_error_and_what_is_added_exceed_the_tolerance() -> None:
-    """4 % off, estimated at 2 %: 3 % is 5 % together, and 3.2 % needs a plan 1.6 times as hard."""
+    """4 % off, estimated at 2 %: 3 % is 5 % together, and 3.2 % needs a plan 3.2 times as hard, twice what was seen."""
     bench = Bench({"cheap": replace(outcome(0.1, 0.04), estimate=0.02)})
     plan = choose(Goal(0.0501), reference(1e-6), WANTED[1:2], bench)
     watch = PlanWatch(Wishes("nothing"), plan, Console(), lambda settings: pytest.fail("not opened"))
