@@ -10,6 +10,7 @@ import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 
+from softseam.embedded import mirror_axes
 from softseam_protocol.messages import Advanced, BodyState, Header
 from softseam_protocol.scene import Scene
 from softseam_services.body.mirrors import find_mirrors
@@ -37,6 +38,9 @@ ROLLERS = {
 }
 DOWN: dict[str, Vector] = {"ball": (0.0, 0.0, -0.05)}
 UP: dict[str, Vector] = {"left": (0.0, 0.0, 0.05), "right": (0.0, 0.0, 0.05)}
+
+
+GRAIN = {"kind": "sphere", "radius": 1e-4}
 
 
 def core(x: float) -> dict[str, Any]:
@@ -257,6 +261,21 @@ def test_what_does_not_mirror_itself_is_left_whole(name: str) -> None:
 def test_what_is_not_divided_alike_is_left_whole(spec: dict[str, Any]) -> None:
     """Nor what is asked to be, nor what solves no equations."""
     assert FemRun(block(cell=0.025, models={"fem": spec})).solver.folded == 1
+
+
+FORESEEN: dict[str, tuple[dict[str, Any], tuple[int, ...]]] = {
+    "fingers": ({"tools": FINGERS, "cell": (0.02, 0.05, 0.05)}, (0, 1)),
+    "a mesh": ({"tools": {"wedge": {"kind": "mesh", "path": "wedge.obj", "position": (0.1, 0, 0)}}}, ()),
+    "a grain": ({"body": {"inclusions": [{**core(0.0), "shape": {**GRAIN, "position": (0.006, 0.006, 0.006)}}]}}, ()),
+    "not asked for": ({"models": {"fem": {"mirrored": False}}}, ()),
+}
+
+
+@pytest.mark.parametrize("name", FORESEEN)
+def test_charts_and_plans_foresee_mirrors(name: str) -> None:
+    """From the scene alone, whatever its cells, and without an error where eight cells do not do."""
+    keys, axes = FORESEEN[name]
+    assert mirror_axes(block(**{"gravity": (0, 0, -9.81), "cell": 0.025, **keys})) == axes
 
 
 def test_a_part_of_a_body_is_not_folded() -> None:
