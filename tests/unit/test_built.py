@@ -15,6 +15,7 @@ from softseam_services.body.body import Body
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
 from softseam_services.fem import fold, region_tables
+from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tables, build_model
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -45,6 +46,7 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
     """One body from the start, and one that is cut in each episode: the same numbers as in the first, from the tables
     that were built for it, whose bytes stay as they were."""
     built: list[Tables] = []
+    indicators: list[MeshError] = []
     copies: list[dict[str, NDArray[np.generic]]] = []
 
     def counted(*arguments: object, **named: object) -> Tables:
@@ -52,17 +54,24 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
         copies.append({name: array.copy() for name, array in arrays(built[-1]).items()})
         return built[-1]
 
+    def measured(*arguments: object) -> MeshError:
+        indicators.append(MeshError(*arguments))  # type: ignore[arg-type]
+        return indicators[-1]
+
     for module in (region_tables, fold):
         monkeypatch.setattr(module, "build_model", counted)
+    monkeypatch.setattr(region_tables, "MeshError", measured)
     scene = with_settings(load_scene(SCENES / "tofu_grasp.yaml").scene, [*BEFORE, f"regions.near.split={split}"])
     simulation = Simulation(bundle_scene(scene, {}), EmbeddedTransport())
-    episodes = []
+    episodes, estimates = [], []
     for episode in range(3):
         if episode:
             simulation.reset()
         reports = [simulation.step() for _ in range(80)]
+        estimates.append(simulation.estimate())
         episodes.append(np.concatenate([report.wrench.ravel() for report in reports]))
     simulation.close()
+    assert len(indicators) == 1 and estimates[0] is not None and estimates[0] == estimates[1] == estimates[2]
     assert len(built) == {"when_cheaper": 2, "always": 1}[split]  # a body that folds has a half, and all of it to read
     assert all(np.array_equal(episodes[0], each) for each in episodes[1:]) and np.abs(episodes[0]).max() > 1.0
     for tables, copy in zip(built, copies, strict=True):

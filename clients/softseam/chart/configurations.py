@@ -30,6 +30,9 @@ IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (4, 2)), (4, (5, 4,
 """cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along,
 and with two where half of them is solved for"""
 
+THINNER = 2.0
+"""of few cells, those at the faces may be so much thinner: four then say more than four equal ones, for nothing"""
+
 
 @dataclass(frozen=True)
 class Configuration:
@@ -141,7 +144,8 @@ def _folding(
 
 
 def _fem(frame: Frame) -> Iterator[Configuration]:
-    step = frame.scene.step
+    step, body = frame.scene.step, frame.scene.body
+    is_block = isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and frame.ball is None
 
     def folded(across: int) -> Counts:
         return frame.folding(frame.across(across))
@@ -172,11 +176,13 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
             for counts, factors in _folding(frame, IDLE, (8, 5, 4, 3, 2), (frame.idle, few)):
                 for factor in factors:
                     yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
+                    if is_block and max(counts) > 2:
+                        yield Fem(frame, counts, factor * step, "hex27_reduced", grading=THINNER).configuration()
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
     for counts, factors in _folding(frame, softer, (8, 5, 4, 3, 2)):
         for factor in factors:
             yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
-    if isinstance(frame.scene.body, BodySpec) and isinstance(frame.scene.body.shape, BlockShape) and not frame.ball:
+    if is_block:
         # cells that are thinner at the faces, where stress peaks
         for grading, across, factors in ((4.0, 3, (4, 2, 1)), (8.0, 3, (2, 1)), (4.0, 4, (2,)), (4.0, 5, (1,))):
             for factor in factors:

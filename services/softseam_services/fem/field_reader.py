@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.messages import Fields, Header
-from softseam_protocol.scene_models import ModelsSpec
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.fem.face_forces import point_positions, surface_point_of_node
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.fields import read_fields
-from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.model import FemModel
+from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.state import FemState
 from softseam_services.fem.work import Work
 from softseam_services.pbd.model_error import ModelError
@@ -22,10 +20,10 @@ _NOTHING = np.zeros(0)
 class FieldReader:
     """Of one region. What estimates the errors is built when it is first asked for."""
 
-    def __init__(self, body: Body, region: Region, model: FemModel, spec: ModelsSpec) -> None:
-        self._body, self._region, self._model, self._spec = body, region, model, spec
-        self._point_of_node = surface_point_of_node(model, len(region.points))
-        self._mesh: MeshError | None = None
+    def __init__(self, body: Body, region: Region, tables: RegionTables, hourglass: str) -> None:
+        self._body, self._region, self._tables, self._hourglass = body, region, tables, hourglass
+        self._model = tables.whole[0]
+        self._point_of_node = surface_point_of_node(self._model, len(region.points))
         self._other: ModelError | None = None
 
     def read(self, header: Header, state: FemState, work: Work, indicators: bool, own: bool) -> Fields:
@@ -47,18 +45,13 @@ class FieldReader:
             contact_tool=touched,
             cell_energy=work.energy.copy(),
             model_error=self._model_error(state.x, force) if indicators and not own else _NOTHING,
-            mesh_error=self._mesh_error(state.x, cauchy) if indicators else _NOTHING,
+            mesh_error=self._tables.mesh_error.measure(state.x, cauchy) if indicators else _NOTHING,
         )
-
-    def _mesh_error(self, x: Floats, cauchy: Floats) -> Floats:
-        if self._mesh is None:
-            self._mesh = MeshError(self._body, self._region, self._spec.fem.element)
-        return self._mesh.measure(x, cauchy)
 
     def _model_error(self, x: Floats, contact_force: Floats) -> Floats:
         """What PBD would be off by in these cells; empty where it cannot have them."""
         if not self._body.boxes:
             return np.zeros(0)
         if self._other is None:
-            self._other = ModelError(self._body, self._region, self._spec.pbd.hourglass)
+            self._other = ModelError(self._body, self._region, self._hourglass)
         return self._other.measure(x, contact_force)

@@ -14,7 +14,7 @@ element's pressure is noise that it never feels. Tetrahedra have the stress that
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from softseam_services.body.kernels.cell_loads import stress_at_points
 from softseam_services.body.kernels.patch_error import patch_error
 from softseam_services.body.point_materials import point_parameters
 from softseam_services.fem.elements.hexahedra import SIGNS, linear, quadratic
-from softseam_services.fem.elements.table import Points, Reference, gauss, place
+from softseam_services.fem.elements.table import Reference, gauss, place
 from softseam_services.fem.rule import cell_shapes
 
 _FULL: frozenset[ElementKind] = frozenset({"hex27_full", "hex8_full"})
@@ -40,15 +40,15 @@ class MeshError:
 
     def __init__(self, body: Body, region: Region, element: ElementKind) -> None:
         self._nodes, self._law, self._n_nodes = region.cell_nodes, body.material.number, len(region.nodes)
-        shapes, self._shape, boxes = cell_shapes(body, region)
+        shapes, self._shape, _ = cell_shapes(body, region)
         quadratic_cell = FUNCTIONS[element] == "hex27"
         (samples, at_samples), (points, at_points) = _rules(quadratic_cell)
-        placed = _placed_in_boxes if boxes else _placed
         self._full, self._tetrahedra = element in _FULL, FUNCTIONS[element].startswith("tet")
-        self._points, self._point_nodes = placed(quadratic_cell, 1, shapes.tobytes()), points.nodes
+        placed = place(points, shapes)
+        self._gradient, self._point_nodes = placed.gradient, points.nodes
         self._fill = np.ascontiguousarray(body.fill[region.cells])
         n_cells = len(self._fill)
-        weight = self._points.weight[self._shape] * np.einsum("bqo,co->cbq", points.share, self._fill)
+        weight = placed.weight[self._shape] * np.einsum("bqo,co->cbq", points.share, self._fill)
         self._weight = np.ascontiguousarray(weight.reshape(n_cells, -1))
         # from the octants' samples to the points: trilinear in a quadratic cell, the octant's own in others
         share = points.share.reshape(-1, 8)
@@ -66,7 +66,7 @@ class MeshError:
         self._of_point = np.ascontiguousarray(self._octant[:, share.argmax(axis=1)])
         self._parameters = point_parameters(body, region.cells, share)
         if self._full:
-            self._samples, self._sample_nodes = placed(quadratic_cell, 0, shapes.tobytes()), samples.nodes
+            self._sample_gradient, self._sample_nodes = place(samples, shapes).gradient, samples.nodes
             self._sampled = point_parameters(body, region.cells, samples.share.reshape(-1, 8))
 
     def measure(self, x: Floats, cauchy: Floats) -> Floats:
@@ -89,10 +89,10 @@ class MeshError:
         """Stress at the points where it is sampled (c, 8, 6), and where eq. (1) is integrated (c, q, 6) [Pa]."""
         sampled = cauchy
         if self._full:
-            sampled = self._stress(x, self._samples, self._sample_nodes, self._sampled)
+            sampled = self._stress(x, self._sample_gradient, self._sample_nodes, self._sampled)
         if self._tetrahedra:
             return sampled, self._carry @ cauchy
-        sigma = self._stress(x, self._points, self._point_nodes, self._parameters)
+        sigma = self._stress(x, self._gradient, self._point_nodes, self._parameters)
         if not self._full:
             mean = self._carry @ cauchy[..., :3].mean(axis=2)[..., None] - sigma[..., :3].mean(axis=2)[..., None]
             sigma[..., :3] += mean
@@ -106,9 +106,9 @@ class MeshError:
         )
         return energy
 
-    def _stress(self, x: Floats, table: Points, nodes: Ints, parameters: Floats) -> Floats:
+    def _stress(self, x: Floats, gradient: Floats, nodes: Ints, parameters: Floats) -> Floats:
         out = np.empty((*parameters.shape[:2], 6))
-        stress_at_points(x, self._nodes, nodes, table.gradient, self._shape, self._law, parameters, out)
+        stress_at_points(x, self._nodes, nodes, gradient, self._shape, self._law, parameters, out)
         return out
 
 
@@ -117,15 +117,6 @@ def _rules(quadratic_cell: bool) -> tuple[tuple[Reference, Floats], tuple[Refere
     """Samples and points of the integration in a cell, each with the shape functions (b q, 27) that say where it is."""
     samples, points = (quadratic(2), quadratic(3)) if quadratic_cell else (linear(1), linear(2))
     return (samples, _values(samples, quadratic_cell)), (points, _values(points, quadratic_cell))
-
-
-def _placed(quadratic_cell: bool, rule: int, shapes: bytes) -> Points:
-    """One of `_rules` in cells of these shapes (t, 27, 3)."""
-    return place(_rules(quadratic_cell)[rule][0], np.frombuffer(shapes).reshape(-1, 27, 3))
-
-
-_placed_in_boxes = lru_cache(maxsize=16)(_placed)
-"""the same; a simulation that begins anew has the boxes that it had"""
 
 
 def _values(reference: Reference, quadratic_cell: bool) -> Floats:

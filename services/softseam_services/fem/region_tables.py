@@ -1,4 +1,7 @@
-"""What FEM computes a region with, the whole of it or one side of its mirrors: built when first asked for."""
+"""What FEM computes a region with, the whole of it or one side of its mirrors, and measures its mesh by.
+
+Each is built when first asked for.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from functools import cached_property
 from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body, Region
 from softseam_services.fem.fold import Fold, PointImages, find_fold
+from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tables, build_model
 from softseam_services.tools.tool_set import ToolSet
 
@@ -34,8 +38,16 @@ class RegionTables:
             raise ValueError("this region has no mirrors")
         return PointImages(self.fold, self.whole[0], len(self._of[2].names))
 
+    @cached_property
+    def mesh_error(self) -> MeshError:
+        body, region, _, spec = self._of
+        return MeshError(body, region, spec.element)
+
     def __iter__(self) -> Iterator[object]:
         """The records of arrays that were built."""
-        yield from vars(self).get("whole", ())
-        if vars(self).get("fold") is not None:
-            yield from vars(self)["fold"].tables
+        built = vars(self)
+        yield from built.get("whole", ())
+        if built.get("fold") is not None:
+            yield from built["fold"].tables
+        if "mesh_error" in built:
+            yield built["mesh_error"]

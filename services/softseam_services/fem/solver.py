@@ -238,7 +238,7 @@ class FemSolver:
 
     @cached_property
     def _reader(self) -> FieldReader:
-        return FieldReader(self._body, self._region, self.tables.whole[0], self._models)
+        return FieldReader(self._body, self._region, self.tables, self._models.pbd.hourglass)
 
     def snapshot(self) -> bytes:
         """Commit, drop the factor and the first guess, and return the state."""
