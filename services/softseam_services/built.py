@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # a participant of PBD does not load FEM
 
 _REGIONS = 4
 _BYTES = 200_000_000
-"""of all regions together: 40 000 cells that are boxes of the body's, 4 000 with tables of their own"""
+"""of all regions together: 30 000 cells that are boxes of the body's, 2 000 with tables of their own"""
 
 
 class Built:
