@@ -18,6 +18,7 @@ from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
 from softseam_services.fem.kernels.elements import add_cell_tangents, strain_energy, subtract_forces
+from softseam_services.fem.kernels.point_volumes import loses_volume
 from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.fem.model import build_model
@@ -54,6 +55,8 @@ class Statics:
         self.body = body
         self.model, self.tree = build_model(body, region, spec=FemSpec.model_validate({"element": element}))
         self.work = build_work(self.model, self.tree, 0)
+        if loses_volume(self.model):
+            self.work.watched[:], self.work.watches[0] = self.model.whole, int(self.model.whole.sum())
         rows, columns, places = [], [], []
         for _, n_own, n_all, _, offset, row, *_ in self.tree.meta:
             dofs = (3 * self.tree.rows[row : row + n_all][:, None] + np.arange(3)).ravel()

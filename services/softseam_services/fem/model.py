@@ -87,6 +87,8 @@ class FemModel(NamedTuple):
     """f_q V/8, fill raised to FILL_FLOOR; of the octants' own volumes in cells of any shape (c, 8) [m^3]"""
     filled: NDArray[np.bool_]
     """(c, 8)"""
+    whole: NDArray[np.bool_]
+    """filled throughout (c,)"""
     mean_mu: Floats
     """mean of mu over the body's own mu, which the stabilisation below has in it (c,)"""
     uneven: bool
@@ -241,6 +243,7 @@ def build_model(
         edge=float(body.edges.min()),
         weight=weight,
         filled=body.fill[region.cells] > 0.0,
+        whole=np.all(body.fill[region.cells] >= 1.0, axis=1),
         mean_mu=relative.mean(axis=1),
         uneven=bool(np.any(relative != 1.0)),
         gradient=tables.gradient,

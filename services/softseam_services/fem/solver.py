@@ -234,6 +234,7 @@ class FemSolver:
             part = self._stepper.work
             work.part[:], work.full[:] = part.part[self._fold.cell], part.full[self._fold.cell]
             work.mixed[0] = self.folded * part.mixed[0]
+            work.watched[:], work.watches[0] = part.watched[self._fold.cell], self.folded * part.watches[0]
         return self._reader.read(request_header, self.state, work, indicators, own)
 
     @cached_property

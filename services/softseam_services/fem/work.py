@@ -29,6 +29,10 @@ class Work(NamedTuple):
     """how much of it `full` makes up (c,)"""
     mixed: Ints
     """how many cells `full` has a part of (1,)"""
+    watched: NDArray[np.bool_]
+    """cells that may lose volume between their points, see kernels/point_volumes.py (c,)"""
+    watches: Ints
+    """how many these are (1,)"""
     energy: Floats
     """of each cell (c,) [J]"""
     xe: Floats
@@ -116,6 +120,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         part=np.ones(n_cells),
         full=np.zeros(n_cells),
         mixed=np.zeros(1, dtype=np.int32),
+        watched=np.zeros(n_cells, dtype=np.bool_),
+        watches=np.zeros(1, dtype=np.int32),
         energy=np.zeros(n_cells),
         xe=np.empty((n_cells, 3, 27)),
         F=np.empty((n_cells, 3, 24)),

@@ -7,7 +7,7 @@ of these that are crushed count in part with full quadrature, see kernels/crushe
 from __future__ import annotations
 
 from softseam_services.compiled_once import njit
-from softseam_services.fem.kernels import cells, point_tangents, points
+from softseam_services.fem.kernels import cells, point_tangents, point_volumes, points
 
 
 @njit(cache=True, error_model="numpy")
@@ -20,6 +20,8 @@ def subtract_forces(x, model, work, r):
         least, worst = points.subtract_forces(x, model, model.rule, work.part, work, r)
     else:
         least, worst = cells.subtract_forces(x, model, work, r)
+        if work.watches[0] > 0:
+            point_volumes.subtract_forces(x, model, work, r)
     if work.mixed[0] > 0:
         points.subtract_forces(x, model, model.full, work.full, work, r)
     return least, worst
@@ -32,6 +34,8 @@ def add_cell_tangents(x, model, tree, work, safe):
         point_tangents.add_cell_tangents(x, model, model.rule, work.part, tree, work, safe)
     else:
         cells.add_cell_tangents(x, model, tree, work, safe)
+        if work.watches[0] > 0 and not safe:
+            point_volumes.add_cell_tangents(x, model, tree, work)
     if work.mixed[0] > 0:
         point_tangents.add_cell_tangents(x, model, model.full, work.full, tree, work, safe)
 
@@ -44,6 +48,8 @@ def strain_energy(x, model, work):
         energy = points.strain_energy(x, model, model.rule, work.part, work)
     else:
         energy = cells.strain_energy(x, model, work)
+        if point_volumes.loses_volume(model):
+            energy += point_volumes.strain_energy(x, model, work)
     if work.mixed[0] > 0:
         energy += points.strain_energy(x, model, model.full, work.full, work)
     return energy

@@ -24,6 +24,7 @@ from softseam_services.fem.kernels.contact import (
 from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED, INDEFINITE, farthest, newton, seam_compliance, seam_pull
+from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, loses_volume, watch_cells
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
@@ -154,6 +155,9 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
             reach = 2.0 * way
             search = True
             continue
+        if loses_volume(model) and watch_cells(FIRST, x, model, work) > 0:
+            # cells that were left out got to where they count
+            continue
         evaluate_contacts(x, model, tools, count, work)
         deepest = 0.0
         for c in range(count):
@@ -191,6 +195,11 @@ def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model
         for i in range(3):
             work.force[model.seam[s], i] += seam_force[s, i]
     share_cells(x0, model, work)
+    work.watched[:] = False
+    work.watches[0] = 0
+    if loses_volume(model):
+        # a march does not look again
+        watch_cells(-np.inf if scheme.kind == SYMPLECTIC_EULER else WATCHED, x0, model, work)
     count = 0
     if scheme.kind == SYMPLECTIC_EULER:
         status, iterations = march(scheme.parameters[1], x0, v0, dt, model, work, memo, x, v)
