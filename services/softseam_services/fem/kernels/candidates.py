@@ -6,7 +6,7 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.contact import ALONE, ANCHOR, OPEN, point_position
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, see
+from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX
 
@@ -100,6 +100,7 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
         inner += model.point_face[point] >= 0
     patches = np.sqrt(inner / max(1, len(model.face_nodes)))
     seen, from_start, from_end = np.full(n_tools, -1), np.empty((n_tools, 9, 3)), np.empty((n_tools, 9, 3))
+    pressed = np.empty(n_tools, dtype=np.int64)
     holder = _holders(model, multiplier, len(x))
     for point in range(len(model.point_stiffness)):
         if model.point_stiffness[point] == 0.0:
@@ -125,9 +126,13 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                     seen[tool] = face
                     see(x, nodes, tools.position[tool], tools.orientation[tool], from_start[tool])
                     see(x, nodes, position, turn, from_end[tool])
+                    pressed[tool] = -1
+                    if tools.friction[tool] < 1.0:
+                        pressed[tool] = pressed_side(model.point_face, point, multiplier, tool, tools.orientation[tool])
                 share, whole, side = covered(
-                    from_start[tool], xp, patches, patch, shape, tools.position[tool], tools.orientation[tool]
-                )
+                    from_start[tool], xp, patches, patch, shape, tools.position[tool], tools.orientation[tool],
+                    pressed[tool],
+                )  # fmt: skip
                 if side < 0:
                     share, whole, side = entered(
                         x, nodes, from_end[tool], xp, patches, patch, shape,

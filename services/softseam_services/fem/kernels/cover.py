@@ -1,7 +1,9 @@
 """How much of a patch of a block's surface a box tool covers.
 
-The box touches with the face whose outward normal is most opposed to the patch's. Along each of the two axes beside it
-a patch spans what its four corners span on the curved face,
+The box touches with the side whose outward normal is most opposed to the face's, or goes on with the one that pressed
+the face before while that is opposed to it by half as much: a face that bends round an edge looks at two sides alike,
+and would be pressed by them by turns. Along each of the two axes beside it a patch spans what its four corners span on
+the curved face,
 
     x(s, t) = sum_kl N_k(s) N_l(t) x_kl,   N_-(s) = s (s - 1)/2,  N_0 = 1 - s^2,  N_+ = s (s + 1)/2,
 
@@ -18,6 +20,8 @@ from softseam_services.tools.kernels import overlap, rotate_back, side_gap
 
 CARRY_POWER = 8
 """of a face's covered fraction: the part of a normal force that the next step begins with"""
+_KEPT = 0.5
+"""of how much a face looks at the side that it faces most: how much it looks at another one that goes on pressing it"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -48,19 +52,47 @@ def _spanned(face, axis, patch, half):
 
 
 @njit(cache=True, error_model="numpy")
-def covered(face, point, patches, patch, shape, position, orientation):
+def pressed_side(face_of, first, contact, tool, orientation):
+    """Side of a box, as of `covered`, that pressed a face in the step before: the one along whose normal the face's
+    forces point most, -1 where there are none. With friction of 1 or more they may point along another.
+
+    face_of (p,): the face of each point, here that of `first` and of those right after it; contact (p, t, 9) [N]
+    """
+    fx = fy = fz = 0.0
+    for point in range(first, len(face_of)):
+        if face_of[point] != face_of[first]:
+            break
+        fx += contact[point, tool, 0]
+        fy += contact[point, tool, 1]
+        fz += contact[point, tool, 2]
+    if fx == 0.0 and fy == 0.0 and fz == 0.0:
+        return -1
+    f = rotate_back(orientation, fx, fy, fz)
+    axis = 0
+    for i in range(1, 3):
+        if abs(f[i]) > abs(f[axis]):
+            axis = i
+    return axis + 3 if f[axis] > 0.0 else axis
+
+
+@njit(cache=True, error_model="numpy")
+def covered(face, point, patches, patch, shape, position, orientation, pressed):
     """What a box covers around a point (3,): share of its patch, share of its face of a cell, side of the box.
 
     face (9, 3) as `see` saw it from here, patches along each side of it, patch (2,) this one's middle s, t; side is
-    axis + 3 (outward along +axis), -1 where nothing is covered
+    axis + 3 (outward along +axis), -1 where nothing is covered; pressed: the side that it goes on with if it may, or -1
     """
-    axis, normal = 0, 0.0
+    axis, normal, kept = 0, 0.0, 0.0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         n = (face[2, j] - face[1, j]) * (face[4, k] - face[3, k])
         n -= (face[2, k] - face[1, k]) * (face[4, j] - face[3, j])
         if abs(n) > abs(normal):
             axis, normal = i, n
+        if pressed == (i if n > 0.0 else i + 3):
+            kept = n
+    if abs(kept) > _KEPT * abs(normal):
+        axis, normal = pressed % 3, kept
     p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
     # On the far half of the box the surface of the body is not what this face presses.
     if p[axis] * normal > 0.0:
@@ -96,7 +128,7 @@ def entered(
     Covered it must be where its side is that deep, or it came in beside that side: share 0, side -1. So they are where
     the step ends less deep, too: the next one begins with what is covered there. face (9, 3): seen from there
     """
-    share, whole, side = covered(face, point, patches, patch, shape, position_next, orientation_next)
+    share, whole, side = covered(face, point, patches, patch, shape, position_next, orientation_next, -1)
     if side < 0:
         return 0.0, 0.0, -1
     before = side_gap(side, shape, position, orientation, point)[0]
@@ -107,7 +139,7 @@ def entered(
     for i in range(3):
         there[i] = position[i] + (before + deep) / (before - gap) * (position_next[i] - position[i])
     see(x, nodes, there, orientation_next, seen)
-    if covered(seen, point, patches, patch, shape, there, orientation_next)[2] != side:
+    if covered(seen, point, patches, patch, shape, there, orientation_next, -1)[2] != side:
         return 0.0, 0.0, -1
     return share, whole, side
 
