@@ -25,7 +25,7 @@ from rich.console import Console
 
 from softseam.chart.climb import Watch, climb
 from softseam.chart.configurations import Configuration, configurations
-from softseam.chart.errors import Error, not_counted, sure
+from softseam.chart.errors import KNOWN, Error, not_counted, sure
 from softseam.chart.frame import frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told, measure, quantity_names
@@ -38,8 +38,9 @@ from softseam.chart.table import Row, busy_by, core_share, rows_of
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.plan.command import finer, planner_digest
+from softseam.plan.counted import counting, counts_to, known_to, roughly_known
 from softseam.plan.kept import Goal
-from softseam.plan.planner import Measure, NoPlan, choose, counts_to, judged, known_to
+from softseam.plan.planner import Measure, NoPlan, choose, judged
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
@@ -87,7 +88,8 @@ that does? The planner uses what ships as well, so both see the same truth. It d
 what it may be off by be within the tolerance together: then it *surely* meets it. Else the distance alone counts here,
 so a run that does not surely meet it may be the least. *Error* is the worst of the
 quantities that are known to three quarters of the tolerance, or of 5 %, each as in [chart.md](chart.md), and of what
-others that have a limit are off by at least; *cost* is the plan's run over that fastest one's.
+others that have a limit are off by at least (a stress that is known to three quarters of 5 % and not to the tolerance
+is one of these, and has to be within 5 %); *cost* is the plan's run over that fastest one's.
 
 | tolerance | plans | meet it | cost at most {dearer:g} times the least | or the least that surely meets it |
 |---|---|---|---|---|
@@ -216,8 +218,8 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
             levels = finer(ladder, frame, tolerance, lambda: half if best.shipped else 1e-3, progress.reference)
             # a plan of 20 % counts quantities that one of 2 % knows too little of
             known = counts_to(tolerance)
-            counting = shipped(ladder, finest, known) or climb(ladder, frame, 1e-3, _silent, finest, known)
-            return check(tolerance, levels, wanted, outcomes, counting, ladder, measured, beside)
+            true = shipped(ladder, finest, known) or climb(ladder, frame, 1e-3, _silent, finest, known)
+            return check(tolerance, levels, wanted, outcomes, counting(true, tolerance), ladder, measured, beside)
 
         plans = [planned(tolerance) for tolerance in TOLERANCES]
         if beside:
@@ -243,9 +245,12 @@ def ran(rows: Sequence[Row]) -> str:
     return f"{sum(row.error is not None for row in rows)} of {len(rows)}{late}"
 
 
-def _surely(row: Row, reference: Reference) -> Row:
-    """The row, judged also by what is known too little to count: by what that is off by at least."""
+def _surely(row: Row, reference: Reference, tolerance: float) -> Row:
+    """The row, judged also by what is known too little to count: by what that is off by at least, and by what it is off
+    by where that is more than 5 % and known."""
     least = sure(row.errors, reference.truth)
+    far = {name: row.errors[name].differs for name in roughly_known(reference, tolerance)}
+    least |= {name: off for name, off in far.items() if off > KNOWN}
     name = max(least, key=lambda name: least[name], default=None)
     if name is None or row.error is None or least[name] <= row.error.value:
         return row
@@ -258,7 +263,7 @@ def check(
     levels: Iterator[Reference],
     wanted: Sequence[Configuration],
     outcomes: Mapping[str, Outcome],
-    counting: Reference,
+    known: Reference,
     ladder: Ladder,
     run: Measure,
     beside: Mapping[str, Configuration],
@@ -280,8 +285,8 @@ def check(
     # a level of the ladder is a run that a plan may choose, like those of the sweep, and so is what runs foretell
     every = {one.key: one for one in wanted} | dict(beside) | {one.key: one for one, _ in ladder.tried()}
     ended = dict(outcomes) | {one.key: outcome for one, outcome in ladder.tried()}
-    rows = rows_of(list(every.values()), ended, counting)
-    truth = {row.configuration.settings: _surely(row, counting) for row in rows if row.error is not None}
+    rows = rows_of(list(every.values()), ended, known)
+    truth = {row.configuration.settings: _surely(row, known, tolerance) for row in rows if row.error is not None}
     able = [row for row in truth.values() if row.error is not None and row.error.value <= tolerance]
     least = max(able, key=lambda row: row.outcome.rtf, default=None)
     told = "none" if least is None else f"{least.configuration.label}, {least.outcome.rtf:.3g}"
@@ -302,9 +307,7 @@ def check(
         str(len(tried)),
     )
     # what the planner asks of a run, asked of all of them
-    demanded = (
-        judged(one, ended[one.key], counting, tolerance=tolerance) for one in every.values() if one.key in ended
-    )
+    demanded = (judged(one, ended[one.key], known, tolerance=tolerance) for one in every.values() if one.key in ended)
     fastest = max((one.rtf for one in demanded if one.error <= tolerance), default=row.outcome.rtf)
     return Checked(tolerance, cells, True, met, met and ratio <= DEARER, met and fastest <= DEARER * row.outcome.rtf)
 

@@ -25,8 +25,9 @@ from softseam.embedded import solver_digest
 from softseam.errors import BadInput
 from softseam.plan import command as planning
 from softseam.plan.command import finer
+from softseam.plan.counted import counts_to, known_to
 from softseam.plan.kept import Goal
-from softseam.plan.planner import NoPlan, choose, counts_to, known_to
+from softseam.plan.planner import NoPlan, choose
 from softseam.scenes import load_scene, references_folder
 from softseam.variants import AS_GIVEN, with_settings
 

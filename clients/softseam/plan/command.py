@@ -23,8 +23,9 @@ from softseam.chart.shipped import better_of, digest_of, shipped
 from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, require_extra
+from softseam.plan.counted import counts_to, known_to
 from softseam.plan.kept import Goal, Plan, Tried
-from softseam.plan.planner import choose, counts_to, known_to
+from softseam.plan.planner import choose
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label

@@ -21,17 +21,11 @@ from softseam.chart.measure import Outcome
 from softseam.chart.reference import Reference, in_words, origin
 from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
+from softseam.plan.counted import VAGUEST, WORST_REFERENCE, counting, counts_to, roughly_known
 from softseam.plan.foretold import Run, foretold
 from softseam.plan.kept import Goal, Plan, Tried
 from softseam.plan.refined import refined
 
-REFERENCE = 0.25
-"""the reference is refined until it is known to this share of the tolerance [1]"""
-WORST_REFERENCE = 0.75
-"""what is known worse than this share of the tolerance, or of 5 %, does not count; while what does is known worse than
-this share of the tolerance, the reference is refined [1]"""
-VAGUEST = 0.95
-"""and no plan is made where what counts is known worse than this: next to nothing would be left for runs [1]"""
 HOPE = 1.5
 """a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""
 
@@ -40,19 +34,6 @@ REACH = 3.0
 """the reference is refined while a quantity that does not count is known this many times too little [1]"""
 FASTER = 1.2
 """the reference is refined while a run this many times as fast as the best one may be accurate enough [1]"""
-
-
-def counts_to(tolerance: float) -> float:
-    """How uncertain a quantity may be that counts in a plan of this tolerance [1].
-
-    Whoever wants less than 5 % wants it of all that a plan of 5 % counts; what is known too little for that forbids it.
-    """
-    return WORST_REFERENCE * max(KNOWN, tolerance)
-
-
-def known_to(tolerance: float) -> float:
-    """How uncertain a reference's cells and its steps may each leave a quantity for a plan of this tolerance [1]."""
-    return 0.5 * REFERENCE * tolerance
 
 
 MISLED = 3
@@ -111,6 +92,7 @@ def choose(
         return found if found.status == "done" else as_levels.get(configuration.key, found)
 
     while True:
+        reference = counting(reference, goal.tolerance)
         plan, why = None, None
         for one, outcome in levels():
             if one.key in timed:
@@ -290,6 +272,9 @@ def judged(
         strict = _worst(found, reference, counts_to(half))
         worst = max(strict, differs) if strict[0] + grown <= half else worst
         half *= 0.5
+    for name in roughly_known(reference, tolerance):
+        bound = _with(found[name], reference.truth[name].uncertainty)
+        worst = max(worst, (bound, name)) if bound + grown > KNOWN else worst
     return Tried(label, settings, outcome.rtf, worst[0] + grown, worst[1], outcome.estimate)
 
 
