@@ -25,7 +25,7 @@ from rich.console import Console
 
 from softseam.chart.climb import Watch, climb
 from softseam.chart.configurations import Configuration, configurations
-from softseam.chart.errors import KNOWN, Error, not_counted, sure
+from softseam.chart.errors import Error, not_counted, sure
 from softseam.chart.frame import frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told, measure, quantity_names
@@ -38,7 +38,7 @@ from softseam.chart.table import Row, busy_by, core_share, rows_of
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.plan.command import finer, planner_digest
-from softseam.plan.counted import counting, counts_to, known_to, roughly_known
+from softseam.plan.counted import counting, counts_to, known_to, looser
 from softseam.plan.kept import Goal
 from softseam.plan.planner import Measure, NoPlan, choose, judged
 from softseam.scenes import bundle_of
@@ -88,8 +88,8 @@ that does? The planner uses what ships as well, so both see the same truth. It d
 what it may be off by be within the tolerance together: then it *surely* meets it. Else the distance alone counts here,
 so a run that does not surely meet it may be the least. *Error* is the worst of the
 quantities that are known to three quarters of the tolerance, or of 5 %, each as in [chart.md](chart.md), and of what
-others that have a limit are off by at least (a stress that is known to three quarters of 5 % and not to the tolerance
-is one of these, and has to be within 5 %); *cost* is the plan's run over that fastest one's.
+others that have a limit are off by at least (a stress that is known to three quarters of a tolerance between this one
+and 5 % is held to that one); *cost* is the plan's run over that fastest one's.
 
 | tolerance | plans | meet it | cost at most {dearer:g} times the least | or the least that surely meets it |
 |---|---|---|---|---|
@@ -246,11 +246,11 @@ def ran(rows: Sequence[Row]) -> str:
 
 
 def _surely(row: Row, reference: Reference, tolerance: float) -> Row:
-    """The row, judged also by what is known too little to count: by what that is off by at least, and by what it is off
-    by where that is more than 5 % and known."""
+    """The row, judged also by what is known too little to count: by what that is off by at least, or by what it
+    differs by where that is more than it is held to."""
     least = sure(row.errors, reference.truth)
-    far = {name: row.errors[name].differs for name in roughly_known(reference, tolerance)}
-    least |= {name: off for name, off in far.items() if off > KNOWN}
+    held = looser(reference, tolerance)
+    least |= {name: row.errors[name].differs for name, bound in held.items() if row.errors[name].differs > bound}
     name = max(least, key=lambda name: least[name], default=None)
     if name is None or row.error is None or least[name] <= row.error.value:
         return row

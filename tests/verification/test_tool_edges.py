@@ -157,6 +157,9 @@ def test_a_face_goes_on_with_the_side_that_presses_it(degrees: float, faced: int
     assert _covered(x, 0.25, 0.25, half, at, pressed=5)[2] == kept
     for other in (0, 2, 3, 4):
         assert _covered(x, 0.25, 0.25, half, at, pressed=other)[2] == faced
+    # of a plate that is thinner than twice what the face lies below its top, nothing goes on with the top
+    thin, below = np.array([5.0, 5.0, 0.09]), np.array([0.0, half[1] - 0.1, 0.01])
+    assert _covered(x, 0.25, 0.25, thin, below, pressed=5)[2] == (-1 if faced == 5 else faced)
 
 
 @pytest.mark.parametrize(

@@ -192,6 +192,8 @@ def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:
         f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time; the reference {found.truth}"
     )
     console.print(Text(text, style="dim"), soft_wrap=True)
+    if found.left_out:
+        console.print(Text(_left_out(found), style="yellow"), soft_wrap=True)
     return settings_of(found)
 
 
@@ -230,11 +232,12 @@ def show(found: Plan, console: Console) -> None:
         text = f"{', '.join(late)}: more --minutes may find a faster one"
         console.print(Text(text, style="yellow"), soft_wrap=True)
     if found.left_out:
-        console.print(
-            Text(f"counted only by what it is off by at least: {uncounted(found.left_out)}", style="yellow"),
-            soft_wrap=True,
-        )
+        console.print(Text(_left_out(found), style="yellow"), soft_wrap=True)
     console.print(Text(" ".join(f"--set '{setting}'" for setting in choice.settings), style="dim"), soft_wrap=True)
+
+
+def _left_out(found: Plan) -> str:
+    return f"counted only by what it is off by at least: {uncounted(found.left_out)}"
 
 
 def listed(found: Plan) -> list[Tried | int]:

@@ -31,26 +31,28 @@ def known_to(tolerance: float) -> float:
     return 0.5 * REFERENCE * tolerance
 
 
-def roughly_known(reference: Reference, tolerance: float) -> list[str]:
-    """Stresses that are known well enough for a plan of 5 %, and not for this one of less."""
-    return [
-        name
+def looser(reference: Reference, tolerance: float) -> dict[str, float]:
+    """Stresses that are known well enough for some tolerance from this one to 5 %, and for which [1]."""
+    return {
+        name: true.uncertainty / WORST_REFERENCE
         for name, true in reference.truth.items()
-        if unit_of(name) == "Pa" and true.has_limit and VAGUEST * tolerance < true.uncertainty <= counts_to(tolerance)
-    ]
+        if unit_of(name) == "Pa"
+        and true.has_limit
+        and WORST_REFERENCE * tolerance < true.uncertainty <= counts_to(tolerance)
+    }
 
 
 def counting(reference: Reference, tolerance: float) -> Reference:
     """The reference with what counts in a plan of this tolerance.
 
     A stress follows from derivatives, and is known an order worse than what moves and presses. It forbids no plan, as
-    one that is known even less does not: it counts with what it is off by at least, and has to be within 5 %. Where
+    one that is known even less does not: it has to be within the tolerance that it is known well enough for. Where
     nothing else counts, it does.
     """
-    rough = roughly_known(reference, tolerance)
-    if all(name in rough for name in reference.counted):
+    held = looser(reference, tolerance)
+    if all(name in held for name in reference.counted):
         return reference
-    known = {name: in_words(reference.truth[name].uncertainty) for name in rough}
-    left_out = {name: f"known to {words} only, and to be within 5 %" for name, words in known.items()}
+    known = {name: in_words(reference.truth[name].uncertainty) for name in held}
+    left_out = {name: f"known to {known[name]} only, and held to {in_words(bound)}" for name, bound in held.items()}
     truth = {name: replace(true, left_out=left_out.get(name, true.left_out)) for name, true in reference.truth.items()}
     return replace(reference, truth=truth)

@@ -21,7 +21,7 @@ from softseam.chart.measure import Outcome
 from softseam.chart.reference import Reference, in_words, origin
 from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
-from softseam.plan.counted import VAGUEST, WORST_REFERENCE, counting, counts_to, roughly_known
+from softseam.plan.counted import VAGUEST, WORST_REFERENCE, counting, counts_to, looser
 from softseam.plan.foretold import Run, foretold
 from softseam.plan.kept import Goal, Plan, Tried
 from softseam.plan.refined import refined
@@ -272,9 +272,9 @@ def judged(
         strict = _worst(found, reference, counts_to(half))
         worst = max(strict, differs) if strict[0] + grown <= half else worst
         half *= 0.5
-    for name in roughly_known(reference, tolerance):
-        bound = _with(found[name], reference.truth[name].uncertainty)
-        worst = max(worst, (bound, name)) if bound + grown > KNOWN else worst
+    for name, bound in looser(reference, tolerance).items():
+        off = _with(found[name], reference.truth[name].uncertainty)
+        worst = max(worst, (off, name)) if off + grown > bound else worst
     return Tried(label, settings, outcome.rtf, worst[0] + grown, worst[1], outcome.estimate)
 
 

@@ -2,8 +2,8 @@
 
 The box touches with the side whose outward normal is most opposed to the face's, or goes on with the one that pressed
 the face before while that is opposed to it by half as much: a face that bends round an edge looks at two sides alike,
-and would be pressed by them by turns. Along each of the two axes beside it a patch spans what its four corners span on
-the curved face,
+and would be pressed by them by turns. A point deeper than half the box does not go on with it. Along each of the two
+axes beside it a patch spans what its four corners span on the curved face,
 
     x(s, t) = sum_kl N_k(s) N_l(t) x_kl,   N_-(s) = s (s - 1)/2,  N_0 = 1 - s^2,  N_+ = s (s + 1)/2,
 
@@ -82,6 +82,7 @@ def covered(face, point, patches, patch, shape, position, orientation, pressed):
     face (9, 3) as `see` saw it from here, patches along each side of it, patch (2,) this one's middle s, t; side is
     axis + 3 (outward along +axis), -1 where nothing is covered; pressed: the side that it goes on with if it may, or -1
     """
+    p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
     axis, normal, kept = 0, 0.0, 0.0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -89,11 +90,10 @@ def covered(face, point, patches, patch, shape, position, orientation, pressed):
         n -= (face[2, k] - face[1, k]) * (face[4, j] - face[3, j])
         if abs(n) > abs(normal):
             axis, normal = i, n
-        if pressed == (i if n > 0.0 else i + 3):
+        if pressed == (i if n > 0.0 else i + 3) and p[i] * n <= 0.0:
             kept = n
     if abs(kept) > _KEPT * abs(normal):
         axis, normal = pressed % 3, kept
-    p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
     # On the far half of the box the surface of the body is not what this face presses.
     if p[axis] * normal > 0.0:
         return 0.0, 0.0, -1
