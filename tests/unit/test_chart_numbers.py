@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from softseam.chart.assemble import counted
 from softseam.chart.climb import fine
 from softseam.chart.errors import (
     Truth,
@@ -23,6 +24,7 @@ from softseam.chart.errors import (
     worst,
 )
 from softseam.chart.pareto import pareto_front
+from softseam.chart.reference import Part, Reference
 from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
 from softseam.chart.series import Series
 
@@ -185,6 +187,22 @@ def test_what_is_vaguely_known_is_off_by_what_it_is_not_known_by_at_least() -> N
     }
     found = errors(series(TIME, force=TRUE, sag=1.7 * TRUE, slip=1.2 * TRUE, stress=3.0 * TRUE), TIME, true)
     assert sure(found, true) == pytest.approx({"sag": 0.4, "slip": 0.0})
+
+
+@pytest.mark.parametrize(("known", "believed"), [(0.19, True), (0.21, False)])
+def test_a_stress_that_is_hardly_known_may_have_no_limit(known: float, believed: bool) -> None:
+    """A way has one, however little is known of it; beside an edge levels seem to lead somewhere that do not."""
+    names = ("force", "sag", "peak_von_mises")
+    parts = {name: Part(0.001 if name == "force" else known, 0.0, 1.0, 1.0, 0.1) for name in names}
+    true = {name: truth(TRUE, parts[name].uncertainty) for name in names}
+    found = counted(Reference(TIME, true, parts, (), "implicit_euler", True), names).truth
+    assert [found[name].has_limit for name in names] == [True, True, believed]
+    assert found["sag"].left_out == f"known to {100 * known:.2g} % only"
+    assert found["peak_von_mises"].left_out == found["sag"].left_out + (
+        "" if believed else ", and perhaps without a limit"
+    )
+    run = errors(series(TIME, force=TRUE, sag=1.3 * TRUE, peak_von_mises=1.3 * TRUE), TIME, found)
+    assert sorted(sure(run, found)) == (["peak_von_mises", "sag"] if believed else ["sag"])
 
 
 def test_below_the_reference_s_uncertainty_an_error_is_a_bound() -> None:

@@ -237,7 +237,7 @@ def show(found: Plan, console: Console) -> None:
 
 
 def _left_out(found: Plan) -> str:
-    return f"counted only by what it is off by at least: {uncounted(found.left_out)}"
+    return f"not counted, or by what it is off by at least: {uncounted(found.left_out)}"
 
 
 def listed(found: Plan) -> list[Tried | int]:
