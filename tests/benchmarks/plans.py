@@ -85,11 +85,11 @@ A plan is the fastest configuration that is within a tolerance, found by trying:
 compared with the whole sweep of its scene and with the reference that ships with it (where none does, with the best
 that {minutes:g} min gave): does it really meet its tolerance, and what does the fastest configuration of the sweep cost
 that does? The planner uses what ships as well, so both see the same truth. It demands that a run's distance from it and
-what it may be off by be within the tolerance together: then it *surely* meets it. Else the distance alone counts here,
-so a run that does not surely meet it may be the least. *Error* is the worst of the
-quantities that are known to three quarters of the tolerance, or of 5 %, each as in [chart.md](chart.md), and of what
-others that have a limit are off by at least (a stress that is known to three quarters of a tolerance between this one
-and 5 % is held to that one); *cost* is the plan's run over that fastest one's.
+what it may be off by be within the tolerance together, then it *surely* meets it, unless that costs more than
+{dearer:g} times what is so by the distance alone (docs/decisions/0169). Here the distance alone counts. *Error* is the
+worst of the quantities that are known to three quarters of the tolerance, or of 5 %, each as in [chart.md](chart.md),
+and of what others that have a limit are off by at least (a stress that is known to three quarters of a tolerance
+between this one and 5 % is held to that one); *cost* is the plan's run over that fastest one's.
 
 | tolerance | plans | meet it | cost at most {dearer:g} times the least | or the least that surely meets it |
 |---|---|---|---|---|

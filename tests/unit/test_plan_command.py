@@ -71,6 +71,17 @@ def test_what_was_not_run_is_not_counted_as_run_and_what_lacked_time_is_told() -
     )
 
 
+def test_a_choice_that_is_not_sure_says_so() -> None:
+    unsure = Tried("unsure", ("name=unsure",), 20.0, 0.056, "sag", differs=0.043)
+    found = replace(plan(), choice=unsure, tried=(unsure, *SLOWER))
+    assert not found.is_sure and found.off == 0.043 and plan().is_sure and plan().off == CHOICE.error
+    text = "\n".join(shown(found))
+    assert (
+        "unsure is 4.3 % off the reference, within 5 %, and the fastest of 9 run that is. The reference ships" in text
+    )
+    assert "it may be 5.6 % off (sag); to be surely within that takes more than 1.5 times as long" in text
+
+
 class Searches:
     """Stands for the search, and counts how often it is asked."""
 

@@ -25,7 +25,7 @@ from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, require_extra
 from softseam.plan.counted import counts_to, known_to
 from softseam.plan.kept import Goal, Plan, Tried
-from softseam.plan.planner import choose
+from softseam.plan.planner import CERTAIN, choose
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
@@ -188,7 +188,7 @@ def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:
     found = find(wishes, console)
     choice = found.choice
     text = (
-        f"planned for {100 * found.goal.tolerance:.2g} %: {choice.label}, which is off by {100 * choice.error:.2g} % "
+        f"planned for {100 * found.goal.tolerance:.2g} %: {choice.label}, which is off by {100 * found.off:.2g} % "
         f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time; the reference {found.truth}"
     )
     console.print(Text(text, style="dim"), soft_wrap=True)
@@ -225,6 +225,13 @@ def show(found: Plan, console: Console) -> None:
         f"{choice.label} is accurate to {100 * found.goal.tolerance:.2g} % and the fastest of {found.n_run} run that "
         f"is: its worst error is {100 * choice.error:.2g} % ({label(choice.decided_by)}); the reference {found.truth}"
     )
+    if not found.is_sure:
+        text = (
+            f"{choice.label} is {100 * choice.differs:.2g} % off the reference, within "
+            f"{100 * found.goal.tolerance:.2g} %, and the fastest of {found.n_run} run that is. The reference "
+            f"{found.truth}, with which it may be {100 * choice.error:.2g} % off ({label(choice.decided_by)}); to be "
+            f"surely within that takes more than {CERTAIN:g} times as long"
+        )
     console.print(Text(text), soft_wrap=True)
     late = [f"{found.n_late} had no time"] if found.n_late else []
     late += ["the reference is not known as well as it was wanted to be"] if found.vague else []

@@ -37,6 +37,8 @@ class Tried:
     estimate: float = 0.0
     """what the run itself estimated that it is off by, 0 where it could not [1]"""
     status: Status = "done"
+    differs: float = float("inf")
+    """what it differs from the reference by in the worst quantity, whatever that may be off by [1]"""
 
     @property
     def was_run(self) -> bool:
@@ -68,6 +70,16 @@ class Plan:
     """that the search was given"""
 
     @property
+    def is_sure(self) -> bool:
+        """Whether the choice is accurate enough with all that the reference may be off by."""
+        return self.choice.error <= self.goal.tolerance
+
+    @property
+    def off(self) -> float:
+        """What the choice is off by, as it was judged: with what the reference may be off by where that is sure [1]."""
+        return self.choice.error if self.is_sure else self.choice.differs
+
+    @property
     def n_run(self) -> int:
         """Configurations that were run."""
         return sum(one.was_run for one in self.tried)
@@ -92,7 +104,11 @@ class Plan:
             "vague": self.vague,
             "minutes": self.minutes,
             "choice": self.tried.index(self.choice),
-            "tried": [vars(one) | {"settings": list(one.settings), "error": _finite(one.error)} for one in self.tried],
+            "tried": [
+                vars(one)
+                | {"settings": list(one.settings), "error": _finite(one.error), "differs": _finite(one.differs)}
+                for one in self.tried
+            ],
         }
 
     @classmethod
@@ -106,10 +122,11 @@ class Plan:
                 str(one["label"]),
                 tuple(map(str, one["settings"])),
                 float(one["rtf"]),
-                float("inf") if one["error"] is None else float(one["error"]),
+                _number(one["error"]),
                 str(one["decided_by"]),
                 float(one.get("estimate", 0.0)),
                 _status(one.get("status", "done")),
+                _number(one.get("differs")),
             )
             for one in data["tried"]
         )
@@ -126,6 +143,10 @@ def _status(text: str) -> Status:
         if status == text:
             return status
     raise ValueError(f"no status is called {text!r}")
+
+
+def _number(value: float | None) -> float:
+    return float("inf") if value is None else float(value)
 
 
 def _finite(value: float) -> float | None:

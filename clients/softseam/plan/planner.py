@@ -5,7 +5,8 @@ is known to a fraction of the tolerance (climb.py); the configurations are tried
 left cannot be faster than the best one found. Cells with shorter steps than the chart's are tried where runs so far
 foretell that they are accurate enough (foretold.py), and then finer ones (refined.py). What counts as an error is what
 a run differs from the reference by, and what the reference may be off by, as errors that know nothing of each other add
-up: e* = sqrt(e^2 + u^2).
+up: e* = sqrt(e^2 + u^2). To be sure of that may cost `CERTAIN` times what the fastest run costs whose e alone is small
+enough; where it would cost more, that one is chosen, and the plan says so.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from softseam.plan.refined import refined
 HOPE = 1.5
 """a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""
 
-
+CERTAIN = 1.5
+"""a run that is accurate enough with all that the reference may be off by may cost this many times one that is so by
+what is known [1]"""
 REACH = 3.0
 """the reference is refined while a quantity that does not count is known this many times too little [1]"""
 FASTER = 1.2
@@ -107,6 +110,7 @@ def choose(
         least = goal.rtf if plan is None else FASTER * plan.choice.rtf
         open_ones = (one for one in kept.values() if one.rtf > least and _undecided(one, reference, goal))
         vague = reference.uncertainty > WORST_REFERENCE * goal.tolerance or _in_reach(reference, goal.tolerance)
+        vague = vague or not (plan is None or plan.is_sure)
         wanting = not reference.shipped and (vague or any(open_ones))
         better = refine() if (plan is None and not slow) or wanting else None
         if better is not None:
@@ -127,6 +131,8 @@ class _Search:
         self.runs: dict[str, Run] = {}
         self.tried: list[Tried] = []
         self.best: Tried | None = None
+        self.likely: Tried | None = None
+        """the fastest that is accurate enough, whatever the reference may be off by"""
         self._winner: Configuration | None = None
         self.late: Configuration | None = None
         """the cheapest of what is foretold to be accurate enough, and was given no time"""
@@ -187,7 +193,9 @@ class _Search:
         found = self._judged(one, outcome)
         self.tried.append(found)
         if found.error <= self._goal.tolerance and (self.best is None or found.rtf > self.best.rtf):
-            self.best, self._winner, self._least = found, one, outcome.seconds
+            self.best, self._winner, self._least = found, one, min(self._least, outcome.seconds)
+        if found.differs <= self._goal.tolerance and (self.likely is None or found.rtf > self.likely.rtf):
+            self.likely, self._least = found, min(self._least, CERTAIN * outcome.seconds)
         return outcome
 
     def _judged(self, one: Configuration, outcome: Outcome) -> Tried:
@@ -219,7 +227,9 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
     search = _Search(goal, reference, measure)
     search.attempt(wanted)
     search.attempt_foretold()
-    best = search.best
+    best, likely = search.best, search.likely
+    if likely is not None and (best is None or likely.rtf > CERTAIN * best.rtf or best.rtf < goal.rtf <= likely.rtf):
+        best = likely
     if best is None or best.rtf < goal.rtf:
         why = _nearest(goal, best, search.tried)
         if best is None and search.late is not None:
@@ -272,10 +282,12 @@ def judged(
         strict = _worst(found, reference, counts_to(half))
         worst = max(strict, differs) if strict[0] + grown <= half else worst
         half *= 0.5
+    least = max(differs[0], *sure(found, reference.truth).values(), 0.0)
     for name, bound in looser(reference, tolerance).items():
-        off = _with(found[name], reference.truth[name].uncertainty)
+        off, alone = _with(found[name], reference.truth[name].uncertainty), found[name].differs
         worst = max(worst, (off, name)) if off + grown > bound else worst
-    return Tried(label, settings, outcome.rtf, worst[0] + grown, worst[1], outcome.estimate)
+        least = max(least, alone) if alone + grown > bound else least
+    return Tried(label, settings, outcome.rtf, worst[0] + grown, worst[1], outcome.estimate, differs=least + grown)
 
 
 def _worst(found: Mapping[str, Error], reference: Reference, vaguest: float) -> tuple[float, str]:

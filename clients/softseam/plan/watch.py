@@ -56,6 +56,6 @@ class PlanWatch:
         if estimate is None or choice.estimate <= 0.0:
             return None
         more = estimate.answer - goal.harder * choice.estimate
-        if more <= 0.0 or choice.error + more <= goal.tolerance:
+        if more <= 0.0 or self.plan.off + more <= goal.tolerance:
             return None
         return math.ceil(10.0 * ROUGHLY * estimate.answer / choice.estimate) / 10.0
