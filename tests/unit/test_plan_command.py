@@ -79,7 +79,8 @@ def test_a_choice_that_is_not_sure_says_so() -> None:
     assert (
         "unsure is 4.3 % off the reference, within 5 %, and the fastest of 9 run that is. The reference ships" in text
     )
-    assert "it may be 5.6 % off (sag); to be surely within that takes more than 1.5 times as long" in text
+    assert "it may be 5.6 % off (sag); slow 0 surely is, and takes 4 times as long" in text
+    assert "nothing that was tried surely is" in "\n".join(shown(replace(found, tried=(unsure, *FASTER))))
 
 
 class Searches:

@@ -14,6 +14,7 @@ from softseam.chart.errors import Truth
 from softseam.chart.measure import Outcome
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
+from softseam.plan import planner
 from softseam.plan.command import Wishes
 from softseam.plan.counted import counts_to
 from softseam.plan.kept import Goal, Plan
@@ -97,6 +98,15 @@ def test_to_be_sure_costs_half_as_much_again_at_most(dearer: float, chosen: str)
     assert bench.asked == ["cheap", "middle"]
     assert plan.tried[0].differs == pytest.approx(0.04) and plan.tried[0].error == pytest.approx(np.hypot(0.04, 0.035))
     assert Plan.from_json(plan.as_json()) == plan
+
+
+def test_what_is_too_dear_to_be_tried_hides_nothing_cheaper(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two that are foretold to be nearly accurate the nearer one takes five times as long as what is so already."""
+    told = [(configuration("near", 5.0), outcome(5.0, 0.036)), (configuration("next", 1.2), outcome(1.2, 0.037))]
+    monkeypatch.setattr(planner, "_told", lambda runs, reference: told)
+    bench = Bench({"cheap": outcome(1.0, 0.045), "next": outcome(1.2, 0.01)})
+    plan = choose(Goal(0.05), reference(0.035), [configuration("cheap", 1.0)], bench)
+    assert bench.asked == ["cheap", "next"] and plan.choice.label == "next" and plan.is_sure
 
 
 def test_where_only_what_is_not_sure_is_fast_enough_it_is_chosen() -> None:

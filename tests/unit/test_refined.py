@@ -104,6 +104,15 @@ def test_a_plan_runs_finer_cells_than_were_wanted_where_these_do_not_do() -> Non
     assert plan.choice.label == "FEM 8x8x8, 10 ms" and bench.extra == ["FEM 7x7x7, 10 ms", "FEM 8x8x8, 10 ms"]
 
 
+def test_finer_cells_are_run_that_are_accurate_by_their_distance_alone() -> None:
+    """The truth is known to .9 %. To be within 1 % with that takes 11 cells across and 4 times as long as 8 do."""
+    vague = replace(TRUTH, truth={name: replace(true, uncertainty=0.009) for name, true in TRUTH.truth.items()})
+    bench = Bench(2, 4)
+    plan = choose(Goal(0.01), vague, bench.wanted, bench)
+    assert plan.choice.label == "FEM 8x8x8, 10 ms" and not plan.is_sure
+    assert plan.choice.differs <= 0.01 < plan.choice.error and len(bench.extra) <= 3
+
+
 def test_and_shorter_steps_on_these() -> None:
     """No cells do with 10 ms; 5 ms are known from 2 across, and tried on 6 and 7 of these."""
     bench = Bench(2, 4)

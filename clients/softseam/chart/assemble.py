@@ -13,19 +13,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam.chart.errors import FAINT, KNOWN, Truth, is_faint, is_nothing, largest_stress, rms, scale_of
+from softseam.chart.errors import (
+    FAINT,
+    KNOWN,
+    Truth,
+    is_faint,
+    is_hardly_known,
+    is_nothing,
+    largest_stress,
+    rms,
+    scale_of,
+)
 from softseam.chart.ladder import Ladder, Rung
 from softseam.chart.reference import TARGET, Part, Reference, in_words
 from softseam.chart.richardson import RECENT
 from softseam.chart.scatter import together
-from softseam.columns import unit_of
 from softseam.errors import SoftseamError
 
 NEAR = 0.2
 """levels that went by less than this share of what a quantity has to be known to are near enough, fall or not [1]"""
-BELIEVED = 0.2
-"""a stress that fitted levels are further from knowing has no limit to judge runs by, even where they seem to lead to
-one: by an edge it may grow without end, and levels so far from it cannot tell (docs/decisions/0168) [1]"""
 _DISAGREE = "not known: its levels disagree"
 
 
@@ -96,11 +102,9 @@ def counted(found: Reference, names: Iterable[str], target: float = TARGET, know
             has_limit, why = False, f"below {100 * FAINT:g} % of the largest stress"
         elif not has_limit:
             why = "no limit: it grows with every refinement"
-        elif unit_of(name) == "Pa" and part.uncertainty > max(known, BELIEVED):
-            has_limit = False
-            why = f"known to {in_words(part.uncertainty)} only, and perhaps without a limit"
         elif part.uncertainty > known:
             why = f"known to {in_words(part.uncertainty)} only" if part.uncertainty < 1.0 else _DISAGREE
+            why += ", and perhaps without a limit" if is_hardly_known(name, part.uncertainty) else ""
         truth[name] = replace(true, left_out=why, has_limit=has_limit)
     if all(true.left_out for true in truth.values()):
         truth = {name: replace(true, left_out="", has_limit=True) for name, true in truth.items()}

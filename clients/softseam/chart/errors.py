@@ -27,6 +27,10 @@ NOTHING = {"m": 1e-6, "N": 1e-6, "Pa": 1e-3, "1": 1e-9}
 FAINT = 0.01
 """a stress below this share of the largest that is looked at lies beyond all that presses, and does not count [1]"""
 
+BELIEVED = 0.2
+"""a stress that is known worse bounds no run: beside an edge it may grow without end, and levels that are so far from
+one another cannot tell (docs/decisions/0168) [1]"""
+
 
 @dataclass(frozen=True)
 class Truth:
@@ -83,6 +87,11 @@ def is_faint(name: str, scale: float, stress: float) -> bool:
     return unit_of(name) == "Pa" and scale < FAINT * stress
 
 
+def is_hardly_known(name: str, uncertainty: float) -> bool:
+    """Whether a quantity is a stress of which nobody knows whether it has a limit."""
+    return unit_of(name) == "Pa" and uncertainty > BELIEVED
+
+
 def errors(series: Series, time: Floats, truth: Mapping[str, Truth]) -> dict[str, Error]:
     """Error of every quantity of a run against its reference on common times (n,) [s].
 
@@ -113,11 +122,12 @@ def worst(found: Mapping[str, Error], truth: Mapping[str, Truth]) -> Error:
 
 
 def sure(found: Mapping[str, Error], truth: Mapping[str, Truth]) -> dict[str, float]:
-    """What quantities that have a limit, but do not count, are off by at least: e - u, however little is known [1]."""
+    """What quantities that have a limit, but do not count, are off by at least: e - u, however little is known, but of
+    stresses that are hardly known [1]."""
     return {
         name: 0.0 if error.bound else max(0.0, error.value - truth[name].uncertainty)
         for name, error in found.items()
-        if truth[name].left_out and truth[name].has_limit
+        if truth[name].left_out and truth[name].has_limit and not is_hardly_known(name, truth[name].uncertainty)
     }
 
 

@@ -25,7 +25,7 @@ from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, require_extra
 from softseam.plan.counted import counts_to, known_to
 from softseam.plan.kept import Goal, Plan, Tried
-from softseam.plan.planner import CERTAIN, choose
+from softseam.plan.planner import choose
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
@@ -187,9 +187,12 @@ def planned(wishes: Wishes, console: Console) -> tuple[str, ...]:
     """The settings with which a scene is simulated as its tolerance asks for; says on one line what they are."""
     found = find(wishes, console)
     choice = found.choice
+    off = f"off by {100 * choice.error:.2g} % ({label(choice.decided_by)})"
+    if not found.is_sure:
+        off = f"{100 * choice.differs:.2g} % off the reference, and may be {off} with what that is"
     text = (
-        f"planned for {100 * found.goal.tolerance:.2g} %: {choice.label}, which is off by {100 * found.off:.2g} % "
-        f"({label(choice.decided_by)}) and ran at {choice.rtf:.3g} times real time; the reference {found.truth}"
+        f"planned for {100 * found.goal.tolerance:.2g} %: {choice.label}, which is {off} and ran at {choice.rtf:.3g} "
+        f"times real time; the reference {found.truth}"
     )
     console.print(Text(text, style="dim"), soft_wrap=True)
     if found.left_out:
@@ -226,17 +229,22 @@ def show(found: Plan, console: Console) -> None:
         f"is: its worst error is {100 * choice.error:.2g} % ({label(choice.decided_by)}); the reference {found.truth}"
     )
     if not found.is_sure:
+        surely = max(
+            (one for one in found.tried if one.error <= found.goal.tolerance), key=lambda one: one.rtf, default=None
+        )
+        dearer = "nothing that was tried surely is"
+        if surely is not None:
+            dearer = f"{surely.label} surely is, and takes {choice.rtf / surely.rtf:.2g} times as long"
         text = (
             f"{choice.label} is {100 * choice.differs:.2g} % off the reference, within "
             f"{100 * found.goal.tolerance:.2g} %, and the fastest of {found.n_run} run that is. The reference "
-            f"{found.truth}, with which it may be {100 * choice.error:.2g} % off ({label(choice.decided_by)}); to be "
-            f"surely within that takes more than {CERTAIN:g} times as long"
+            f"{found.truth}, with which it may be {100 * choice.error:.2g} % off ({label(choice.decided_by)}); {dearer}"
         )
     console.print(Text(text), soft_wrap=True)
     late = [f"{found.n_late} had no time"] if found.n_late else []
     late += ["the reference is not known as well as it was wanted to be"] if found.vague else []
     if late:
-        text = f"{', '.join(late)}: more --minutes may find a faster one"
+        text = f"{', '.join(late)}: more --minutes may find a faster one{'' if found.is_sure else ', or a surer one'}"
         console.print(Text(text, style="yellow"), soft_wrap=True)
     if found.left_out:
         console.print(Text(_left_out(found), style="yellow"), soft_wrap=True)

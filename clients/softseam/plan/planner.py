@@ -136,7 +136,7 @@ class _Search:
         self._winner: Configuration | None = None
         self.late: Configuration | None = None
         """the cheapest of what is foretold to be accurate enough, and was given no time"""
-        self._least = float("inf")
+        self._best_seconds = self._likely_seconds = float("inf")
 
     def attempt(self, wanted: Sequence[Configuration]) -> None:
         """Run those that may be the fastest, cheapest first."""
@@ -162,30 +162,42 @@ class _Search:
         misled = missed = 0
         while misled < MISLED:
             told = [run for run in tell(list(self.runs.values())) if self._is_new(run[0])]
-            hoped = {one.key: self._judged(one, outcome).error for one, outcome in told}
-            good = [one for one, _ in told if hoped[one.key] <= self._goal.tolerance]
+            hoped = {one.key: self._judged(one, outcome) for one, outcome in told}
+            good = [one for one, _ in told if self._is_worth(one, hoped[one.key])]
             one = min(good, key=lambda c: (c.seconds, c.key), default=None)
             if self.best is None and missed < MISLED:
                 bar, dear = nearly * self._goal.tolerance, np.inf if one is None else one.seconds / FAR_DEARER
-                near = (one for one, _ in told if hoped[one.key] <= bar and one.seconds <= dear)
-                one = min(near, key=lambda c: (hoped[c.key], c.key), default=one)
+                near = (c for c, _ in told if c.seconds <= dear and self._may_be_fastest(c.seconds))
+                near = (c for c in near if hoped[c.key].error <= bar)
+                one = min(near, key=lambda c: (hoped[c.key].error, c.key), default=one)
             if one is None or not self._may_be_fastest(one.seconds):
                 return False
-            is_good = hoped[one.key] <= self._goal.tolerance
+            hope, is_good = hoped[one.key], one in good
             outcome = self._run(one)
             if outcome.status in ("left out", "stopped") and is_good:
                 self.late = self.late or one
-            done, error = outcome.status == "done", self.tried[-1].error
-            misled += outcome.status == "failed" or (done and error > max(self._goal.tolerance, FAR * hoped[one.key]))
+            done, surely = outcome.status == "done", hope.error <= self._goal.tolerance
+            error, hoped_for = (
+                (self.tried[-1].error, hope.error) if surely or not is_good else (self.tried[-1].differs, hope.differs)
+            )
+            misled += outcome.status == "failed" or (done and error > max(self._goal.tolerance, FAR * hoped_for))
             missed += not is_good and not (done and error <= self._goal.tolerance)
         return True
+
+    def _is_worth(self, one: Configuration, hope: Tried) -> bool:
+        """Whether a run is foretold to be accurate enough: surely, or by its distance alone and then the plan."""
+        if hope.error <= self._goal.tolerance:
+            return True
+        first = self.likely is None or one.seconds < self._likely_seconds
+        dear = self.best is None or CERTAIN * one.seconds < self._best_seconds
+        return hope.differs <= self._goal.tolerance and first and dear
 
     def _is_new(self, one: Configuration) -> bool:
         """Whether it was not run, and is not the best one on finer cells or with shorter steps: these take longer."""
         return one.key not in self.runs and (self._winner is None or not _is_finer(one.fem, self._winner.fem))
 
     def _may_be_fastest(self, seconds: float) -> bool:
-        return seconds <= HOPE * self._least
+        return seconds <= HOPE * min(self._best_seconds, CERTAIN * self._likely_seconds)
 
     def _run(self, one: Configuration) -> Outcome:
         outcome = self._measure(one)
@@ -193,9 +205,9 @@ class _Search:
         found = self._judged(one, outcome)
         self.tried.append(found)
         if found.error <= self._goal.tolerance and (self.best is None or found.rtf > self.best.rtf):
-            self.best, self._winner, self._least = found, one, min(self._least, outcome.seconds)
+            self.best, self._winner, self._best_seconds = found, one, outcome.seconds
         if found.differs <= self._goal.tolerance and (self.likely is None or found.rtf > self.likely.rtf):
-            self.likely, self._least = found, min(self._least, CERTAIN * outcome.seconds)
+            self.likely, self._likely_seconds = found, outcome.seconds
         return outcome
 
     def _judged(self, one: Configuration, outcome: Outcome) -> Tried:
@@ -231,7 +243,7 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
     if likely is not None and (best is None or likely.rtf > CERTAIN * best.rtf or best.rtf < goal.rtf <= likely.rtf):
         best = likely
     if best is None or best.rtf < goal.rtf:
-        why = _nearest(goal, best, search.tried)
+        why = _nearest(goal, best or likely, search.tried)
         if best is None and search.late is not None:
             why += f"; runs so far foretell that {search.late.label} is: give more --minutes"
         raise (NoPlan if best is None else TooSlow)(why)
