@@ -189,8 +189,8 @@ class _Search:
         if hope.error <= self._goal.tolerance:
             return True
         first = self.likely is None or one.seconds < self._likely_seconds
-        dear = self.best is None or CERTAIN * one.seconds < self._best_seconds
-        return hope.differs <= self._goal.tolerance and first and dear
+        cheaper = self.best is None or CERTAIN * one.seconds < self._best_seconds
+        return hope.differs <= self._goal.tolerance and first and cheaper
 
     def _is_new(self, one: Configuration) -> bool:
         """Whether it was not run, and is not the best one on finer cells or with shorter steps: these take longer."""
@@ -243,7 +243,7 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
     if likely is not None and (best is None or likely.rtf > CERTAIN * best.rtf or best.rtf < goal.rtf <= likely.rtf):
         best = likely
     if best is None or best.rtf < goal.rtf:
-        why = _nearest(goal, best or likely, search.tried)
+        why = _nearest(goal, best, search.tried)
         if best is None and search.late is not None:
             why += f"; runs so far foretell that {search.late.label} is: give more --minutes"
         raise (NoPlan if best is None else TooSlow)(why)
