@@ -39,6 +39,7 @@ from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.plan.command import finer, planner_digest
 from softseam.plan.counted import counting, counts_to, known_to, looser
+from softseam.plan.foretold import Run
 from softseam.plan.kept import Goal
 from softseam.plan.planner import Measure, NoPlan, choose, judged
 from softseam.scenes import bundle_of
@@ -119,7 +120,8 @@ between this one and 5 % is held to that one); *cost* is the plan's run over tha
   else the machine does.
 - A configuration that would not end within a quarter of the time is left out of the sweep, as in a chart.
 - Finer cells than the sweep's, and cells with shorter steps, are run where its runs foretell that they are accurate
-  enough, beside it and for as long as they take: `softseam plan` may need more `--minutes` than its five.
+  enough, beside it and for as long as they take: `softseam plan` may need more `--minutes` than its five. What was run
+  so for one tolerance is known to the plans of the others, as `softseam plan` keeps it: they are not counted there.
 """
 
 
@@ -221,9 +223,10 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
             true = shipped(ladder, finest, known) or climb(ladder, frame, 1e-3, _silent, finest, known)
             return check(tolerance, levels, wanted, outcomes, counting(true, tolerance), ladder, measured, beside)
 
-        plans = [planned(tolerance) for tolerance in TOLERANCES]
-        if beside:
-            # held against what was run beside the sweep for other tolerances, too
+        plans, n_beside = [planned(tolerance) for tolerance in TOLERANCES], 0
+        while len(beside) > n_beside:
+            # from, and held against, what was run beside the sweep for other tolerances, too
+            n_beside = len(beside)
             plans = [planned(tolerance) for tolerance in TOLERANCES]
     rows = rows_of(wanted, outcomes, best)
     found = Judged(
@@ -277,9 +280,12 @@ def check(
             tried.add(configuration.key)
         return outcome
 
+    def at_hand() -> list[Run]:
+        return [*ladder.tried(), *((one, outcomes[one.key]) for one in beside.values() if one.key in outcomes)]
+
     plan, why = None, ""
     try:
-        plan = choose(Goal(tolerance), next(levels), wanted, measured, lambda: next(levels, None), ladder.tried)
+        plan = choose(Goal(tolerance), next(levels), wanted, measured, lambda: next(levels, None), at_hand)
     except NoPlan as error:
         why = str(error).split(": ")[0]
     # a level of the ladder is a run that a plan may choose, like those of the sweep, and so is what runs foretell

@@ -359,7 +359,7 @@ def test_a_level_of_the_reference_is_a_run_like_others() -> None:
     plan = choose(Goal(0.05), reference(), WANTED, bench, refine, lambda: levels)
     assert plan.choice.label == "level 8" and "level 8" not in bench.asked and len(bench.asked) == 3
     with pytest.raises(NoPlan, match="level 6 comes nearest"):
-        choose(Goal(0.05), reference(), WANTED, bench, levels=lambda: levels[:1])
+        choose(Goal(0.05), reference(), WANTED, bench, known=lambda: levels[:1])
 
 
 def test_a_level_stands_for_a_run_of_the_same_that_did_not_end_in_time() -> None:
@@ -377,5 +377,5 @@ def test_what_a_level_took_is_not_taken_for_a_run_that_was_timed() -> None:
     """A level's first run, twice as long as it takes once it is warm, is that of a configuration of the sweep."""
     bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.03), "dear": outcome(10.0, 0.0)})
     levels = [(configuration("middle", 1.0), outcome(2.0, 0.03))]
-    plan = choose(Goal(0.05), reference(), WANTED, bench, levels=lambda: levels)
+    plan = choose(Goal(0.05), reference(), WANTED, bench, known=lambda: levels)
     assert plan.choice.rtf == 1.0 and bench.asked == ["cheap", "middle"]

@@ -23,7 +23,9 @@ from softseam.chart.shipped import better_of, digest_of, shipped
 from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, require_extra
+from softseam.plan import beside
 from softseam.plan.counted import counts_to, known_to
+from softseam.plan.foretold import Run
 from softseam.plan.kept import Goal, Plan, Tried
 from softseam.plan.planner import choose
 from softseam.scenes import bundle_of
@@ -107,6 +109,7 @@ def _search(
 ) -> Plan:
     frame = frame_of(scene, wishes.scene, wishes.settings)
     wanted = configurations(frame)
+    swept = {one.key for one in wanted}
     ladder = Ladder(wishes.scene, wishes.settings, frame, names)
     ladder.open(code, fresh=wishes.fresh)
     budget = 60.0 * wishes.minutes
@@ -141,9 +144,14 @@ def _search(
             spent += outcome.spent
             if outcome.status != "stopped":
                 store.write(configuration.key, outcome.as_json())
+                if configuration.key not in swept:
+                    beside.keep(store, configuration)
             return outcome
 
-        return choose(goal, reference, wanted, run, lambda: next(levels, None), ladder.tried)
+        def known() -> list[Run]:
+            return [*ladder.tried(), *beside.kept(store, frame)]
+
+        return choose(goal, reference, wanted, run, lambda: next(levels, None), known)
 
 
 def planner_digest() -> str:

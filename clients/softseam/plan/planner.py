@@ -64,7 +64,7 @@ def choose(
     wanted: Sequence[Configuration],
     measure: Measure,
     refine: Callable[[], Reference | None] = lambda: None,
-    levels: Callable[[], Iterable[tuple[Configuration, Outcome]]] = tuple,
+    known: Callable[[], Iterable[Run]] = tuple,
 ) -> Plan:
     """The fastest configuration that is accurate enough.
 
@@ -74,14 +74,14 @@ def choose(
 
     measure  called at most once for each configuration, but again for what it left out
     refine   a reference that is known better than the last, or None where there is none
-    levels   the reference's levels so far and what became of them: runs like others where not wanted anyway
+    known    the reference's levels so far, and what was run for other tolerances: like others where not wanted anyway
 
     Raises NoPlan where none is accurate enough, or none of those fast enough; its text names the nearest.
     """
     every = {one.key: one for one in wanted}
     timed = set(every)  # by runs of their own: a level's, which is its first, takes longer
     kept: dict[str, Outcome] = {}
-    as_levels: dict[str, Outcome] = {}  # stand for runs that did not end
+    instead: dict[str, Outcome] = {}  # of runs that did not end
 
     def once(configuration: Configuration) -> Outcome:
         key = configuration.key
@@ -92,14 +92,14 @@ def choose(
                 every.setdefault(key, configuration)
                 timed.add(key)
         found = kept[key]
-        return found if found.status == "done" else as_levels.get(configuration.key, found)
+        return found if found.status == "done" else instead.get(configuration.key, found)
 
     while True:
         reference = counting(reference, goal.tolerance)
         plan, why = None, None
-        for one, outcome in levels():
+        for one, outcome in known():
             if one.key in timed:
-                as_levels[one.key] = outcome
+                instead[one.key] = outcome
             else:
                 every[one.key], kept[one.key] = one, outcome
         try:

@@ -1,0 +1,52 @@
+"""Runs beside a scene's sweep that a plan was foretold to need, kept as what they are for plans of other tolerances.
+
+What a plan of 10 % ran may be what one of 5 % wants, and was not foretold to be as good as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from softseam.chart.configurations import Configuration, Fem
+from softseam.chart.frame import Frame
+from softseam.chart.measure import Outcome
+from softseam.chart.store import Store
+from softseam.plan.foretold import Run
+
+_PREFIX = "beside-"
+
+
+def keep(store: Store, configuration: Configuration) -> None:
+    """Note what a run of FEM alone is, whose outcome the store holds under its key."""
+    fem = configuration.fem
+    if fem is not None:
+        data: dict[str, Any] = {name: getattr(fem, name) for name in ("step", "element", "integrator", "grading")}
+        data |= {"counts": list(fem.counts), "towards": list(fem.towards), "follows": fem.frame.follows}
+        store.write(_PREFIX + configuration.key, data)
+
+
+def kept(store: Store, frame: Frame) -> Iterator[Run]:
+    """What was noted, and what became of it. Raises BadInput, naming a file that is corrupt."""
+    for name in store.names(_PREFIX):
+        data, outcome = store.read(name), store.read(name.removeprefix(_PREFIX))
+        if data is None or outcome is None:
+            continue  # deleted by hand
+        try:
+            yield _fem(data, frame).configuration(), Outcome.from_json(outcome)
+        except (KeyError, TypeError, ValueError) as error:
+            raise store.refused(name, f"is corrupt ({error})") from None
+
+
+def _fem(data: dict[str, Any], frame: Frame) -> Fem:
+    x, y, z = map(int, data["counts"])
+    return Fem(
+        replace(frame, follows=bool(data["follows"])),
+        (x, y, z),
+        float(data["step"]),
+        str(data["element"]),
+        str(data["integrator"]),
+        float(data["grading"]),
+        tuple(map(str, data["towards"])),
+    )

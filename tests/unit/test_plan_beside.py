@@ -1,0 +1,58 @@
+"""What a plan ran beside its scene's sweep is kept as what it is, and known to plans of other tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from softseam.chart.configurations import Configuration, Fem
+from softseam.chart.frame import Frame
+from softseam.chart.measure import Outcome
+from softseam.chart.series import Series
+from softseam.chart.store import Identity, Store
+from softseam.errors import BadInput
+from softseam.plan.beside import keep, kept
+from softseam.scenes import load_scene
+
+FRAME = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
+FOUND = (
+    Fem(FRAME, (3, 3, 2), 0.02),
+    Fem(replace(FRAME, follows=False), (4, 4, 2), 0.0025, "hex27_reduced", "midpoint", 4.0, ("pusher",)),
+)
+OUTCOME = Outcome("done", series=Series(np.arange(2.0), np.zeros(2), {"sag": np.ones(2)}), walls=(2.5,), simulated=1.0)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path, Identity("scene", "code"), "plan anew")
+
+
+def test_a_run_is_read_as_what_it_was(store: Store) -> None:
+    for fem in FOUND:
+        one = fem.configuration()
+        store.write(one.key, OUTCOME.as_json())
+        keep(store, one)
+    read = {one.key: (one, outcome) for one, outcome in kept(store, FRAME)}
+    for fem in FOUND:
+        one, outcome = read.pop(fem.configuration().key)
+        assert one == fem.configuration() and one.fem is not None
+        assert (one.fem.family, one.fem.counts, one.fem.step) == (fem.family, fem.counts, fem.step)
+        assert outcome.walls == (2.5,) and outcome.series is not None
+    assert not read
+
+
+def test_what_is_no_fem_alone_or_has_no_outcome_is_not_known(store: Store) -> None:
+    keep(store, Configuration("xpbd", "XPBD", "xpbd", (), 1.0))
+    keep(store, FOUND[0].configuration())
+    assert list(kept(store, FRAME)) == []
+
+
+def test_a_corrupt_note_is_refused_by_name(store: Store) -> None:
+    one = FOUND[0].configuration()
+    store.write(one.key, OUTCOME.as_json())
+    store.write(f"beside-{one.key}", {"counts": [1, 2]})
+    with pytest.raises(BadInput, match=f"beside-{one.key}.json is corrupt"):
+        list(kept(store, FRAME))
