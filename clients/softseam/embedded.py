@@ -6,6 +6,7 @@ import hashlib
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -221,6 +222,17 @@ def mirror_axes(scene: Scene) -> tuple[int, ...]:
     return tuple(mirror.axis for mirror in mirrors)
 
 
+_APART = (
+    *(f"softseam_protocol/{name}.py" for name in ("bus*", "declared", "inbox", "live_tokens", "peer_links", "publish")),
+    "softseam_protocol/watched_asker.py",
+    *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
+    *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
+    *(f"softseam_services/orchestrator/{name}.py" for name in ("bus_transport", "desk", "recorder_feed", "service")),
+    "softseam_services/recorder/*.py",
+)
+"""sources that a simulation in this process never loads: the bus, processes, recordings"""
+
+
 def solver_digest() -> str:
     """Digest of every source that a simulation's numbers may depend on: with another digest, perhaps other numbers."""
     try:
@@ -230,7 +242,9 @@ def solver_digest() -> str:
     digest = hashlib.sha256()
     for package in (*kernel_packages(), Path(softseam_protocol.__file__).parent):
         for path in sorted(package.rglob("*.py")):
-            digest.update(f"{package.name}/{path.relative_to(package)}".encode() + b"\0" + path.read_bytes() + b"\0")
+            name = f"{package.name}/{path.relative_to(package).as_posix()}"
+            if not any(fnmatch(name, apart) for apart in _APART):
+                digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
 

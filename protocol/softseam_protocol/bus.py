@@ -105,6 +105,8 @@ class Bus(BusSession):
             raise BusError(f"cannot connect to {where}: {first_sentence(error)}") from None
         self._aside = {key: value for key, value in (extra or {}).items() if key not in _OF_PEERS}
         self._links = PeerLinks(self._mend, LEASE)
+        self._doubted = False
+        """whether the router did not know this session when it was last asked"""
         if extra and extra.get("mode") == "peer":
             self._show_to_peers()
 
@@ -264,11 +266,11 @@ class Bus(BusSession):
     # ---- links with peers ----------------------------------------------------------------------------------
 
     def _show_to_peers(self) -> None:
-        """Show this session's name to all, and look after its links."""
+        """Show this session's name to all, and look after its links, that with the router too."""
 
         def heard(event: Any) -> None:
-            if event.kind == zenoh.SampleKind.DELETE and event.transport.whatami == zenoh.WhatAmI.PEER:
-                self._links.broke(str(event.transport.zid))
+            told = self._links.broke if event.kind == zenoh.SampleKind.DELETE else self._links.made
+            told(str(event.transport.zid))
 
         def token(session: Any) -> Any:
             return session.liveliness().declare_token(node(str(session.info.zid())))
@@ -279,21 +281,28 @@ class Bus(BusSession):
         )
 
     def _mend(self, lost: frozenset[str]) -> bool:
-        """Join anew if peers whose links broke live but are not heard; False if that cannot be known yet."""
-        silent = {node(peer) for peer in lost}
+        """Join anew if peers whose links broke live but are not heard, or if the router twice does not know this one;
+        False if that cannot be known yet.
+        """
+        silent, session = {node(peer) for peer in lost}, self._zenoh
         try:
             with Bus(self.endpoints, LEASE, self._aside) as client:
-                silent &= client.live(EVERY_NODE)
+                everyone = client.live(EVERY_NODE)
+                silent &= everyone
                 for _ in range(_LOOKS):
                     if silent and self._zenoh is not None:
                         silent -= self.live(EVERY_NODE)
                         silent &= client.live(EVERY_NODE)  # without who left meanwhile
         except BusError:
             return False  # the router is gone
-        if not silent and self._zenoh is not None:
-            return True
-        _log.warning("the link to a process that lives is lost: joining the bus anew")
-        return self._rejoin()
+        known = session is not None and node(str(session.info.zid())) in everyone
+        unknown = not known and self._doubted  # its link with the router may have been on its way
+        self._doubted = not known
+        if silent or unknown:
+            _log.warning(
+                "the link to %s is lost: joining the bus anew", "a process that lives" if silent else "the router"
+            )
+        return self._rejoin() if silent or unknown or session is None else known
 
     def close(self) -> None:
         """Stop the servers and leave the bus; a second call does nothing."""

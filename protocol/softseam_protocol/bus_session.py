@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import itertools
 import json
+import logging
 import os
 import threading
 import weakref
@@ -22,6 +23,9 @@ LEASE = 1.0
 
 _BATCHES = 16
 """of 64 kB each may wait for a link, zenoh's most: what is droppable is dropped where they are full"""
+
+
+_log = logging.getLogger(__name__)
 
 
 def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Mapping[str, Any]) -> zenoh.Config:
@@ -92,9 +96,7 @@ class BusSession:
         with self._joining:
             if self._closed:
                 return True
-            session, self._zenoh = self._zenoh, None
-            if session is not None:
-                session.close()
+            self._leave()
             config = _config(*self._settings)
             config.insert_json5("connect/timeout_ms", str(int(LEASE * 1000)))
             try:
@@ -105,10 +107,16 @@ class BusSession:
                 for declared in list(self._declared.values()):
                     declared.renew(joined)
             except zenoh.ZError:
-                joined.close()
+                _close_session(joined)
                 return False
             self._zenoh = joined
         return True
+
+    def _leave(self) -> None:
+        """(lock held)"""
+        session, self._zenoh = self._zenoh, None
+        if session is not None:
+            _close_session(session)
 
     def close(self) -> None:
         """Leave the bus; a second call does nothing."""
@@ -117,15 +125,21 @@ class BusSession:
             return
         with self._joining:
             self._closed = True
-            session, self._zenoh = self._zenoh, None
-            if session is not None:
-                session.close()
+            self._leave()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         self.close()
+
+
+def _close_session(session: Any) -> None:
+    """Close; where zenoh cannot, as its links are full and nobody reads them, others notice after the lease."""
+    try:
+        session.close()
+    except zenoh.ZError as error:
+        _log.warning("the bus was left without a word to the others: %s", first_sentence(error))
 
 
 def _close(reference: weakref.ref[BusSession]) -> None:

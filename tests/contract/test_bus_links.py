@@ -17,6 +17,7 @@ from softseam_protocol.bus import Asker, Bus, Router
 from softseam_protocol.bus_session import LEASE, direct
 from softseam_protocol.errors import NoReply
 from softseam_protocol.inbox import Inbox, LiveChange, Received
+from softseam_protocol.peer_links import PeerLinks
 from softseam_protocol.topics import EVERY_NODE, Keys
 from softseam_services.bus_options import BusOptions
 
@@ -64,11 +65,11 @@ def break_link(router: str) -> int:
         with found:
             try:
                 ports = {found.getsockname()[1], found.getpeername()[1]}
+                if found.family == socket.AF_INET and int(router.rsplit(":")[-1]) not in ports:
+                    found.shutdown(socket.SHUT_RDWR)
+                    cut += 1
             except (OSError, IndexError):
-                continue  # it listens, or is no connection
-            if found.family == socket.AF_INET and int(router.rsplit(":")[-1]) not in ports:
-                found.shutdown(socket.SHUT_RDWR)
-                cut += 1
+                continue  # it listens, is no connection, or its other end was cut before and it is closed
     return cut
 
 
@@ -155,3 +156,62 @@ def test_who_could_not_join_anew_tries_again() -> None:
 def test_clients_of_the_router_show_no_name(options: BusOptions) -> None:
     with Bus(options.connect) as client, options.open():
         until(lambda: len(names(client)) == 1)
+
+
+def test_whom_the_router_has_forgotten_joins_anew_at_the_second_look(options: BusOptions) -> None:
+    """As after a freeze, when zenoh's new link with the router is taken for the old one that the router let go."""
+    live = KEYS.live("participant", "fem", "i1")
+    with options.open() as bus, Bus(options.connect) as client:
+        bus.declare_live(live)
+        until(lambda: live in client.live(live))
+        before = names(client)
+        assert bus._mend(frozenset()) and names(client) == before, "it is known"
+        bus._tokens[0].current.undeclare()  # its name
+        until(lambda: not names(client))
+        assert not bus._mend(frozenset()), "its link may be on its way"
+        assert bus._mend(frozenset())
+        until(lambda: len(names(client) - before) == 1 and live in client.live(live))
+        assert bus._mend(frozenset())
+
+
+def test_who_cannot_leave_joins_anew_all_the_same(options: BusOptions) -> None:
+    """zenoh gives closing up where links are full."""
+
+    class Stuck:
+        def __init__(self, session: Any) -> None:
+            self.session = session
+
+        def close(self) -> None:
+            self.session.close()
+            raise zenoh.ZError("close operation timed out!")
+
+    with options.open() as bus, Bus(options.connect) as client:
+        heard = bus.subscribe(SAID)
+        bus._zenoh = Stuck(bus._zenoh)
+        assert bus._rejoin()
+
+        def is_heard() -> bool:
+            client.publish(SAID, b"after")
+            return len(heard) > 0
+
+        until(is_heard)
+        bus._zenoh = Stuck(bus._zenoh)
+
+
+def test_a_link_is_looked_at_a_while_after_it_broke_and_after_another_was_made() -> None:
+    """Its peer may have been frozen when it was looked at first."""
+    looked: Inbox[frozenset[str]] = Inbox()
+
+    def mend(lost: frozenset[str]) -> bool:
+        looked.put(lost, 0)
+        return True
+
+    links = PeerLinks(mend, 0.05)
+    links.made("new")
+    links.broke("old")
+    assert looked.get(PATIENCE) == frozenset({"old"})
+    links.made("new")
+    links.made("old")
+    assert looked.get(PATIENCE) == frozenset({"old"})
+    assert looked.get(0.5) is None
+    links.close()
