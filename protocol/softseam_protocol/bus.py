@@ -285,7 +285,9 @@ class Bus(BusSession):
         False if that cannot be known yet.
         """
         silent, session = {node(peer) for peer in lost}, self._zenoh
+        doubted, self._doubted = self._doubted, False
         try:
+            own = set() if session is None else {node(str(session.info.zid()))}
             with Bus(self.endpoints, LEASE, self._aside) as client:
                 everyone = client.live(EVERY_NODE)
                 silent &= everyone
@@ -293,16 +295,19 @@ class Bus(BusSession):
                     if silent and self._zenoh is not None:
                         silent -= self.live(EVERY_NODE)
                         silent &= client.live(EVERY_NODE)  # without who left meanwhile
-        except BusError:
-            return False  # the router is gone
-        known = session is not None and node(str(session.info.zid())) in everyone
-        unknown = not known and self._doubted  # its link with the router may have been on its way
-        self._doubted = not known
+                    if not own <= everyone:
+                        everyone |= client.live(EVERY_NODE)
+        except (BusError, zenoh.ZError):
+            return False  # the router is gone, or this bus is being closed
+        unknown = not own <= everyone
+        if unknown and not doubted and not silent:
+            self._doubted = True  # its link with the router may be on its way
+            return False
         if silent or unknown:
             _log.warning(
                 "the link to %s is lost: joining the bus anew", "a process that lives" if silent else "the router"
             )
-        return self._rejoin() if silent or unknown or session is None else known
+        return self._rejoin() if silent or unknown or session is None else True
 
     def close(self) -> None:
         """Stop the servers and leave the bus; a second call does nothing."""

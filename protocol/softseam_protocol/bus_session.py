@@ -24,7 +24,6 @@ LEASE = 1.0
 _BATCHES = 16
 """of 64 kB each may wait for a link, zenoh's most: what is droppable is dropped where they are full"""
 
-
 _log = logging.getLogger(__name__)
 
 
@@ -96,7 +95,7 @@ class BusSession:
         with self._joining:
             if self._closed:
                 return True
-            self._leave()
+            self._leave(LEASE)
             config = _config(*self._settings)
             config.insert_json5("connect/timeout_ms", str(int(LEASE * 1000)))
             try:
@@ -109,14 +108,23 @@ class BusSession:
             except zenoh.ZError:
                 _close_session(joined)
                 return False
+            except BaseException:
+                _close_session(joined)
+                raise
             self._zenoh = joined
         return True
 
-    def _leave(self) -> None:
-        """(lock held)"""
+    def _leave(self, patience: float | None = None) -> None:
+        """Close the session, or go on after `patience` [s] while it is being closed (lock held)."""
         session, self._zenoh = self._zenoh, None
-        if session is not None:
+        if session is None:
+            return
+        if patience is None:
             _close_session(session)
+            return
+        closing = threading.Thread(target=_close_session, args=(session,), name="softseam leaves", daemon=True)
+        closing.start()
+        closing.join(patience)
 
     def close(self) -> None:
         """Leave the bus; a second call does nothing."""
@@ -135,11 +143,11 @@ class BusSession:
 
 
 def _close_session(session: Any) -> None:
-    """Close; where zenoh cannot, as its links are full and nobody reads them, others notice after the lease."""
+    """Close; zenoh gives up after 10 s where links are full and nobody reads them."""
     try:
         session.close()
     except zenoh.ZError as error:
-        _log.warning("the bus was left without a word to the others: %s", first_sentence(error))
+        _log.warning("the bus was left without a word to some: %s", first_sentence(error))
 
 
 def _close(reference: weakref.ref[BusSession]) -> None:

@@ -50,9 +50,25 @@ def test_what_is_no_fem_alone_or_has_no_outcome_is_not_known(store: Store) -> No
     assert list(kept(store, FRAME)) == []
 
 
-def test_a_corrupt_note_is_refused_by_name(store: Store) -> None:
+@pytest.mark.parametrize(
+    "change", [{"counts": [1, 2]}, {"counts": [4, 4, 4]}, {"settings": ["step=1"]}, {"follows": None, "step": "x"}]
+)
+def test_what_another_version_noted_is_left_out(store: Store, change: dict[str, object]) -> None:
     one = FOUND[0].configuration()
     store.write(one.key, OUTCOME.as_json())
-    store.write(f"beside-{one.key}", {"counts": [1, 2]})
-    with pytest.raises(BadInput, match=f"beside-{one.key}.json is corrupt"):
+    keep(store, one)
+    assert len(list(kept(store, FRAME))) == 1
+    store.write(f"beside-{one.key}", (store.read(f"beside-{one.key}") or {}) | change)
+    assert not list(kept(store, FRAME))
+    store.write(f"beside-{one.key}", {})
+    assert not list(kept(store, FRAME))
+
+
+def test_what_failed_is_left_out_and_what_cannot_be_read_is_refused(store: Store) -> None:
+    one = FOUND[0].configuration()
+    keep(store, one)
+    store.write(one.key, Outcome("failed", "it diverged").as_json())
+    assert not list(kept(store, FRAME))
+    store.path(one.key).write_text("{")
+    with pytest.raises(BadInput, match=f"{one.key}.json is corrupt"):
         list(kept(store, FRAME))

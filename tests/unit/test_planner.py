@@ -379,3 +379,11 @@ def test_what_a_level_took_is_not_taken_for_a_run_that_was_timed() -> None:
     levels = [(configuration("middle", 1.0), outcome(2.0, 0.03))]
     plan = choose(Goal(0.05), reference(), WANTED, bench, known=lambda: levels)
     assert plan.choice.rtf == 1.0 and bench.asked == ["cheap", "middle"]
+
+
+def test_what_is_known_to_be_fast_is_taken_whatever_was_foreseen_of_it() -> None:
+    """What another tolerance ran took 2 s, and was foreseen to take a hundred."""
+    bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(5.0, 0.03), "dear": outcome(10.0, 0.0)})
+    ran = [(configuration("beside", 100.0), outcome(2.0, 0.03))]
+    plan = choose(Goal(0.05), reference(), WANTED, bench, known=lambda: ran)
+    assert plan.choice.label == "beside" and "beside" not in bench.asked

@@ -19,24 +19,27 @@ _PREFIX = "beside-"
 
 
 def keep(store: Store, configuration: Configuration) -> None:
-    """Note what a run of FEM alone is, whose outcome the store holds under its key."""
+    """Note what a run of FEM alone is, whose outcome the store is to hold under its key."""
     fem = configuration.fem
     if fem is not None:
         data: dict[str, Any] = {name: getattr(fem, name) for name in ("step", "element", "integrator", "grading")}
         data |= {"counts": list(fem.counts), "towards": list(fem.towards), "follows": fem.frame.follows}
-        store.write(_PREFIX + configuration.key, data)
+        store.write(_PREFIX + configuration.key, data | {"settings": list(configuration.settings)})
 
 
 def kept(store: Store, frame: Frame) -> Iterator[Run]:
-    """What was noted, and what became of it. Raises BadInput, naming a file that is corrupt."""
+    """What was noted and ran to its end; what another version noted is left out. Raises BadInput as `Store.read`."""
     for name in store.names(_PREFIX):
         data, outcome = store.read(name), store.read(name.removeprefix(_PREFIX))
         if data is None or outcome is None:
-            continue  # deleted by hand
+            continue  # interrupted between the two
         try:
-            yield _fem(data, frame).configuration(), Outcome.from_json(outcome)
-        except (KeyError, TypeError, ValueError) as error:
-            raise store.refused(name, f"is corrupt ({error})") from None
+            one, ran = _fem(data, frame).configuration(), Outcome.from_json(outcome)
+            is_known = _PREFIX + one.key == name and list(one.settings) == data["settings"]
+        except (KeyError, TypeError, ValueError):
+            continue
+        if is_known and ran.status == "done":
+            yield one, ran
 
 
 def _fem(data: dict[str, Any], frame: Frame) -> Fem:

@@ -71,7 +71,7 @@ def plan(wishes: Wishes, console: Console) -> Plan:
 
 
 def find(wishes: Wishes, console: Console) -> Plan:
-    """The plan, from the cache where it is there and as many minutes would find no other."""
+    """The plan, from the cache where it is there and as many minutes would have found no other."""
     require_extra("solve", "planning, which simulates in this process,")
     loaded, bundle = bundle_of(wishes.scene)
     asked = with_settings(loaded, wishes.settings)
@@ -143,9 +143,9 @@ def _search(
             )
             spent += outcome.spent
             if outcome.status != "stopped":
-                store.write(configuration.key, outcome.as_json())
                 if configuration.key not in swept:
                     beside.keep(store, configuration)
+                store.write(configuration.key, outcome.as_json())
             return outcome
 
         def known() -> list[Run]:

@@ -103,7 +103,7 @@ def choose(
             else:
                 every[one.key], kept[one.key] = one, outcome
         try:
-            plan = _fastest(goal, reference, list(every.values()), once)
+            plan = _fastest(goal, reference, list(every.values()), once, kept)
         except NoPlan as error:
             why = error
         slow = isinstance(why, TooSlow)
@@ -138,10 +138,11 @@ class _Search:
         """the cheapest of what is foretold to be accurate enough, and was given no time"""
         self._best_seconds = self._likely_seconds = float("inf")
 
-    def attempt(self, wanted: Sequence[Configuration]) -> None:
-        """Run those that may be the fastest, cheapest first."""
+    def attempt(self, wanted: Sequence[Configuration], kept: Mapping[str, Outcome]) -> None:
+        """Run those that may be the fastest, cheapest first; of those that are kept it is known what they take."""
         for one in sorted(wanted, key=lambda c: (c.seconds, c.key)):
-            if self._may_be_fastest(one.seconds * self._pace.get(one.method, 1.0)):
+            ran, seconds = kept.get(one.key), one.seconds * self._pace.get(one.method, 1.0)
+            if self._may_be_fastest(ran.seconds if ran is not None and ran.status == "done" else seconds):
                 learn(self._pace, one, self._run(one))
 
     def attempt_foretold(self) -> None:
@@ -229,7 +230,13 @@ def _told(runs: Sequence[Run], reference: Reference) -> Iterable[Run]:
     return {one.key: (one, outcome) for one, outcome in reversed(every)}.values()
 
 
-def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure) -> Plan:
+def _fastest(
+    goal: Goal,
+    reference: Reference,
+    wanted: Sequence[Configuration],
+    measure: Measure,
+    kept: Mapping[str, Outcome],
+) -> Plan:
     """Try the configurations, and what their runs foretell, until none that is left can be faster than the best one."""
     if not reference.uncertainty <= VAGUEST * goal.tolerance:
         raise NoPlan(
@@ -237,7 +244,7 @@ def _fastest(goal: Goal, reference: Reference, wanted: Sequence[Configuration], 
             f"{_percent(goal.tolerance)}: give more --minutes, or leave out the quantities that are not known better"
         )
     search = _Search(goal, reference, measure)
-    search.attempt(wanted)
+    search.attempt(wanted, kept)
     search.attempt_foretold()
     best, likely = search.best, search.likely
     if likely is not None and (best is None or likely.rtf > CERTAIN * best.rtf or best.rtf < goal.rtf <= likely.rtf):
