@@ -174,6 +174,8 @@ def told_by(trace: Trace) -> list[str]:
             found.append("event: the element is too stiff")
         elif kind == "monitor" and "not converged" in message:
             found.append("monitor of PBD: not converged")
+        elif kind == "monitor" and "inside out" in message:
+            found.append("monitor of FEM: cells are inside out")
         elif kind == "solver":
             found.append("a step was kept that had not converged")
         elif kind == "seam" and ("kept" in message or message.count(":") > 1):

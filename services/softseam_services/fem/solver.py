@@ -204,6 +204,7 @@ class FemSolver:
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
+            alarm=stepper.alarm(self._next, int(self.folded)) if status == "converged" else "",
             seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
             settles=settles,
             seam_yield_root=stepper.news_of_yield() if settles else _NONE,

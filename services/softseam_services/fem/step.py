@@ -13,6 +13,7 @@ from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem import substeps
 from softseam_services.fem.failures import why
+from softseam_services.fem.inside_out import alarm
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
@@ -123,6 +124,10 @@ class Stepper:
             at = forces_at(self.scheme, now.past)
             self.compliance *= at * velocity_gain(self.scheme, request.dt, now.past)
         return status
+
+    def alarm(self, end: FemState, folded: int) -> str:
+        """What is wrong with the step that was taken, and was not noticed within it; '' where nothing is."""
+        return alarm(end.x, self._model, self.work, folded)
 
     def why(self, status: int, cells: Ints) -> str:
         """What to say of a step that failed; cells (c,) are global ids."""

@@ -1,0 +1,34 @@
+"""A body that FEM cannot squeeze as far as it is asked to: no wrong force without a word."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from softseam.atlas.maps.squeeze import SPEEDS, run
+from softseam_services.fem.inside_out import _SLOPES
+
+TOLD = "monitor of FEM: cells are inside out"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_who_is_squeezed_by_70_percent_is_told_that_cells_are_inside_out(speed: float) -> None:
+    found = run("fem", 0.7, speed)
+    assert found.error is None or found.error < 0.02 or TOLD in found.told
+
+
+@pytest.mark.parametrize("squeeze", [0.3, 0.5, 0.6])
+def test_what_is_right_is_not_told_so(squeeze: float) -> None:
+    found = run("fem", squeeze, 0.3)
+    assert found.error is not None and found.error < 1e-9 and TOLD not in found.told
+
+
+def test_slopes_are_those_of_quadratic_fields() -> None:
+    """Exact for all that 27 nodes can tell, here x^2 y + z."""
+    t = np.array([-1.0, 0.0, 1.0])
+    z, y, x = (axis.reshape(-1) for axis in np.meshgrid(t, t, t, indexing="ij"))
+    fine = np.linspace(-1.0, 1.0, 5)
+    _, at_y, at_x = (axis.reshape(-1) for axis in np.meshgrid(fine, fine, fine, indexing="ij"))
+    wanted = np.stack([2.0 * at_x * at_y, at_x**2, np.ones(125)], axis=1)
+    assert np.allclose(_SLOPES @ (x * x * y + z), wanted, atol=1e-14)
