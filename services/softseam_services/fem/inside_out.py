@@ -33,8 +33,7 @@ _SLOPES = _slopes()
 def alarm(x: Floats, model: FemModel, work: Work, folded: int) -> str:
     """What is wrong with cells that have a point without positive volume at a step's end x (n, 3); '' where none has.
 
-    Only whole cells that are crushed or lose volume between points of split quadrature are looked at: most steps have
-    none of these, and this then costs next to nothing.
+    Only whole cells that are crushed or lose volume between points of split quadrature are looked at.
 
     folded  times that each cell stands for one of the body
     """

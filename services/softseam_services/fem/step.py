@@ -126,8 +126,11 @@ class Stepper:
         return status
 
     def alarm(self, end: FemState, folded: int) -> str:
-        """What is wrong with the step that was taken, and was not noticed within it; '' where nothing is."""
-        return alarm(end.x, self._model, self.work, folded)
+        """What is wrong with the step that was taken, and was not noticed within it; '' where nothing is.
+
+        Only a step that was hard, so that it was cut, is doubted.
+        """
+        return "" if self._parts is None else alarm(end.x, self._model, self.work, folded)
 
     def why(self, status: int, cells: Ints) -> str:
         """What to say of a step that failed; cells (c,) are global ids."""
