@@ -37,6 +37,7 @@ from softseam.chart.sweep import sweep
 from softseam.chart.table import Row, busy_by, core_share, rows_of
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
+from softseam.plan import beside as beside_sweep
 from softseam.plan.command import finer, planner_digest
 from softseam.plan.counted import counting, counts_to, known_to, looser
 from softseam.plan.foretold import Run
@@ -205,12 +206,15 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
             return {one.key: timed(name, names, one, once[one.key], store, progress.reference) for one in these}
 
         outcomes = swept(wanted, rest)
-        beside: dict[str, Configuration] = {}
+        # what was run for the plans of another version of this page is known to these, as `softseam plan` knows it
+        beside = {one.key: one for one, _ in beside_sweep.kept(store, frame) if one.key not in outcomes}
+        outcomes.update(swept(list(beside.values()), FORETOLD))
 
         def measured(one: Configuration) -> Outcome:
             """Of the sweep; what is foretold only is run now, and kept like the others."""
             if one.key not in outcomes:
                 beside[one.key] = one
+                beside_sweep.keep(store, one)
                 outcomes.update(swept([one], FORETOLD))
             return outcomes[one.key]
 
@@ -223,7 +227,8 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
             true = shipped(ladder, finest, known) or climb(ladder, frame, 1e-3, _silent, finest, known)
             return check(tolerance, levels, wanted, outcomes, counting(true, tolerance), ladder, measured, beside)
 
-        plans, n_beside = [planned(tolerance) for tolerance in TOLERANCES], 0
+        n_beside = len(beside)
+        plans = [planned(tolerance) for tolerance in TOLERANCES]
         while len(beside) > n_beside:
             # from, and held against, what was run beside the sweep for other tolerances, too
             n_beside = len(beside)

@@ -9,6 +9,8 @@ from typing import Any
 RUNS = 3
 ENOUGH = 12.0
 """no further run begins once those before took this much wall time together [s]"""
+BRIEF, MOST = 0.5, 12
+"""brief runs go on until they took this long together [s], or were so many, as ours do"""
 
 
 class Clock:
@@ -29,7 +31,9 @@ def timed(run: Callable[[], tuple[dict[str, list[float]], Clock]]) -> dict[str, 
     """The curves of a first run, and the times of those after it [s]; of a long one, its own."""
     curves, first = run()
     clocks: list[Clock] = []
-    while len(clocks) < RUNS and first.wall + sum(clock.wall for clock in clocks) < ENOUGH:
+    spent = 0.0
+    while first.wall + spent < ENOUGH and (len(clocks) < RUNS or (len(clocks) < MOST and spent < BRIEF)):
         clocks.append(run()[1])
+        spent += clocks[-1].wall
     clocks = clocks or [first]
     return {"curves": curves, "walls": [c.wall for c in clocks], "cpu": min(c.cpu for c in clocks)}

@@ -13,7 +13,7 @@ from softseam.chart.configurations import Configuration, Fem, configurations
 from softseam.chart.errors import Truth
 from softseam.chart.frame import Frame
 from softseam.chart.landmarks import ASKED, read_rivals
-from softseam.chart.measure import Outcome, measure
+from softseam.chart.measure import BRIEF, MOST, Outcome, measure
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
 from softseam.chart.store import Identity, Store
@@ -259,3 +259,14 @@ def test_rows_tell_what_failed(tmp_path: Path) -> None:
     assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[3]) is None
     picture = draw_chart(tmp_path / "chart.png", "a test", "a machine", rows, reference, ASKED, ASKED[:1])
     assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_brief_runs_are_timed_more_often_than_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until they took BRIEF together, or were MOST; what is not to be timed at all is its first run, once."""
+    settings = ("regions={default: fem}", "body.cell=0.05", "step=0.08")
+    found = measure("tofu_grasp", settings, ("sag",), runs=1)
+    assert 1 < len(found.walls) <= MOST and (len(found.walls) == MOST or found.spent > BRIEF)
+    assert found.cpu <= sorted(found.walls)[len(found.walls) // 2]
+    assert len(measure("tofu_grasp", settings, ("sag",), runs=0).walls) == 1
+    monkeypatch.setattr("softseam.chart.measure.BRIEF", 0.0)
+    assert len(measure("tofu_grasp", settings, ("sag",), runs=2).walls) == 2

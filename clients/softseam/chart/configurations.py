@@ -26,7 +26,7 @@ SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 
 BOUNCES: tuple[tuple[int, Factors], ...] = ((2, (1 / 16, 1 / 32, 1 / 64)),)
 """and where a body falls on what does not move: how it bounces shows in steps far shorter than it is seen in"""
 
-IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (4, 2)), (4, (5, 4, 3, 2)))
+IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (6, 4, 2)), (4, (6, 5, 4, 3, 2)))
 """cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along,
 and with two where half of them is solved for"""
 
@@ -173,13 +173,13 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     elif frame.idle is not None:
         # the quadratic functions of one cell follow how free faces bulge
         for few in (1, 2) if frame.idle in frame.mirrors else (1,):
-            for counts, factors in _folding(frame, IDLE, (8, 5, 4, 3, 2), (frame.idle, few)):
+            for counts, factors in _folding(frame, IDLE, (8, 6, 5, 4, 3, 2), (frame.idle, few)):
                 for factor in factors:
                     yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
                     if is_block and max(counts) > 2:
                         yield Fem(frame, counts, factor * step, "hex27_reduced", grading=THINNER).configuration()
     softer = ((2, (8, 4)), (3, (4, 2)), (4, (2, 1)))
-    for counts, factors in _folding(frame, softer, (8, 5, 4, 3, 2)):
+    for counts, factors in _folding(frame, softer, (8, 6, 5, 4, 3, 2)):
         for factor in factors:
             yield Fem(frame, counts, factor * step, "hex27_reduced").configuration()
     if is_block:

@@ -18,6 +18,8 @@ from softseam_protocol.scene import Scene
 
 RUNS = 3
 """timed runs of a configuration"""
+BRIEF, MOST = 0.5, 12
+"""brief ones go on until they took this long together [s], or were so many: a machine's speed changes faster"""
 ENOUGH = 12.0
 """no further run begins once those before took this long together [s]"""
 
@@ -154,7 +156,8 @@ def measure(
     told: Told | None = None,
     look: int = 0,
 ) -> Outcome:
-    """Run a scene with these settings once for its series, then `runs` times for its speed; never raises for a run.
+    """Run a scene with these settings once for its series, then `runs` times for its speed, brief ones more often; never
+    raises for a run.
 
     The first run warms caches up, and is timed only where it alone takes `ENOUGH`.
 
@@ -242,12 +245,13 @@ def _looking(session: Session, every: int, collect: Callable[[Observation], None
 def _repeat(session: Session, runs: int, spent: float, clock: Clock, told: Told | None) -> list[Taken]:
     """What further runs of an open session took; `spent` is the own time of those before [s]."""
     timed: list[Taken] = []
-    while len(timed) < runs and spent < ENOUGH:
+    before = spent
+    while spent < ENOUGH and (len(timed) < runs or (0 < len(timed) < MOST and spent - before < BRIEF)):
         session.reset()
         watch = _Watch(clock)
         session.run()
         timed.append(watch.read())
         spent += timed[-1].own
         if told is not None:
-            told((1 + len(timed)) / (1 + runs))
+            told(min(1.0, (1 + len(timed)) / (1 + runs)))
     return timed

@@ -6,8 +6,7 @@ import numpy as np
 
 from softseam_protocol.messages import Fields, Header
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.fem.face_forces import point_positions, surface_point_of_node
-from softseam_services.fem.kernels.elements import strain_energy
+from softseam_services.fem.face_forces import surface_point_of_node
 from softseam_services.fem.kernels.fields import read_fields
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.state import FemState
@@ -27,12 +26,13 @@ class FieldReader:
         self._other: ModelError | None = None
 
     def read(self, header: Header, state: FemState, work: Work, indicators: bool, own: bool) -> Fields:
-        """All fields; indicators: with the errors of the mesh and, unless `own`, of what PBD would be off by."""
+        """All fields, work.energy as it is; indicators: with the errors of the mesh and, unless `own`, of what PBD would
+        be off by."""
         region, model = self._region, self._model
         cauchy, n_points = np.empty((len(region.cells), 8, 6)), len(region.points)
-        force, touched = np.empty((n_points, 3)), np.empty(n_points, dtype=np.int32)
-        strain_energy(state.x, model, work)
-        read_fields(state.x, state.contact, model, self._point_of_node, work, cauchy, force, touched)
+        place, force = np.empty((n_points, 3)), np.empty((n_points, 3))
+        touched = np.empty(n_points, dtype=np.int32)
+        read_fields(state.x, state.contact, model, self._point_of_node, work, cauchy, place, force, touched)
         return Fields(
             header=header,
             nodes=region.nodes,
@@ -40,7 +40,7 @@ class FieldReader:
             v=state.v.copy(),
             cauchy=cauchy,
             points=region.points,
-            point_x=point_positions(model, state.x)[:n_points],
+            point_x=place,
             contact_force=force,
             contact_tool=touched,
             cell_energy=work.energy.copy(),

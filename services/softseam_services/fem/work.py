@@ -33,6 +33,10 @@ class Work(NamedTuple):
     """cells that may lose volume between their points, see kernels/point_volumes.py (c,)"""
     watches: Ints
     """how many these are (1,)"""
+    excess: Floats
+    """the largest d there of each cell (c,)"""
+    excess_at: Floats
+    """and of which places of the nodes that is (n, 3) [m]; NaN at first"""
     energy: Floats
     """of each cell (c,) [J]"""
     xe: Floats
@@ -122,6 +126,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         mixed=np.zeros(1, dtype=np.int32),
         watched=np.zeros(n_cells, dtype=np.bool_),
         watches=np.zeros(1, dtype=np.int32),
+        excess=np.zeros(n_cells),
+        excess_at=np.full((n_nodes, 3), np.nan),
         energy=np.zeros(n_cells),
         xe=np.empty((n_cells, 3, 27)),
         F=np.empty((n_cells, 3, 24)),

@@ -6,6 +6,7 @@ import numpy as np
 
 from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels import elements
+from softseam_services.fem.kernels.contact import point_position
 
 
 @njit(cache=True, error_model="numpy")
@@ -31,9 +32,10 @@ def gather_forces(contact, model, point_of_node, told):
 
 
 @njit(cache=True, error_model="numpy")
-def read_fields(x, contact, model, point_of_node, work, cauchy, force, touched):
-    """Cauchy stress of the octants, cauchy (c, 8, 6) [Pa], and of the surface's points the force of all tools, force
-    (n_surface, 3) [N], and which tool's is the largest, touched (n_surface,), -1 for none; all three are overwritten.
+def read_fields(x, contact, model, point_of_node, work, cauchy, place, force, touched):
+    """Cauchy stress of the octants, cauchy (c, 8, 6) [Pa], and of the surface's points their place (n_surface, 3) [m],
+    the force of all tools, force (n_surface, 3) [N], and which tool's is the largest, touched (n_surface,), -1 for
+    none; all four are overwritten.
 
     x (n, 3); contact and point_of_node as above
     """
@@ -51,3 +53,4 @@ def read_fields(x, contact, model, point_of_node, work, cauchy, force, touched):
             sx, sy, sz = sx + fx, sy + fy, sz + fz
         force[point, 0], force[point, 1], force[point, 2] = sx, sy, sz
         touched[point] = which
+        point_position(x, model, point, place[point])

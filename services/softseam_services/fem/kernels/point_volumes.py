@@ -46,14 +46,38 @@ _BEYOND = float(np.abs(np.minimum(INTERPOLATION[0], 0.0)).sum())
 def watch_cells(excess, x, model, work):
     """Set work.watched (c,) where some d exceeds this at x (n, 3), and add to its count work.watches; returns how many
     cells there are more. work.xe and work.F are overwritten."""
-    deformation(x, model, work)
-    F, J, e, d, _, _ = _scratch()
+    if not _is_known(x, work):
+        deformation(x, model, work)
+        _look(x, model, work)
     before = work.watches[0]
     for cell in range(len(model.cell_nodes)):
-        if model.whole[cell] and not work.watched[cell] and _exceeds(excess, x, model, work, cell, F, J, e, d):
+        if model.whole[cell] and not work.watched[cell] and work.excess[cell] > excess:
             work.watched[cell] = True
             work.watches[0] += 1
     return work.watches[0] - before
+
+
+@njit(cache=True, error_model="numpy")
+def _is_known(x, work):
+    """Whether work.excess is of these places: a step begins where the last one looked as it ended."""
+    for node in range(len(x)):
+        for i in range(3):
+            if not x[node, i] == work.excess_at[node, i]:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _look(x, model, work):
+    """work.excess (c,) <- the largest d of each cell at x (n, 3), from work.F as cells.py leaves it; WATCHED where it is
+    no more than that."""
+    F, J, e, d, _, _ = _scratch()
+    for cell in range(len(model.cell_nodes)):
+        found = WATCHED
+        if model.whole[cell] and _exceeds(WATCHED, x, model, work, cell, F, J, e, d):
+            found = d.max()
+        work.excess[cell] = found
+    work.excess_at[:] = x
 
 
 @njit(cache=True, error_model="numpy")
@@ -258,10 +282,12 @@ def _add_outer(a, factor, h, crossed, row):
 def strain_energy(x, model, work):
     """U of eq. (1) of all cells, counted or not [J], from work.F as cells.py leaves it; work.energy (c,) += each
     cell's."""
+    if not _is_known(x, work):
+        _look(x, model, work)
     F, J, e, d, c, curvature = _scratch()
     total = 0.0
     for cell in range(len(model.cell_nodes)):
-        if model.whole[cell] and _exceeds(FIRST, x, model, work, cell, F, J, e, d):
+        if work.excess[cell] > FIRST and _exceeds(FIRST, x, model, work, cell, F, J, e, d):
             own = _pulls(model, cell, work.part[cell], d, c, curvature)
             work.energy[cell] += own
             total += own
