@@ -156,8 +156,8 @@ def measure(
     told: Told | None = None,
     look: int = 0,
 ) -> Outcome:
-    """Run a scene with these settings once for its series, then `runs` times for its speed, brief ones more often; never
-    raises for a run.
+    """Run a scene with these settings once for its series, then `runs` times for its speed, brief ones more often;
+    never raises for a run.
 
     The first run warms caches up, and is timed only where it alone takes `ENOUGH`.
 

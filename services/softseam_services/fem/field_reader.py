@@ -26,8 +26,8 @@ class FieldReader:
         self._other: ModelError | None = None
 
     def read(self, header: Header, state: FemState, work: Work, indicators: bool, own: bool) -> Fields:
-        """All fields, work.energy as it is; indicators: with the errors of the mesh and, unless `own`, of what PBD would
-        be off by."""
+        """All fields, work.energy as it is; indicators: with the errors of the mesh and, unless `own`, of what PBD
+        would be off by."""
         region, model = self._region, self._model
         cauchy, n_points = np.empty((len(region.cells), 8, 6)), len(region.points)
         place, force = np.empty((n_points, 3)), np.empty((n_points, 3))

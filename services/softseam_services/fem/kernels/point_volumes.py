@@ -69,8 +69,8 @@ def _is_known(x, work):
 
 @njit(cache=True, error_model="numpy")
 def _look(x, model, work):
-    """work.excess (c,) <- the largest d of each cell at x (n, 3), from work.F as cells.py leaves it; WATCHED where it is
-    no more than that."""
+    """work.excess (c,) <- the largest d of each cell at x (n, 3), WATCHED where it is no more than that; from work.F as
+    cells.py leaves it."""
     F, J, e, d, _, _ = _scratch()
     for cell in range(len(model.cell_nodes)):
         found = WATCHED
