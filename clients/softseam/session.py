@@ -177,20 +177,27 @@ class Session:
         fields    also observe the fields of the whole body after every step
         """
         observation = self._last if self._last is not None else self.reset()
-        taken = 0
-        while not observation.done and (max_steps is None or taken < max_steps):
-            backend = self._running()
-            if fields:
-                several: Sequence[messages.Observation] = [backend.step(1, None, fields=True)]
-            else:
-                several = backend.follow(None if max_steps is None else max_steps - taken)
-            seen = [observation_from(message, self._tools) for message in several]
-            self._last = seen[-1]
-            taken += len(seen)
-            for observation in seen:
-                if progress is not None:
+        taken, done = 0, observation.done
+        unread: messages.Observation | None = None  # what nobody looks at is read at the end
+        try:
+            while not done and (max_steps is None or taken < max_steps):
+                backend = self._running()
+                if fields:
+                    several: Sequence[messages.Observation] = [backend.step(1, None, fields=True)]
+                else:
+                    several = backend.follow(None if max_steps is None else max_steps - taken)
+                taken, done = taken + len(several), several[-1].report.done
+                if progress is None:
+                    unread = several[-1]
+                    continue
+                seen = [observation_from(message, self._tools) for message in several]
+                self._last = seen[-1]
+                for observation in seen:
                     progress(observation)
-        return observation
+        finally:
+            if unread is not None:
+                self._observe(unread)
+        return self.last
 
     def snapshot(self) -> bytes:
         """Everything that the future of the simulation depends on."""

@@ -114,6 +114,30 @@ def test_run_follows_the_motion(sim: softseam.Session) -> None:
     assert last.time == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("looks", [False, True])
+def test_a_run_that_is_cut_short_stands_at_its_last_step(
+    sim: softseam.Session, monkeypatch: pytest.MonkeyPatch, looks: bool
+) -> None:
+    """Whether somebody looks or not, and whatever cuts it short, `last` is the last step that was taken."""
+    follow, seen = EmbeddedBackend.follow, list[softseam.Observation]()
+
+    def interrupted(backend: EmbeddedBackend, most: int | None) -> object:
+        if backend.simulation.time > 0.025:
+            raise KeyboardInterrupt
+        return follow(backend, most)
+
+    sim.reset()
+    with monkeypatch.context() as patched:
+        patched.setattr(EmbeddedBackend, "follow", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            sim.run(seen.append if looks else None)
+    assert sim.last.step == 3 and [obs.step for obs in seen] == [1, 2, 3][: 3 * looks]
+    assert sim.run(max_steps=2).step == sim.last.step == 5
+    with pytest.raises(ValueError, match="read-only"):
+        sim.last.wrench["left"][0] = 1.0
+    assert sim.run().done and sim.run().step == sim.last.step == 10
+
+
 def test_same_inputs_same_bits(path: Path) -> None:
     """Two sessions, and a reset one, give the same bits."""
     trajectories = []
