@@ -72,8 +72,8 @@ What the names of configurations say:
 ## How to read it, and what it leaves out
 
 - A real-time factor is of the median wall time of three runs, up to twelve of brief ones, fewer where those before
-  took 12 s together; where other work held them up, of the least processor time of one. The thin line through a mark
-  reaches from the slowest wall time to the fastest.
+  took 12 s together; where other work held them up, of the median processor time. The thin line through a mark reaches
+  from the slowest wall time to the fastest.
 - An error is one of the whole motion, the settling and every change of phase included; between steps a run is taken as
   straight. Runs whose accuracy is measured look at their fields in every step, those that are timed do not.
 - Other simulators were measured on the same machine right after ours by `make rivals`, against

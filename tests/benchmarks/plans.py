@@ -6,7 +6,7 @@ best reference and the whole sweep: the error that it really has, and how much f
 meets the tolerance. Levels of references and runs are kept (in the cache, and in out/plans), so what was interrupted
 goes on where it was, and a scene that was done with as many minutes costs nothing; other code begins anew. All scenes
 together take 12 times the minutes, and half as much more where nothing in the sweep is accurate enough, on a machine
-without other work: 54 minutes, and some five for timing short runs again; and what runs foretell to be accurate enough
+without other work: 54 minutes, and some ten for timing short runs again; and what runs foretell to be accurate enough
 is run for as long as it takes.
 """
 
@@ -19,6 +19,7 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from rich.console import Console
@@ -73,8 +74,8 @@ FORETOLD = 2400.0
 RUNS = 0
 """further runs of a configuration in the sweep: its first one, which is looked at in every step, is timed"""
 SHORT, AGAIN = 1.0, 1
-"""what took no longer [s] is timed by so many further runs, which nobody looks at, as a chart times; looking costs a
-good part of a short run's time, and a few percent of a long one's"""
+"""what took no longer [s] is timed by so many further runs, brief ones by more, which nobody looks at, as a chart
+times; looking costs a good part of a short run's time, and a few percent of a long one's"""
 DEARER = 1.5
 """a plan may cost this many times the least [1]"""
 PAGE = """# Plans, held against the truth
@@ -116,13 +117,14 @@ between this one and 5 % is held to that one); *cost* is the plan's run over tha
 - Levels of a reference that is made here, FEM on the finest cells and steps, are runs too, and may be the plan. Where
   one ships, they are made where nothing in the sweep is accurate enough; those that are kept from before take no time.
 - Plan and comparison share a configuration's run and its time: *cost* is not blurred by timing twice. What took up to
-  {short:g} s is timed by one more run, as in a chart; what took longer, and levels of a reference, by the run that is
-  looked at in every step, which is slower. A chart takes the median of three: its speeds differ by that and by what
-  else the machine does.
+  {short:g} s is timed by one more run, or by up to twelve brief ones, as in a chart; what took longer, and levels of a
+  reference, by the run that is looked at in every step, which is slower. A chart takes the median of three at least:
+  its speeds differ by that and by what else the machine does.
 - A configuration that would not end within a quarter of the time is left out of the sweep, as in a chart.
 - Finer cells than the sweep's, and cells with shorter steps, are run where its runs foretell that they are accurate
   enough, beside it and for as long as they take: `softseam plan` may need more `--minutes` than its five. What was run
   so for one tolerance is known to the plans of the others, as `softseam plan` keeps it: they are not counted there.
+  What another version's planner had run so is not known to this one's, but may be *least*.
 """
 
 
@@ -206,16 +208,18 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
             return {one.key: timed(name, names, one, once[one.key], store, progress.reference) for one in these}
 
         outcomes = swept(wanted, rest)
-        # what was run for the plans of another version of this page is known to these, as `softseam plan` knows it
-        beside = {one.key: one for one, _ in beside_sweep.kept(store, frame) if one.key not in outcomes}
-        outcomes.update(swept(list(beside.values()), FORETOLD))
+        # what another version's planner had run may be the fastest; today's has to foretell it anew
+        earlier = {one.key: one for one, _ in beside_sweep.kept(store, frame) if one.key not in outcomes}
+        outcomes.update(swept(list(earlier.values()), FORETOLD))
+        of_sweep, beside = {one.key for one in wanted}, dict[str, Configuration]()
 
         def measured(one: Configuration) -> Outcome:
             """Of the sweep; what is foretold only is run now, and kept like the others."""
-            if one.key not in outcomes:
+            if one.key not in of_sweep:
                 beside[one.key] = one
-                beside_sweep.keep(store, one)
-                outcomes.update(swept([one], FORETOLD))
+                if one.key not in outcomes:
+                    beside_sweep.keep(store, one)
+                    outcomes.update(swept([one], FORETOLD))
             return outcomes[one.key]
 
         def planned(tolerance: float) -> Checked:
@@ -225,10 +229,10 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
             # a plan of 20 % counts quantities that one of 2 % knows too little of
             known = counts_to(tolerance)
             true = shipped(ladder, finest, known) or climb(ladder, frame, 1e-3, _silent, finest, known)
-            return check(tolerance, levels, wanted, outcomes, counting(true, tolerance), ladder, measured, beside)
+            held_against = counting(true, tolerance)
+            return check(tolerance, levels, wanted, outcomes, held_against, ladder, measured, beside, earlier)
 
-        n_beside = len(beside)
-        plans = [planned(tolerance) for tolerance in TOLERANCES]
+        plans, n_beside = [planned(tolerance) for tolerance in TOLERANCES], 0
         while len(beside) > n_beside:
             # from, and held against, what was run beside the sweep for other tolerances, too
             n_beside = len(beside)
@@ -275,8 +279,10 @@ def check(
     ladder: Ladder,
     run: Measure,
     beside: Mapping[str, Configuration],
+    earlier: Mapping[str, Configuration] = MappingProxyType({}),
 ) -> Checked:
-    """Plan from the kept outcomes, and compare the choice with what is true of every run, beside the sweep too."""
+    """Plan from the kept outcomes, and compare the choice with what is true of every run, beside the sweep too, and
+    also of those that are kept from an earlier judgement."""
     tried: set[str] = set()
 
     def measured(configuration: Configuration) -> Outcome:
@@ -294,7 +300,9 @@ def check(
     except NoPlan as error:
         why = str(error).split(": ")[0]
     # a level of the ladder is a run that a plan may choose, like those of the sweep, and so is what runs foretell
-    every = {one.key: one for one in wanted} | dict(beside) | {one.key: one for one, _ in ladder.tried()}
+    every = (
+        dict(earlier) | {one.key: one for one in wanted} | dict(beside) | {one.key: one for one, _ in ladder.tried()}
+    )
     ended = dict(outcomes) | {one.key: outcome for one, outcome in ladder.tried()}
     rows = rows_of(list(every.values()), ended, known)
     truth = {row.configuration.settings: _surely(row, known, tolerance) for row in rows if row.error is not None}

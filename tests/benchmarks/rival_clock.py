@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable
 from time import perf_counter, process_time
 from typing import Any
@@ -36,4 +37,4 @@ def timed(run: Callable[[], tuple[dict[str, list[float]], Clock]]) -> dict[str, 
         clocks.append(run()[1])
         spent += clocks[-1].wall
     clocks = clocks or [first]
-    return {"curves": curves, "walls": [c.wall for c in clocks], "cpu": min(c.cpu for c in clocks)}
+    return {"curves": curves, "walls": [c.wall for c in clocks], "cpu": statistics.median(c.cpu for c in clocks)}

@@ -114,6 +114,29 @@ def test_a_cell_that_got_there_within_a_step_is_counted(element: ElementKind) ->
     assert watch_cells(FIRST, x, case.model, case.work) == 0
 
 
+@pytest.mark.parametrize("element", SHARES)
+def test_a_look_is_of_the_places_that_it_was_of(element: ElementKind) -> None:
+    """Places that change, even in the same array, are looked at anew; of the same ones it is kept, whatever counts."""
+    case, x, other = _case(element), _pressed(_case(element), 6.5e-3), _pressed(_case(element), 4e-3)
+    energy, added, there = case.energy(x), _added(case, x), _case(element).energy(other)
+    _watch(case, x)
+    watched = case.work.watched.copy()
+    x[:] = other
+    assert case.energy(x) == there != energy
+    x[:] = _pressed(case, 0.0)
+    _watch(case, x)
+    assert case.work.watches[0] == 0 < watched.sum()
+    x[:] = _pressed(case, 6.5e-3)
+    _watch(case, x)
+    np.testing.assert_array_equal(case.work.watched, watched)
+    case.work.part[:] = 0.5
+    assert _added(case, x) == pytest.approx(0.5 * added, rel=1e-12)
+    x[0, 0] = np.nan
+    _watch(case, x)
+    x[:] = _pressed(case, 6.5e-3)
+    assert _added(case, x) == pytest.approx(0.5 * added, rel=1e-12)
+
+
 def test_a_march_counts_it_in_every_substep() -> None:
     """An edge is kicked in by symplectic Euler: one step of four substeps is four steps of one."""
     fem = FemSpec(integrator="symplectic_euler")

@@ -23,6 +23,7 @@ BRIEF, MOST = 0.5, 12
 ENOUGH = 12.0
 """no further run begins once those before took this long together [s]"""
 
+
 Status = Literal["done", "refused", "failed", "stopped", "left out"]
 Told = Callable[[float], None]
 """told now and then how much of a run is done, 0 to 1"""
@@ -30,6 +31,11 @@ Told = Callable[[float], None]
 
 Clock = Callable[[], tuple[float, float]]
 """wall and processor time that kernels have taken to compile or to read so far [s]"""
+
+
+def timed_for(seconds: float, runs: int = RUNS) -> float:
+    """Rough time that the timed runs take together of a configuration one of whose runs takes so long [s]."""
+    return min(ENOUGH, max(runs * seconds, min(BRIEF, MOST * seconds))) if runs else 0.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Outcome:
     walls: tuple[float, ...] = ()
     """wall time of each timed run without compiling [s]"""
     cpu: float = 0.0
-    """least processor time of a timed run [s]"""
+    """processor time of the median timed run [s]"""
     spent: float = 0.0
     """own time of all runs, timed or not, without compiling [s]"""
     compiled: float = 0.0
@@ -229,7 +235,9 @@ def _timed(
     timed = _repeat(session, runs if outcome.status == "done" else 0, first.own, clock, told) or [first]
     walls = tuple(one.wall for one in timed)
     spent = sum(one.own for one in timed) + (first.own if timed[0] is not first else 0.0)
-    return replace(outcome, walls=walls, cpu=min(one.cpu for one in timed), spent=spent, compiled=clock()[0])
+    return replace(
+        outcome, walls=walls, cpu=statistics.median(one.cpu for one in timed), spent=spent, compiled=clock()[0]
+    )
 
 
 def _looking(session: Session, every: int, collect: Callable[[Observation], None]) -> Observation:

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from softseam.bar import Bar
 from softseam.chart.configurations import Configuration
-from softseam.chart.measure import RUNS, Told
+from softseam.chart.measure import Told, timed_for
 from softseam.chart.reference import Reference, origin
 
 _LINE = 10.0
@@ -65,7 +65,7 @@ class ChartProgress:
     def expect(self, wanted: Sequence[Configuration], budget: float) -> None:
         """The sweep begins; it ends within the budget [s], but for compiling."""
         self._end = perf_counter() + budget
-        self._rough = {c.key: (1 + RUNS) * c.seconds for c in wanted}
+        self._rough = {c.key: c.seconds + timed_for(c.seconds) for c in wanted}
         self._total = sum(self._rough.values())
 
     def configuration(self, configuration: Configuration, seconds: float) -> Told:

@@ -25,9 +25,9 @@ class FieldReader:
         self._point_of_node = surface_point_of_node(self._model, len(region.points))
         self._other: ModelError | None = None
 
-    def read(self, header: Header, state: FemState, work: Work, indicators: bool, own: bool) -> Fields:
-        """All fields, work.energy as it is; indicators: with the errors of the mesh and, unless `own`, of what PBD
-        would be off by."""
+    def read(self, header: Header, state: FemState, energy: Floats, work: Work, indicators: bool, own: bool) -> Fields:
+        """All fields, with each cell's energy (c,) [J]; work: scratch; indicators: with the errors of the mesh and,
+        unless `own`, of what PBD would be off by."""
         region, model = self._region, self._model
         cauchy, n_points = np.empty((len(region.cells), 8, 6)), len(region.points)
         place, force = np.empty((n_points, 3)), np.empty((n_points, 3))
@@ -43,7 +43,7 @@ class FieldReader:
             point_x=place,
             contact_force=force,
             contact_tool=touched,
-            cell_energy=work.energy.copy(),
+            cell_energy=energy,
             model_error=self._model_error(state.x, force) if indicators and not own else _NOTHING,
             mesh_error=self._tables.mesh_error.measure(state.x, cauchy) if indicators else _NOTHING,
         )

@@ -230,14 +230,11 @@ class FemSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        work, part = self._stepper_of(None).work, self._stepper.work
-        strain_energy(self._now.x, self._model, part)
-        if self._fold is not None:
-            work.energy[:] = part.energy[self._fold.cell]
-            work.part[:], work.full[:] = part.part[self._fold.cell], part.full[self._fold.cell]
-            work.mixed[0] = self.folded * part.mixed[0]
-            work.watched[:], work.watches[0] = part.watched[self._fold.cell], self.folded * part.watches[0]
-        return self._reader.read(request_header, self.state, work, indicators, own)
+        work = self._stepper.work
+        strain_energy(self._now.x, self._model, work)
+        energy = work.energy.copy() if self._fold is None else work.energy[self._fold.cell]
+        whole = self._stepper_of(None).work
+        return self._reader.read(request_header, self.state, energy, whole, indicators, own)
 
     @cached_property
     def _reader(self) -> FieldReader:

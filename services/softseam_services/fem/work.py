@@ -21,7 +21,8 @@ MEMORY = 12
 
 @by_reference
 class Work(NamedTuple):
-    """Scratch of one solver; nothing in it outlives a step but the factor, and `snapshot` drops that."""
+    """Scratch of one solver; nothing in it outlives a step but the factor, which `snapshot` drops, and a look at
+    volumes, which goes by places alone."""
 
     part: Floats
     """how much of each cell `rule` or the fast path makes up (c,)"""
@@ -34,9 +35,9 @@ class Work(NamedTuple):
     watches: Ints
     """how many these are (1,)"""
     excess: Floats
-    """the largest d there of each cell (c,)"""
+    """the largest d of each cell, WATCHED where it is no more than that (c,)"""
     excess_at: Floats
-    """and of which places of the nodes that is (n, 3) [m]; NaN at first"""
+    """places of the nodes that it is of (n, 3) [m]; NaN at first"""
     energy: Floats
     """of each cell (c,) [J]"""
     xe: Floats

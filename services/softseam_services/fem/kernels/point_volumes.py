@@ -43,15 +43,15 @@ _BEYOND = float(np.abs(np.minimum(INTERPOLATION[0], 0.0)).sum())
 
 
 @njit(cache=True, error_model="numpy")
-def watch_cells(excess, x, model, work):
+def watch_cells(least, x, model, work):
     """Set work.watched (c,) where some d exceeds this at x (n, 3), and add to its count work.watches; returns how many
-    cells there are more. work.xe and work.F are overwritten."""
+    cells there are more. work.xe and work.F are scratch; places that were looked at last are not looked at again."""
     if not _is_known(x, work):
         deformation(x, model, work)
         _look(x, model, work)
     before = work.watches[0]
     for cell in range(len(model.cell_nodes)):
-        if model.whole[cell] and not work.watched[cell] and work.excess[cell] > excess:
+        if model.whole[cell] and not work.watched[cell] and work.excess[cell] > least:
             work.watched[cell] = True
             work.watches[0] += 1
     return work.watches[0] - before
@@ -62,7 +62,7 @@ def _is_known(x, work):
     """Whether work.excess is of these places: a step begins where the last one looked as it ended."""
     for node in range(len(x)):
         for i in range(3):
-            if not x[node, i] == work.excess_at[node, i]:
+            if x[node, i] != work.excess_at[node, i]:
                 return False
     return True
 
