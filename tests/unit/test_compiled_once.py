@@ -147,13 +147,13 @@ print(json.dumps(found))
 """
 
 BUDGET = {
-    "fem": ({"advance": 239}, 140_000),
+    "fem": ({"advance": 239}, 142_000),
     "pbd": ({"advance_step": 190, "probe_seam": 160, "highest_frequency": 65}, 140_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 55), and most instructions of all
 
 Functions are the same on every machine. Instructions are counted after vectorisation and differ among processors: of
-FEM 135,954 with AVX2, and 1.5 % more on another machine.
+FEM 137,358 with AVX2, and 1.5 % more on another machine.
 """
 
 

@@ -282,12 +282,12 @@ def _add_outer(a, factor, h, crossed, row):
 def strain_energy(x, model, work):
     """U of eq. (1) of all cells, counted or not [J], from work.F as cells.py leaves it; work.energy (c,) += each
     cell's."""
-    if not _is_known(x, work):
-        _look(x, model, work)
     F, J, e, d, c, curvature = _scratch()
-    total = 0.0
+    total, known = 0.0, _is_known(x, work)
     for cell in range(len(model.cell_nodes)):
-        if work.excess[cell] > FIRST and _exceeds(FIRST, x, model, work, cell, F, J, e, d):
+        if not model.whole[cell] or (known and not work.excess[cell] > FIRST):
+            continue
+        if _exceeds(FIRST, x, model, work, cell, F, J, e, d):
             own = _pulls(model, cell, work.part[cell], d, c, curvature)
             work.energy[cell] += own
             total += own
