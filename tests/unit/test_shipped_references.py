@@ -23,6 +23,7 @@ from softseam.chart.reference import Level, Reference, origin
 from softseam.chart.series import Series
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
+from softseam.observation import Observation
 from softseam.plan import command as planning
 from softseam.plan.command import finer
 from softseam.plan.counted import counts_to, known_to
@@ -284,6 +285,17 @@ def test_a_reference_belongs_to_what_moves(settings: tuple[str, ...], same: bool
     scene = with_settings(load_scene("tofu_grasp"), settings)
     ladder = Ladder("tofu_grasp", settings, frame_of(scene, "tofu_grasp", settings), quantity_names(scene))
     assert (ladder.key == ladder_of("tofu_grasp").key) == same
+
+
+@pytest.mark.parametrize("scene", ["dumpling", "sausage"])
+def test_a_reference_does_not_go_by_how_places_were_rounded(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another processor, or another order of a sum, puts a mesh's points elsewhere by a part in 1e16."""
+    key, places = ladder_of(scene).key, Observation.surface.fget
+    assert places is not None
+    monkeypatch.setattr(Observation, "surface", property(lambda seen: places(seen) * (1.0 + 4e-16)))
+    assert ladder_of(scene).key == key
+    monkeypatch.setattr(Observation, "surface", property(lambda seen: places(seen) * (1.0 + 1e-9)))
+    assert ladder_of(scene).key != key
 
 
 def test_a_file_is_checked_in_what_a_scene_asks_for(made: Reference) -> None:
