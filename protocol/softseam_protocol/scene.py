@@ -66,15 +66,25 @@ MOST_CELLS = 200_000
 MOST_STEPS = 10_000_000
 
 
+Grading = Annotated[float, Field(ge=1.0, le=20.0)]
+
+
+def _grading_tag(value: Any) -> str:
+    return "three numbers" if isinstance(value, list | tuple) else "one number"
+
+
 class BlockShape(Spec):
     """A box that cells fill exactly."""
 
     kind: Literal["block"] = "block"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
-    grading: Annotated[float, Field(ge=1.0, le=20.0)] = Field(
+    grading: Annotated[
+        Annotated[Grading, Tag("one number")] | Annotated[tuple[Grading, Grading, Grading], Tag("three numbers")],
+        Discriminator(_grading_tag),
+    ] = Field(
         default=1.0,
         description="how many times thinner cells are at the faces, or where `towards` says, than in the middle "
-        "between, since stress peaks at edges; "
+        "between, since stress peaks at edges, along all axes or along x, y, z; "
         "more than 1 in pbd for tools that cover whole faces",
     )
     towards: tuple[str, ...] = Field(
@@ -90,9 +100,14 @@ class BlockShape(Spec):
     )
 
     @property
+    def gradings(self) -> Vector:
+        """Along x, y and z."""
+        return self.grading if isinstance(self.grading, tuple) else (self.grading,) * 3
+
+    @property
     def graded(self) -> bool:
         """Whether cells may be of more than one size."""
-        return self.grading != 1.0 or bool(self.towards) or self.borders != "even"
+        return self.gradings != (1.0, 1.0, 1.0) or bool(self.towards) or self.borders != "even"
 
     @model_validator(mode="after")
     def _plausible(self) -> BlockShape:

@@ -16,7 +16,7 @@ from softseam_services.body.graded import bordered_line
 PAD = {"kind": "box", "size": (0.01, 0.02, 0.03), "position": (-0.043, 0.002, 0.025)}
 
 
-def pads(grading: float = 3.0, towards: tuple[str, ...] = ("left",), cell: Any = 0.01, **pad: Any) -> Scene:
+def pads(grading: Any = 3.0, towards: tuple[str, ...] = ("left",), cell: Any = 0.01, **pad: Any) -> Scene:
     """A cube of 5 cm and a pad on its left, 3 mm off it."""
     shape = {"kind": "block", "size": (0.05, 0.05, 0.05), "grading": grading, "towards": towards}
     material = {"young": 20e3, "poisson": 0.45, "density": 1050.0}
@@ -53,6 +53,21 @@ def test_without_grading_pieces_have_equal_cells() -> None:
     _, y, z = lines(pads(grading=1.0))
     np.testing.assert_allclose(z, [0.0, 0.01, 0.02, 0.03, 0.04, 0.05], atol=1e-9)
     np.testing.assert_allclose(np.diff(y), [0.0085, 0.0085, 0.01, 0.01, 0.013], atol=1e-9)
+
+
+def test_each_axis_has_its_own_grading() -> None:
+    apart = lines(pads(grading=(1.0, 2.0, 4.0)))
+    for axis, alone in enumerate((1.0, 2.0, 4.0)):
+        np.testing.assert_array_equal(apart[axis], lines(pads(grading=alone))[axis])
+    # along faces, too, without a tool
+    apart = lines(pads(grading=(4.0, 1.0, 1.0), towards=()))
+    np.testing.assert_array_equal(apart[0], lines(pads(grading=4.0, towards=()))[0])
+    np.testing.assert_allclose(np.diff(apart[1]), 0.01, atol=1e-9)
+
+
+def test_a_grading_out_of_range_is_refused_by_its_axis() -> None:
+    with pytest.raises(ValueError, match=r"grading.*\n?.*less than or equal to 20"):
+        pads(grading=(1.0, 1.0, 21.0))
 
 
 def test_a_plate_over_the_whole_face_grades_as_grading_alone_does_beside_it() -> None:

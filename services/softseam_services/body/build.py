@@ -96,11 +96,12 @@ def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
     if shape.towards or shape.borders == "materials":
         borders = _borders(scene, spec, shape, ball)
         lines = [
-            bordered_line(edge, cell, shape.grading, line)
-            for edge, cell, line in zip(shape.size, wanted, borders, strict=True)
+            bordered_line(edge, cell, grading, line)
+            for edge, cell, grading, line in zip(shape.size, wanted, shape.gradings, borders, strict=True)
         ]
     else:
-        lines = [edge * graded_line(int(n), shape.grading) for edge, n in zip(shape.size, counts, strict=True)]
+        along = zip(shape.size, counts, shape.gradings, strict=True)
+        lines = [edge * graded_line(int(n), grading) for edge, n, grading in along]
     if ball is not None:
         cut = [pieces(edge, cell, line.planes) for edge, cell, line in zip(shape.size, wanted, borders, strict=True)]
         x, cell_nodes = block_around(lines, [ball.span(each, axis) for axis, each in enumerate(cut)], ball)
@@ -108,7 +109,7 @@ def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
         cells = numbered_cells("block", x + lower, cell_nodes, spec.material.density, remedy=_ROUNDER)
         return _of_hexahedra(scene, spec, cells)
     counts = np.array([len(line) - 1 for line in lines], dtype=np.int32)
-    if shape.grading == 1.0 and not shape.towards and all(_even(line) for line in lines):
+    if shape.gradings == (1.0, 1.0, 1.0) and not shape.towards and all(_even(line) for line in lines):
         return _block(scene, spec, shape, np.array(shape.size) / counts)
     cells = own_cells("block", graded_block(lines), 1.0, "z", np.array(spec.position), spec.material.density)
     body = _of_hexahedra(scene, spec, cells)
