@@ -62,6 +62,7 @@ What the names of configurations say:
 | graded 4 | cells are 4 times thinner at the block's faces than in its middle |
 | to edges | cells end at the edges of tools that press a face |
 | to edges graded 4 | and are 4 times thinner there, and at the faces pressed, than in the middle |
+| graded 1x1x4 | 4 times thinner along z, and along x and y equal |
 | hex27_reduced, hex8, tet10 ... | the element of FEM ([which there are](elements.md)); without one it is hex27 |
 | midpoint, bdf2 | FEM's integrator, of second order; without one it is implicit Euler |
 | substeps 4 | XPBD divides each step into 4; without it, into as many as its stiffest block needs |

@@ -112,6 +112,27 @@ def test_a_sweep_ends_cells_at_edges_inside_faces() -> None:
     assert not Frame(load_scene("dumpling"), np.full(3, 0.05)).edged
 
 
+def test_a_sweep_thins_few_cells_towards_edges_along_one_axis_at_a_time() -> None:
+    """Where edges lie well inside a face: tofu_push's plate ends half a millimetre from one."""
+
+    def few(name: str, extent: list[float]) -> set[str]:
+        frame = Frame(load_scene(name), np.array(extent))
+        labels = {c.label.partition(",")[0] for c in configurations(frame)}
+        return {label.removeprefix("FEM ") for label in labels if " to edges" in label}
+
+    found = few("tofu_pads", [0.05] * 3)
+    for across in (2, 4):
+        cells = f"{across}x6x6 to edges"
+        assert {cells, f"{cells} graded 1x1x4", f"{cells} graded 1x4x1", f"{cells} graded 1x4x4"} <= found
+    assert "6x6x4 to edges graded 4x1x1" in few("tofu_slab", [0.24, 0.16, 0.06])
+    assert not any("x1x" in label for label in few("tofu_push", [0.06, 0.06, 0.04]))
+    frame = Frame(load_scene("tofu_pads"), np.full(3, 0.05))
+    thin = next(c for c in configurations(frame) if "4x6x6 to edges graded 1x1x4" in c.label)
+    body = with_settings(frame.scene, thin.settings).body
+    assert isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)
+    assert body.shape.gradings == (1.0, 1.0, 4.0) and body.shape.towards == ("left", "right")
+
+
 def test_cells_are_longer_along_what_only_cylinders_press() -> None:
     """The fingers of sausage_bend reach across it; one that ends inside, or stands askew, presses it unevenly."""
     scene, extent = load_scene("sausage_bend"), np.array([0.12, 0.02, 0.02])

@@ -300,7 +300,11 @@ def test_cells_name_all_but_the_step() -> None:
         replace(one, element="hex8"),
         replace(one, integrator="bdf2"),
         replace(one, grading=1.0),
+        replace(one, grading=(1.0, 1.0, 4.0)),
         replace(one, towards=("left",)),
     )
     assert one.cells == replace(one, step=0.02).cells
-    assert len({one.cells, *(other.cells for other in others)}) == 5
+    assert len({one.cells, *(other.cells for other in others)}) == 6
+    # alike along all axes, however that is written; and families have an order
+    assert replace(one, grading=(4.0, 4.0, 4.0)).family == one.family
+    assert len(sorted(each.family for each in (one, *others))) == 6

@@ -21,6 +21,7 @@ FRAME = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
 FOUND = (
     Fem(FRAME, (3, 3, 2), 0.02),
     Fem(replace(FRAME, follows=False), (4, 4, 2), 0.0025, "hex27_reduced", "midpoint", 4.0, ("pusher",)),
+    Fem(FRAME, (4, 4, 2), 0.0025, grading=(1.0, 2.5, 4.0)),
 )
 OUTCOME = Outcome("done", series=Series(np.arange(2.0), np.zeros(2), {"sag": np.ones(2)}), walls=(2.5,), simulated=1.0)
 
@@ -51,7 +52,14 @@ def test_what_is_no_fem_alone_or_has_no_outcome_is_not_known(store: Store) -> No
 
 
 @pytest.mark.parametrize(
-    "change", [{"counts": [1, 2]}, {"counts": [4, 4, 4]}, {"settings": ["step=1"]}, {"follows": None, "step": "x"}]
+    "change",
+    [
+        {"counts": [1, 2]},
+        {"counts": [4, 4, 4]},
+        {"settings": ["step=1"]},
+        {"follows": None, "step": "x"},
+        {"grading": [1.0, 4.0]},
+    ],
 )
 def test_what_another_version_noted_is_left_out(store: Store, change: dict[str, object]) -> None:
     one = FOUND[0].configuration()

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Literal
 
-from softseam.chart.frame import Counts, Frame, is_viscous, retardation_time
+from softseam.chart.frame import Counts, Frame, Grading, is_viscous, retardation_time
 from softseam_protocol.scene import BlockShape, BodySpec
+from softseam_protocol.spec import Vector
 
 Method = Literal["FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"]
 METHODS: tuple[Method, ...] = ("FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is")
@@ -20,6 +22,9 @@ OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
 TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4), (6, 4.0, 4))
 """cells across whose borders lie at tools' edges, how thin they are there, and the multiple of the scene's step"""
+FEW_TOWARDS_EDGES, BY_EDGES, THIN, LONG = (2, 4), 2, 4.0, 4
+"""cells across where a tool presses; in the mean in a piece that tools' edges make of a face; how many times thinner
+these are at edges along some axes; the multiple of the scene's step"""
 SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125, 0.0625)), (3, (0.25,)))
 """cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
 
@@ -59,7 +64,8 @@ class Fem:
     """[s]"""
     element: str = "hex27"
     integrator: str = "implicit_euler"
-    grading: float = 1.0
+    grading: Grading = 1.0
+    """along all axes, or along x, y and z"""
     towards: tuple[str, ...] = ()
 
     @property
@@ -84,9 +90,10 @@ class Fem:
         return self.frame.n_solved(self.counts)
 
     @property
-    def family(self) -> tuple[str, str, bool, float, tuple[str, ...]]:
+    def family(self) -> tuple[str, str, bool, Vector, tuple[str, ...]]:
         """All but how many cells there are and the step: within it, what is finer takes longer."""
-        return self.element, self.integrator, self.frame.follows, self.grading, self.towards
+        gradings = self.grading if isinstance(self.grading, tuple) else (self.grading,) * 3
+        return self.element, self.integrator, self.frame.follows, gradings, self.towards
 
     @property
     def cells(self) -> str:
@@ -95,7 +102,9 @@ class Fem:
 
     @property
     def _graded(self) -> str:
-        return (" to edges" if self.towards else "") + ("" if self.grading == 1.0 else f" graded {self.grading:g}")
+        along = self.grading if isinstance(self.grading, tuple) else (self.grading,)
+        graded = "" if self.grading == 1.0 else f" graded {'x'.join(f'{each:g}' for each in along)}"
+        return (" to edges" if self.towards else "") + graded
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -190,6 +199,9 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     if frame.edged and not frame.ball:
         for across, grading, factor in TOWARDS_EDGES:
             yield Fem(frame, folded(across), factor * step, grading=grading, towards=frame.edged).configuration()
+    if frame.towards:
+        for counts, thin in _few_towards_edges(frame, frame.towards):
+            yield Fem(frame, counts, LONG * step, grading=thin, towards=frame.towards).configuration()
     if frame.ball is not None:
         # equal cells, of which fewer will do where the ball is hardly stiffer
         equal = replace(frame, follows=False)
@@ -207,6 +219,18 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
         for across, factors in second:
             for factor in factors:
                 yield Fem(frame, folded(across), factor * step, integrator=integrator).configuration()
+
+
+def _few_towards_edges(frame: Frame, towards: tuple[str, ...]) -> Iterator[tuple[Counts, Grading]]:
+    """Cells, and how thin they are, that are few along a face between the edges of tools, and thin towards these along
+    some axes only: stress beside an edge goes by the cells across it, and hardly by those along it or below."""
+    pieces = [len(planes) + 1 for planes in frame.edges_inside(towards)]
+    for across in FEW_TOWARDS_EDGES:
+        along = zip(pieces, frame.across(across), strict=True)
+        x, y, z = (BY_EDGES * n if n > 1 else few for n, few in along)
+        by_axis = [(1.0, THIN) if n > 1 else (1.0,) for n in pieces]
+        for grading in product(by_axis[0], by_axis[1], by_axis[2]):
+            yield frame.folding((x, y, z)), grading if THIN in grading else 1.0
 
 
 def _xpbd(frame: Frame) -> Iterator[Configuration]:

@@ -34,6 +34,8 @@ from softseam_protocol.tool_borders import tool_borders
 Floats = NDArray[np.float64]
 Counts = tuple[int, int, int]
 """cells along x, y and z"""
+Grading = float | Vector
+"""how many times thinner cells are, along all axes or along x, y and z [1]"""
 
 LONGER = 2.0
 """cells are this many times as long as they are wide along an axis that little changes along [1]"""
@@ -223,15 +225,23 @@ class Frame:
             return None
         if any(self.borders):
             return ()
-        lines = tool_borders(body.shape.size, body.position, self.scene.tools, self.edged)
         deep = all(
             DEEP * edge <= plane <= (1.0 - DEEP) * edge
-            for line, edge in zip(lines, body.shape.size, strict=True)
-            for plane in line.planes
+            for planes, edge in zip(self.edges_inside(self.edged), body.shape.size, strict=True)
+            for plane in planes
         )
         return tuple(sorted(self.edged)) if deep else ()
 
-    def cells(self, counts: Counts, grading: float = 1.0, towards: tuple[str, ...] = ()) -> tuple[str, ...]:
+    def edges_inside(self, tools: tuple[str, ...]) -> tuple[Planes, Planes, Planes]:
+        """Planes along x, y and z, inside the block, that the edges of these boxes lie in [m]; none in what is no
+        block."""
+        body = self.scene.body
+        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+            return (), (), ()
+        x, y, z = tool_borders(body.shape.size, body.position, self.scene.tools, tools)
+        return x.planes, y.planes, z.planes
+
+    def cells(self, counts: Counts, grading: Grading = 1.0, towards: tuple[str, ...] = ()) -> tuple[str, ...]:
         """The settings that ask for these cells."""
         own = self.scene.body.shape if isinstance(self.scene.body, BodySpec) else None
         edges, asked = (self.extent / np.array(counts)).tolist(), False
@@ -243,7 +253,8 @@ class Frame:
         if isinstance(own, BlockShape) and asked != (own.borders == "materials"):
             found.append(f"body.shape.borders={'materials' if asked else 'even'}")
         if isinstance(own, BlockShape) and grading != own.grading:
-            found.append(f"body.shape.grading={grading:g}")
+            told = json.dumps(grading) if isinstance(grading, tuple) else f"{grading:g}"
+            found.append(f"body.shape.grading={told}")
         if isinstance(own, BlockShape) and towards != own.towards:
             found.append(f"body.shape.towards={json.dumps(towards)}")
         return tuple(found)

@@ -14,6 +14,7 @@ from softseam.chart.frame import Frame
 from softseam.chart.measure import Outcome
 from softseam.chart.store import Store
 from softseam.plan.foretold import Run
+from softseam_protocol.spec import Vector
 
 _PREFIX = "beside-"
 
@@ -44,12 +45,18 @@ def kept(store: Store, frame: Frame) -> Iterator[Run]:
 
 def _fem(data: dict[str, Any], frame: Frame) -> Fem:
     x, y, z = map(int, data["counts"])
+    grading = data["grading"]
     return Fem(
         replace(frame, follows=bool(data["follows"])),
         (x, y, z),
         float(data["step"]),
         str(data["element"]),
         str(data["integrator"]),
-        float(data["grading"]),
+        _vector(grading) if isinstance(grading, list) else float(grading),
         tuple(map(str, data["towards"])),
     )
+
+
+def _vector(data: list[Any]) -> Vector:
+    x, y, z = map(float, data)
+    return x, y, z

@@ -26,6 +26,7 @@ from softseam.chart.reference import Reference
 from softseam.chart.richardson import SLOWEST
 from softseam.chart.series import Series
 from softseam.plan.foretold import Made, Run, by_cells, with_steps
+from softseam_protocol.spec import Vector
 
 Floats = NDArray[np.float64]
 
@@ -60,7 +61,7 @@ def refined(runs: Iterable[Run], reference: Reference) -> Iterator[Run]:
             yield replace(fem.configuration(), seconds=seconds), told
 
 
-def _by_size(made: Made) -> tuple[tuple[str, str, bool, float, tuple[str, ...]], float, int]:
+def _by_size(made: Made) -> tuple[tuple[str, str, bool, Vector, tuple[str, ...]], float, int]:
     return made.fem.family, made.fem.step, made.fem.n_cells
 
 
