@@ -144,4 +144,4 @@ def test_page_and_legend_explain_every_mark(tmp_path: Path) -> None:
     page = template.page(Found((registry.Filled(quick("step", []), {}),), ()), tmp_path / "long.json")
     for mark, meaning in MARKS.items():
         assert f"- {template.marked(mark)}: {meaning}" in page
-    assert re.search(r"Machine: .*; code [0-9a-f]{8}\.$", page, re.MULTILINE)
+    assert re.search(r"Machine: .*; solvers' digest [0-9a-f]{8}\.$", page, re.MULTILINE)

@@ -11,18 +11,20 @@ import pytest
 
 from softseam.chart.configurations import Configuration, Fem, configurations
 from softseam.chart.errors import Truth
-from softseam.chart.frame import Frame
+from softseam.chart.frame import Frame, frame_of
 from softseam.chart.landmarks import ASKED, read_rivals
-from softseam.chart.measure import BRIEF, MOST, Outcome, measure
+from softseam.chart.measure import BRIEF, INDICATORS, MOST, Outcome, measure, quantity_names
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
-from softseam.chart.store import Identity, Store
+from softseam.chart.store import Identity, Store, cache_folder
 from softseam.chart.sweep import sweep
 from softseam.chart.table import rows_of, write_csv
 from softseam.errors import BadInput
 from softseam.scenes import load_scene
-from softseam.variants import with_settings
+from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.scene import BlockShape, BodySpec
+from softseam_services.body.build import build_body
+from softseam_services.orchestrator.indicators import MEASURED
 
 HERE = Identity("a scene", "some code", "a machine")
 SERIES = Series(np.array([0.1, 0.2]), np.zeros(2), {"sag": np.array([1.0, 2.0])})
@@ -84,6 +86,17 @@ def test_bad_rivals_are_refused_with_the_row(tmp_path: Path, text: str, why: str
     assert why in str(caught.value)
 
 
+def test_a_cache_that_cannot_be_written_is_told_of_when_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "taken").write_text("a file")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "taken"))
+    store = Store(cache_folder() / "scene", HERE, "start anew")
+    assert store.read("run") is None and not store.names("")
+    with pytest.raises(BadInput, match=r"cannot write .*run\.json: .*: set XDG_CACHE_HOME to a folder"):
+        store.write("run", DONE.as_json())
+
+
 def test_rivals_of_other_scenes_are_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "rivals.json"
     row = {"label": "A", "rtf": 1.5, "error": 0.1, "source": "me"}
@@ -124,13 +137,42 @@ def test_a_sweep_thins_few_cells_towards_edges_along_one_axis_at_a_time() -> Non
     for across in (2, 4):
         cells = f"{across}x6x6 to edges"
         assert {cells, f"{cells} graded 1x1x4", f"{cells} graded 1x4x1", f"{cells} graded 1x4x4"} <= found
-    assert "6x6x4 to edges graded 4x1x1" in few("tofu_slab", [0.24, 0.16, 0.06])
+    assert "7x6x4 to edges graded 4x1x1" in few("tofu_slab", [0.24, 0.16, 0.06])
     assert not any("x1x" in label for label in few("tofu_push", [0.06, 0.06, 0.04]))
     frame = Frame(load_scene("tofu_pads"), np.full(3, 0.05))
     thin = next(c for c in configurations(frame) if "4x6x6 to edges graded 1x1x4" in c.label)
     body = with_settings(frame.scene, thin.settings).body
     assert isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)
     assert body.shape.gradings == (1.0, 1.0, 4.0) and body.shape.towards == ("left", "right")
+
+
+@pytest.mark.parametrize("name", ["tofu_pads", "tofu_slab", "tofu_push", "heavy_on_soft"])
+def test_cells_to_edges_are_those_that_are_named(name: str) -> None:
+    """Each piece between edges has whole cells; and as many as fold, where FEM folds them."""
+    scene = with_settings(load_scene(name), AS_GIVEN)
+    frame = frame_of(scene, name, AS_GIVEN)
+    edged = [one for one in configurations(frame) if one.fem is not None and one.fem.towards and one.fem.n_cells < 900]
+    assert len(edged) >= 3
+    for one in edged:
+        assert one.fem is not None and one.fem.n_cells == len(
+            build_body(with_settings(scene, one.settings), {}).cell_nodes
+        )
+        assert all(one.fem.counts[axis] % 2 == 0 for axis in frame.mirrors), one.label
+
+
+def test_a_body_that_may_buckle_may_in_every_run_of_a_sweep() -> None:
+    scene = with_settings(load_scene("tofu_grasp"), ("models.fem.mirrored=false",))
+    for one in configurations(Frame(scene, np.full(3, 0.05))):
+        if one.method != "XPBD":
+            assert not with_settings(scene, one.settings).models.fem.mirrored, one.label
+
+
+def test_what_a_run_says_of_its_own_errors_is_not_compared() -> None:
+    assert set(INDICATORS) == MEASURED
+    scene = load_scene("tofu_grasp").model_copy(update={"quantities": ("mesh_error", "sag", "traction_jump")})
+    assert quantity_names(scene) == ("sag",)
+    with pytest.raises(BadInput, match="asks for no quantities to compare"):
+        quantity_names(scene.model_copy(update={"quantities": ("mesh_error",)}))
 
 
 def test_cells_are_longer_along_what_only_cylinders_press() -> None:

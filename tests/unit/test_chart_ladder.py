@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, climb_graded, short_enough, steps_at, with_halves
+from softseam.chart.climb import climb, climb_graded, fine, short_enough, steps_at, with_halves
 from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, Told, measure
+from softseam.chart.richardson import Limit
 from softseam.chart.series import Series
-from softseam.errors import SoftseamError
+from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import load_scene
 from softseam.session import open_as_given
 from softseam.variants import AS_GIVEN, with_settings
@@ -100,16 +101,64 @@ def test_levels_between_are_tried_from_the_finest_each_of_other_cells_than_all()
         return across < 5
 
     slab = frame("tofu_slab", (0.24, 0.16, 0.06))
-    assert with_halves(slab, [2, 3, 4, 5, 6], take) == [2, 2.5, 3, 3.5, 4, 4.5, 5, 6]
+    assert with_halves(Known(slab, 0.1), slab, [2, 3, 4, 5, 6], take) == [2, 2.5, 3, 3.5, 4, 4.5, 5, 6]
     assert asked == [5.5, 4.5, 3.5, 2.5]
     counts = [slab.level(across) for across in (2, 2.5, 3, 3.5, 4, 4.5, 5)]
     assert len({slab.n_cells(each) for each in counts}) == len(counts)
-    assert with_halves(frame(), [2, 4, 6], lambda across: True) == [2, 3, 4, 5, 6]
+    assert with_halves(Known(frame(), 0.1), frame(), [2, 4, 6], lambda across: True) == [2, 3, 4, 5, 6]
 
 
 def test_levels_that_divide_cells_alike_have_none_between() -> None:
     heavy = frame("heavy_on_soft", (0.06, 0.04, 0.04))
-    assert with_halves(heavy, [2, 4, 6], lambda across: True) == [2, 4, 6]
+    assert with_halves(Known(heavy, 0.1), heavy, [2, 4, 6], lambda across: True) == [2, 4, 6]
+
+
+def test_levels_between_have_cells_of_another_size() -> None:
+    """What differs along an axis that little changes along, alone, is of one size."""
+    scene = load_scene("tofu_grasp")
+    along = {"kind": "cylinder", "radius": 0.01, "length": 0.1, "axis": [0, 1, 0]}
+    tools = {name: along | {"position": [x, 0.0, 0.025]} for name, x in (("left", -0.05), ("right", 0.05))}
+    rods = Scene.model_validate(scene.model_dump() | {"tools": tools})
+    block = Frame(rods, np.full(3, 0.05))
+    assert block.even == 1
+    found = with_halves(Known(block, 0.1), block, [2, 3, 4, 5, 6, 7, 8], lambda across: True)
+    sizes = [block.size(block.level(across)) for across in found]
+    assert sizes == sorted(set(sizes), reverse=True)
+
+
+def test_a_level_that_fails_ends_the_refining_and_not_the_reference() -> None:
+    class Failing(Known):
+        most = 99
+
+        def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+            if across > self.most:
+                raise SoftseamError("the reference cannot be computed")
+            return super().run(across, step, limit_s, told)
+
+    ladder = Failing(frame(), 1e-4)
+    ladder.most = 5
+    found = climb(ladder, frame(), 30.0, told, target=1e-6)
+    assert max(level.across for level in found.levels) == 5 and not found.complete
+    assert found.truth["grip_force"].values == pytest.approx(np.ones(len(TIME)), abs=1e-3)
+    ladder = Failing(frame(), 1e-4)
+    ladder.most = 3
+    with pytest.raises(SoftseamError, match="cannot be computed"):
+        climb(ladder, frame(), 30.0, told, target=1e-6)
+
+
+def test_slip_is_waited_for_where_it_is_alone() -> None:
+    """Where others are asked for, too, it decides nothing."""
+    first = Limit(np.ones(4), 0.2, 1.0, True)
+    assert fine({"slip": first, "sag": replace(first, uncertainty=1e-6)}, 0.01, 5)
+    assert not fine({"slip": first}, 0.01, 5)
+
+
+def test_a_body_too_thin_for_a_reference_is_refused_for_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    thin = ("body.shape.size=[0.3, 0.3, 0.001]", "body.cell=[0.05, 0.05, 0.001]")
+    sheet = frame_of(with_settings(load_scene("tofu_grasp"), thin), "tofu_grasp", thin)
+    with pytest.raises(SceneRefused, match=r"'tofu_grasp' these are 720,000 cells, .* too thin"):
+        Ladder("tofu_grasp", thin, sheet, ("sag",)).open("code", fresh=False)
 
 
 class Thinner(Known):

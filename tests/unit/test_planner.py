@@ -73,6 +73,18 @@ def test_a_foreseen_cost_that_was_wrong_does_not_hide_a_faster_one() -> None:
     assert choose(Goal(0.05), reference(), wanted, bench).choice.label == "second"
 
 
+def test_a_stress_alone_that_is_hardly_known_is_judged_by_it() -> None:
+    """Known to 21 % it bounds nothing in stricter plans, and so says nothing for them."""
+    truth = {"peak_von_mises": Truth(FLAT, 1.0, 0.21)}
+    part = {"peak_von_mises": Part(0.21, 0.0, 1.0, 1.0, 0.0)}
+    known = Reference(TIME, truth, part, (), "implicit_euler", True)
+    series = Series(TIME, np.zeros(5), {"peak_von_mises": 1.25 * FLAT})
+    run = Outcome("done", series=series, walls=(1.0,), simulated=1.0, steps=5)
+    found = planner.judged(WANTED[0], run, known, tolerance=0.3)
+    assert found.decided_by == "peak_von_mises" and found.error == pytest.approx(np.hypot(0.25, 0.21))
+    assert found.differs == pytest.approx(0.25)
+
+
 def test_every_quantity_that_counts_has_to_be_accurate() -> None:
     runs = {"cheap": outcome(0.1, 0.0, sag=0.3), "middle": outcome(1.0, 0.0, sag=0.01)}
     assert choose(Goal(0.05), reference(), WANTED, Bench(runs)).choice.label == "middle"

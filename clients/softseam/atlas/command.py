@@ -127,7 +127,7 @@ def _write(folder: Path, found: Found) -> None:
             draw_map(folder / f"{filled.map.name}.png", filled, here)
         draw_overview(folder / "overview.png", found.maps, here)
     except OSError as error:
-        raise SoftseamError(f"cannot write {error.filename}: {error.strerror}") from error
+        raise SoftseamError(f"cannot write {error.filename or folder}: {error.strerror}") from error
 
 
 def _tell(console: Console, folder: Path, found: Found, spent: str) -> None:

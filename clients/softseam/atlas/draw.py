@@ -100,6 +100,8 @@ def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
             title = panel.short if n < 4 else panel.short.removeprefix("Rope, ")
             axes.set_title(title, loc="left", fontsize=8.5 if n < 4 else 7.5, color=SOFT, pad=4)
             axes.set_xlabel(panel.x if n < 4 else panel.x.partition(" a ")[0], fontsize=8.5, color=SOFT)
+            if panel.y and (i == 0 or panel.y != panels[i - 1].y):
+                axes.set_ylabel(panel.y.partition(";")[0].partition(" [")[0], fontsize=8.5, color=SOFT, labelpad=2)
     _legend(figure, height)
     return write(figure, path)
 

@@ -125,7 +125,7 @@ def long_run(store: Store, folder: Path, console: Console, n_steps: int = N_STEP
     try:
         write_report(document, folder / "long.json")
     except OSError as error:
-        raise SoftseamError(f"cannot write {error.filename}: {error.strerror}") from error
+        raise SoftseamError(f"cannot write {error.filename or folder}: {error.strerror}") from error
     console.print(f"{folder / 'long.json'}", highlight=False, soft_wrap=True)
     return runs
 

@@ -29,6 +29,8 @@ STEPS_AT = 4
 """most cells along the shortest edge at which the step is refined"""
 STEPS_CELLS = 220
 """and most cells in all, unless the coarsest level has more: steps are halved up to `HALVINGS` times"""
+FEWEST = 3
+"""levels without which there is no reference: one that fails after these ends the refining"""
 DEAR = 300
 """cells that a level may solve for though a finer one solves for fewer"""
 HALVINGS = 7
@@ -50,7 +52,8 @@ Watch = Callable[[str, float], Told]
 def climb(
     ladder: Ladder, frame: Frame, budget: float, watch: Watch, target: float = TARGET, known: float = KNOWN
 ) -> Reference:
-    """Refine cells, then the step, until both are fine enough or the next level would not end within the budget.
+    """Refine cells, then the step, until both are fine enough or the next level would not end within the budget, or
+    fails: what coarser ones lead to is known.
 
     budget  own time of the ladder, without compiling [s]; levels from the cache cost nothing
     target  how uncertain the cells and the step may each leave a quantity [1]
@@ -69,7 +72,12 @@ def climb(
         if new:
             kind = "" if of is ladder else " graded"
             told = watch(f"reference, {across:g}{kind} cells across, {1e3 * step:.4g} ms", foreseen)
-        outcome = of.run(across, step, max(1.0, share * budget - spent), told)
+        try:
+            outcome = of.run(across, step, max(1.0, share * budget - spent), told)
+        except SoftseamError:
+            if len(ladder.done) < FEWEST:
+                raise
+            return False
         return outcome.status == "done"
 
     def halvings(across: float) -> float:
@@ -107,7 +115,7 @@ def climb(
             cells, base = anew, short
     thinner = [] if second is None else climb_graded(second, frame, base, lambda a: take(a, base, 1.0, second))
     if not enough:
-        cells = with_halves(frame, cells, lambda a: take(a, base, 1.0))
+        cells = with_halves(ladder, frame, cells, lambda a: take(a, base, 1.0))
     return assemble(ladder, [(a, base) for a in cells], by_steps, enough, target, known, thinner)
 
 
@@ -126,18 +134,21 @@ def short_enough(ladder: Ladder, rungs: Sequence[Rung]) -> float:
     return next(step for across, step in rungs if changes((across, step)) <= enough)
 
 
-def with_halves(frame: Frame, taken: Sequence[float], take: Callable[[float], bool]) -> list[float]:
+def with_halves(ladder: Ladder, frame: Frame, taken: Sequence[float], take: Callable[[float], bool]) -> list[float]:
     """Levels that were taken, and those half-way between two of them that there is time to `take`, finest first, by
-    their cells. None where levels divide the coarsest's cells alike: others would jump."""
+    the size of their cells. None where levels divide the coarsest's cells alike: others would jump."""
     if any(frame.borders) and all(refines(frame, across) for across in taken):
         return list(taken)
-    sizes = {frame.n_cells(frame.level(across)): across for across in taken}
+
+    def size(across: float) -> float:
+        return float(f"{frame.size(ladder.counts(across)):.9g}")
+
+    sizes = {size(across): across for across in reversed(taken)}
     for coarse, finer in sorted(pairwise(sorted(taken)), reverse=True):
         half = 0.5 * (coarse + finer)
-        n_cells = frame.n_cells(frame.level(half))
-        if n_cells not in sizes and take(half):
-            sizes[n_cells] = half
-    return [sizes[n_cells] for n_cells in sorted(sizes)]
+        if size(half) not in sizes and take(half):
+            sizes[size(half)] = half
+    return [sizes[each] for each in sorted(sizes, reverse=True)]
 
 
 def climb_graded(second: Ladder, frame: Frame, step: float, take: Callable[[float], bool]) -> list[Rung]:
@@ -153,9 +164,9 @@ def climb_graded(second: Ladder, frame: Frame, step: float, take: Callable[[floa
             return False
 
     # two cells that are thinner towards both faces are equal ones, however graded
-    levels = (across for across in levels_of(frame) if across > COARSEST or frame.towards)
+    different = {second.counts(a): a for a in reversed(levels_of(frame)) if a > COARSEST or frame.towards}
     found: list[Rung] = []
-    for across in with_halves(frame, list(takewhile(taken, levels)), taken):
+    for across in with_halves(second, frame, list(takewhile(taken, sorted(different.values()))), taken):
         rung = (across, step)
         # between planes, more across are not always more
         if not found or second.level(*rung).n_cells > second.level(*found[-1]).n_cells:
@@ -195,7 +206,8 @@ def steps_at(frame: Frame) -> int:
 def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
     """Whether every quantity that has a limit is known to the target, and it is clear which have.
 
-    Slip is not waited for: its scale, the tools' way, is not known here, and it hardly ever decides.
+    Slip is not waited for where there are others: its scale, the tools' way, is not known here, and it hardly ever
+    decides.
     """
     sizes = {name: float(np.sqrt(np.mean(found.value**2))) for name, found in limits.items()}
     stress = largest_stress({name: size for name, size in sizes.items() if limits[name].converges})
@@ -207,6 +219,6 @@ def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
 
 
 def _waited_for(sizes: Mapping[str, float], stress: float) -> list[str]:
-    """Quantities that are neither nothing nor faint beside the largest stress [Pa], nor slip."""
-    every = (name for name in sizes if name != "slip")
-    return [name for name in every if not is_nothing(name, sizes[name]) and not is_faint(name, sizes[name], stress)]
+    """Quantities that are neither nothing nor faint beside the largest stress [Pa], nor slip, but where it is alone."""
+    every = [name for name in sizes if not is_nothing(name, sizes[name]) and not is_faint(name, sizes[name], stress)]
+    return [name for name in every if name != "slip"] or every

@@ -126,7 +126,7 @@ def _write(
         draw_chart(folder / "chart.png", title, here, rows, reference, ASKED, rivals)
         write_page(folder / "chart.html", title, document)
     except OSError as error:
-        raise SoftseamError(f"cannot write {error.filename}: {error.strerror}") from error
+        raise SoftseamError(f"cannot write {error.filename or folder}: {error.strerror}") from error
 
 
 def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Reference, seconds: float) -> None:

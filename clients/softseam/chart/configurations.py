@@ -109,7 +109,8 @@ class Fem:
     @property
     def settings(self) -> tuple[str, ...]:
         """That ask for it."""
-        fem = f"models.fem={{element: {self.element}, integrator: {self.integrator}}}"
+        whole = "" if self.frame.scene.models.fem.mirrored else ", mirrored: false"
+        fem = f"models.fem={{element: {self.element}, integrator: {self.integrator}{whole}}}"
         cells = self.frame.cells(self.counts, self.grading, self.towards)
         return "regions={default: fem}", *cells, f"step={self.step:.9g}", fem
 
@@ -198,7 +199,8 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
                 yield Fem(frame, folded(across), factor * step, grading=grading).configuration()
     if frame.edged and not frame.ball:
         for across, grading, factor in TOWARDS_EDGES:
-            yield Fem(frame, folded(across), factor * step, grading=grading, towards=frame.edged).configuration()
+            counts = frame.folding(frame.across(across), frame.edged)
+            yield Fem(frame, counts, factor * step, grading=grading, towards=frame.edged).configuration()
     if frame.towards:
         for counts, thin in _few_towards_edges(frame, frame.towards):
             yield Fem(frame, counts, LONG * step, grading=thin, towards=frame.towards).configuration()
@@ -230,7 +232,7 @@ def _few_towards_edges(frame: Frame, towards: tuple[str, ...]) -> Iterator[tuple
         x, y, z = (BY_EDGES * n if n > 1 else few for n, few in along)
         by_axis = [(1.0, THIN) if n > 1 else (1.0,) for n in pieces]
         for grading in product(by_axis[0], by_axis[1], by_axis[2]):
-            yield frame.folding((x, y, z)), grading if THIN in grading else 1.0
+            yield frame.folding((x, y, z), towards), grading if THIN in grading else 1.0
 
 
 def _xpbd(frame: Frame) -> Iterator[Configuration]:

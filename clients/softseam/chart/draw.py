@@ -76,7 +76,7 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     """What the error is the error of, how far the reference is known, and where it was measured."""
     names = ", ".join(colors.label(name) for name in reference.counted)
     worst = "the worst of " if len(reference.counted) > 1 else ""
-    text = f"error: {worst}{names}, in L2 over time, against refined FEM, which {origin(reference)}\n"
+    text = f"error: {worst}{names}, relative, L2 norm over time, against refined FEM, which {origin(reference)}\n"
     text += f"{machine}, one process; compiling and setting up left out{busy(rows)}"
     return text + (
         "" if reference.complete or reference.shipped else "\nthe budget ended before every quantity was known to 1 %"
@@ -142,7 +142,7 @@ def _band(axes: Axes, reference: Reference) -> Text | None:
     if not low < top < high:
         return None
     axes.axhspan(low, top, color=BAND, zorder=0, linewidth=0)
-    text = "  below: as good as the reference is known"
+    text = "  below: less than the reference is uncertain by"
     return axes.text(axes.get_xlim()[0], top / 1.03, text, fontsize=9, color=SOFT, va="top")
 
 
@@ -197,7 +197,7 @@ def _marks(axes: Axes, rows: Sequence[Row], tone: str) -> None:
 
 
 def _landmarks(axes: Axes, marks: Sequence[Landmark], tone: str, marker: str) -> None:
-    look: dict[str, Any] = {"s": 34.0, "facecolors": "none", "edgecolors": tone, "linewidths": 1.3, "zorder": 3}
+    look: dict[str, Any] = {"s": 34.0, "facecolors": "none", "edgecolors": tone, "linewidths": 1.3, "zorder": 6}
     for mark in marks:
         off = mark.error >= WORST
         axes.scatter([mark.rtf], [min(mark.error, WORST)], marker="^" if off else marker, clip_on=False, **look)
@@ -222,7 +222,7 @@ def _legend(
     above.append(Line2D([], [], color=SOFT, linewidth=0.9, alpha=0.6, label="slowest to fastest run"))
     below = []
     if asked:
-        below.append(mark("asked for, not measured", ASKED, "D", hollow=True))
+        below.append(mark("asked for: targets, not measured", ASKED, "D", hollow=True))
     if rivals:
         below.append(mark("other simulators", RIVAL, "s", hollow=True))
     if any(row.error is not None and row.error.bound and placed(row) for row in rows):
@@ -232,7 +232,7 @@ def _legend(
     if any((place := placed(row)) and place[2] and row.error is not None for row in rows):
         below.append(mark("off by more than 100 %", SOFT, "^"))
     if any(one.error >= WORST for one in rivals):
-        below.append(mark("another, off by more than 100 %", RIVAL, "^", hollow=True))
+        below.append(mark("other simulator, off by more than 100 %", RIVAL, "^", hollow=True))
     for entries, down in ((above, 1.04 + lower), (below, 1.29 + lower)):
         figure.legend(
             handles=entries,

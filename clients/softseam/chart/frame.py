@@ -43,6 +43,8 @@ NARROWER = 2.0
 """and a reference's are this many times as short across lines of contact [1]"""
 DEEP = 0.1
 """share of a block's edge that tools' edges lie inside its faces at least, for cells of any size to end there [1]"""
+TRIED = 8
+"""numbers of cells along an axis, of which one folds [1]"""
 FEW = 8.0
 """a run that solves for fewer cells takes no less time"""
 UNKNOWN_LENGTH = 3.0
@@ -133,11 +135,30 @@ class Frame:
         folds = sum(counts[axis] % 2 == 0 for axis in self.mirrors)
         return self.n_cells(counts) * 0.5**folds
 
-    def folding(self, counts: Counts) -> Counts:
-        """These cells, one more along axes that an odd number of them does not fold across: half of more are fewer."""
+    def folding(self, counts: Counts, towards: tuple[str, ...] = ()) -> Counts:
+        """These cells, more along axes that an odd number of them does not fold across: half of more are fewer.
+
+        towards: boxes whose edges cells are to end at, which takes as many in each piece between them
+        """
         if self.ball is not None:
             return counts
-        x, y, z = (count + (axis in self.mirrors and count % 2) for axis, count in enumerate(counts))
+        if not towards:
+            x, y, z = (count + (axis in self.mirrors and count % 2) for axis, count in enumerate(counts))
+            return x, y, z
+        lines = zip(self.extent.tolist(), counts, self._ends(towards), strict=True)
+        x, y, z = (self._folding_along(axis, *line) for axis, line in enumerate(lines))
+        return x, y, z
+
+    def _folding_along(self, axis: int, edge: float, count: int, planes: Planes) -> int:
+        """Cells along an axis that end in the planes: `count` of them, or the next more that fold."""
+        found = (cells_along(edge, edge / n, planes) for n in range(count, count + TRIED))
+        folds = (n for n in found if axis not in self.mirrors or n % 2 == 0)
+        return next(folds, cells_along(edge, edge / count, planes))
+
+    def _ends(self, towards: tuple[str, ...]) -> tuple[Planes, Planes, Planes]:
+        """Planes along x, y and z that cells end in: where materials meet, and at these boxes' edges [m]."""
+        both = zip(self.borders, self.edges_inside(towards), strict=True)
+        x, y, z = (tuple(sorted({*borders, *edges})) for borders, edges in both)
         return x, y, z
 
     def across_ball(self, counts: Counts) -> int:
@@ -245,10 +266,12 @@ class Frame:
         """The settings that ask for these cells."""
         own = self.scene.body.shape if isinstance(self.scene.body, BodySpec) else None
         edges, asked = (self.extent / np.array(counts)).tolist(), False
-        wanted = self._wanted_to_borders(counts)
-        if wanted is not None:
+        wanted = self._wanted_to_borders(counts, towards)
+        if wanted is not None and towards:
+            edges, asked = wanted, any(self.borders)
+        elif wanted is not None:
             uneven = self.ball is not None or not all(map(are_equal, self.extent.tolist(), wanted, self.borders))
-            edges, asked = (wanted, True) if uneven or grading != 1.0 or towards else (edges, False)
+            edges, asked = (wanted, True) if uneven or grading != 1.0 else (edges, False)
         found = [f"body.cell={json.dumps(edges)}"]
         if isinstance(own, BlockShape) and asked != (own.borders == "materials"):
             found.append(f"body.shape.borders={'materials' if asked else 'even'}")
@@ -259,11 +282,13 @@ class Frame:
             found.append(f"body.shape.towards={json.dumps(towards)}")
         return tuple(found)
 
-    def _wanted_to_borders(self, counts: Counts) -> list[float] | None:
-        """Wanted edges that lead to these cells where they end where materials meet [m]; None where nothing does."""
-        found = [wanted_for(*each) for each in zip(self.extent.tolist(), counts, self.borders, strict=True)]
+    def _wanted_to_borders(self, counts: Counts, towards: tuple[str, ...] = ()) -> list[float] | None:
+        """Wanted edges that lead to these cells where they end where materials meet, and at the edges of `towards` [m];
+        None where nothing does."""
+        planes = self._ends(towards) if towards else self.borders
+        found = [wanted_for(*each) for each in zip(self.extent.tolist(), counts, planes, strict=True)]
         known = [edge for edge in found if edge is not None]
-        return known if len(known) == 3 and (any(self.borders) or self.ball is not None) else None
+        return known if len(known) == 3 and (any(planes) or self.ball is not None) else None
 
     def size(self, counts: Counts) -> float:
         """Edge of a cube of a cell's mean volume [m]; along `even`, of a square of its cross-section."""

@@ -22,10 +22,10 @@ from softseam.chart.richardson import Limit
 from softseam.chart.scatter import fitted, settled
 from softseam.chart.series import Series
 from softseam.chart.store import Identity, Store, cache_folder
-from softseam.errors import SoftseamError
+from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene import MOST_CELLS, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 from softseam_protocol.scene_models import ModelsSpec
 from softseam_protocol.scene_regions import SeamSpec
@@ -67,7 +67,14 @@ class Ladder:
         """own time of the levels that were not in the cache [s]"""
 
     def open(self, code: str, *, fresh: bool) -> None:
-        """Use the cache: levels of the same body, tools and motion, computed by the same code."""
+        """Use the cache: levels of the same body, tools and motion, computed by the same code. Raises SceneRefused
+        where even the coarsest level has too many cells."""
+        n_cells = self._frame.n_cells(self.counts(COARSEST))
+        if n_cells > MOST_CELLS:
+            raise SceneRefused(
+                f"charts and plans compare with FEM on {COARSEST} cells along the body's shortest edge and more; of "
+                f"{self.scene!r} these are {n_cells:,} cells, more than {MOST_CELLS:,}: its body is too thin for them"
+            )
         key = self.key
         folder = cache_folder() / f"{self.scene}-{key[:12]}-{code[:8]}"  # another version begins anew
         self._store = Store(folder, Identity(key, code), "compute the reference anew with --fresh")
@@ -157,9 +164,10 @@ class Ladder:
     def cached(self, across: float, step: float) -> Outcome | None:
         """A level that was computed before."""
         assert self._store is not None
-        for name in self._store.names(self._rung(across, step)):
+        for name in self._store.names(f"{self._rung(across, step)}-"):
             data = self._store.read(name)
-            assert data is not None
+            if data is None:
+                continue  # another process began anew
             try:
                 found = Outcome.from_json(data)
             except (KeyError, TypeError, ValueError) as error:
@@ -192,25 +200,26 @@ class Ladder:
     def _level(self, across: float, step: float) -> tuple[str, ...]:
         return self._fem(across, step).settings
 
-    def _counts(self, across: float) -> Counts:
-        """Of thin cells as many as fold; of equal ones as many as ever, since what ships is checked with them."""
+    def counts(self, across: float) -> Counts:
+        """A level's cells. Of thin ones as many as fold; of equal ones as many as ever, since what ships is checked
+        with them."""
         counts = self._frame.level(across)
-        return counts if self._grading == 1.0 else self._frame.folding(counts)
+        return counts if self._grading == 1.0 else self._frame.folding(counts, self._towards)
 
     def _cells(self, across: float) -> float:
         """That a level's time goes by."""
-        return max(FEW, self._frame.n_solved(self._counts(across)))
+        return max(FEW, self._frame.n_solved(self.counts(across)))
 
     def _fem(self, across: float, step: float) -> Fem:
-        return Fem(self._frame, self._counts(across), step, "hex27", self.integrator, self._grading, self._towards)
+        return Fem(self._frame, self.counts(across), step, "hex27", self.integrator, self._grading, self._towards)
 
-    @staticmethod
-    def _rung(across: float, step: float) -> str:
-        return f"level-{across:g}-{1e3 * step:.6g}ms-"
+    def _rung(self, across: float, step: float) -> str:
+        cells = "x".join(map(str, self.counts(across)))
+        return f"level-{across:g}-{cells}-{1e3 * step:.6g}ms"
 
     def _file(self, across: float, step: float) -> str:
         names = ",".join(sorted(quantity_names(self._frame.scene)))
-        return self._rung(across, step) + hashlib.sha256(names.encode()).hexdigest()[:8]
+        return f"{self._rung(across, step)}-{hashlib.sha256(names.encode()).hexdigest()[:8]}"
 
     def level(self, across: float, step: float) -> Level:
         """Facts of a level that is done."""

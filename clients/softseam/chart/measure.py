@@ -120,14 +120,19 @@ class Outcome:
 
 
 _PLAIN = ("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes")
+INDICATORS = ("mesh_error", "model_error", "traction_jump")
+"""quantities that a run estimates its own errors by: none of them is compared"""
 
 
 def quantity_names(scene: Scene) -> tuple[str, ...]:
-    """The quantities to compare: the scene's, and what it asks of its probes."""
+    """The quantities to compare: the scene's, and what it asks of its probes; not what a run says of its own errors,
+    which is nothing in truth."""
     probed = [f"{probe}.{what}" for probe in scene.probes for what in ("von_mises", "displacement")]
-    names = (*scene.quantities, *probed)
+    names = (*(name for name in scene.quantities if name not in INDICATORS), *probed)
     if not names:
-        raise BadInput(f"the scene {scene.name!r} asks for no quantities: add some, e.g. quantities: [grip_force, sag]")
+        raise BadInput(
+            f"the scene {scene.name!r} asks for no quantities to compare: add some, e.g. quantities: [grip_force, sag]"
+        )
     return names
 
 

@@ -46,7 +46,7 @@ class Store:
         writer: str = "softseam chart",
         other: str = "another scene",
     ) -> None:
-        """Raises BadInput where the folder cannot be made.
+        """The folder is made with the first file.
 
         remedy  what to do about a file that is refused, e.g. 'start anew with --fresh'
         writer  the command whose files these are
@@ -54,10 +54,6 @@ class Store:
         """
         self.folder, self._identity, self._remedy = folder, identity, remedy
         self._writer, self._other = writer, other
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise BadInput(f"cannot write into {folder}: {error.strerror}") from None
 
     def path(self, name: str) -> Path:
         return self.folder / f"{name}.json"
@@ -71,7 +67,7 @@ class Store:
         path = self.path(name)
         try:
             text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, UnicodeDecodeError) as error:
             raise self.refused(name, f"cannot be read ({error})") from None
@@ -94,7 +90,7 @@ class Store:
         return data
 
     def write(self, name: str, data: Mapping[str, Any]) -> None:
-        """Keep a finished piece; a reader never sees half of it."""
+        """Keep a finished piece; a reader never sees half of it. Raises BadInput where it cannot be written."""
         document = {
             "softseam_chart": VERSION,
             "identity": asdict(self._identity),
@@ -102,9 +98,12 @@ class Store:
             "data": dict(data),
         }
         try:
+            self.folder.mkdir(parents=True, exist_ok=True)
             write_report(document, self.path(name))
         except OSError as error:
-            raise BadInput(f"cannot write {self.path(name)}: {error.strerror}") from None
+            is_cache = cache_folder().parent in self.folder.parents
+            elsewhere = ": set XDG_CACHE_HOME to a folder that can be written to" if is_cache else ""
+            raise BadInput(f"cannot write {self.path(name)}: {error.strerror}{elsewhere}") from None
 
     def clear(self) -> None:
         """Forget all finished pieces."""

@@ -100,7 +100,10 @@ def find(wishes: Wishes, console: Console) -> Plan:
         if before.holds_for(wishes.minutes):
             return before
     found = replace(_search(wishes, scene, goal, names, code, store, console), minutes=wishes.minutes)
-    store.write(name, found.as_json())
+    try:
+        store.write(name, found.as_json())
+    except BadInput as error:  # what was found is not lost for that
+        console.print(Text(f"the plan is not kept: {error}", style="yellow"), soft_wrap=True)
     return found
 
 
@@ -180,7 +183,7 @@ def finer(
         try:
             reference = climb(ladder, frame, budget(), watch, target, known)
         except SoftseamError:
-            if ships is None:
+            if ships is None and not n_levels:
                 raise
             return
         if len(reference.levels) > n_levels:

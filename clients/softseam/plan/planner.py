@@ -317,8 +317,8 @@ def _worst(found: Mapping[str, Error], reference: Reference, vaguest: float) -> 
     }
     bounds = {name: _with(found[name], true.uncertainty) for name, true in truth.items() if not true.left_out}
     bounds |= sure(found, truth)
-    decisive = max(bounds, key=lambda name: bounds[name])
-    return bounds[decisive], decisive
+    decisive = max(bounds, key=lambda name: bounds[name], default="")
+    return bounds.get(decisive, float("inf")), decisive
 
 
 def _grown(outcome: Outcome, harder: float) -> float:

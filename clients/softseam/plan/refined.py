@@ -67,14 +67,15 @@ def _by_size(made: Made) -> tuple[tuple[str, str, bool, Vector, tuple[str, ...]]
 
 def _levels(fem: Fem) -> Iterator[Counts]:
     """As FEM folds them."""
-    return (fem.frame.folding(fem.frame.level(across)) for across in range(1, ACROSS + 1))
+    return (fem.frame.folding(fem.frame.level(across), fem.towards) for across in range(1, ACROSS + 1))
 
 
 def _is_level(fem: Fem) -> bool:
     """Whether its cells are a level's, or a sweep's nearly cubic ones, and its element is the default."""
     frame = fem.frame
     plain = [cells(across) for across in range(1, ACROSS + 1) for cells in (frame.level, frame.across)]
-    return fem.element == "hex27" and (fem.counts in plain or fem.counts in map(frame.folding, plain))
+    folded = (frame.folding(counts, fem.towards) for counts in plain)
+    return fem.element == "hex27" and (fem.counts in plain or fem.counts in folded)
 
 
 def _finer(fem: Fem) -> list[Fem]:

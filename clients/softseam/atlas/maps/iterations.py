@@ -46,7 +46,9 @@ def build(sweeps: tuple[int, ...] = SWEEPS, substeps: tuple[int | str, ...] = SU
         "Iterations against stiffness",
         "The cube of the first map in steps of 10 ms, and a rope of 0.4 m and 20 g hanging by one end. Accurate: "
         f"within {100 * BOUND:g} % of the closed form (force; stretch of the rope). Classic PBD has no physical "
-        f"stiffness: its stretch is compared with its own at {CALIBRATED} sweeps, as if it had been calibrated there.",
+        f"stiffness: its stretch is compared with its own at {CALIBRATED} sweeps, as if it had been calibrated there. "
+        "E A [N]: the rope's stiffness against stretch; k: the share of a constraint's error that a sweep of classic "
+        "PBD takes away.",
         (
             Panel(
                 "Block, XPBD", "substeps a step", "Young's modulus",

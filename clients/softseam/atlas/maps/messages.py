@@ -37,8 +37,8 @@ def build(every: tuple[int, ...] = EVERY) -> Map:
         "Messages lost, repeated, late",
         "The cube (E 20 kPa) is squeezed in steps of 5 ms; of the messages that ask a participant for a step, some are "
         "repeated, lost, overtaken, or find it dead (each at most once). Accurate: every force, momentum, position "
-        "and stress is the same, bit for bit, as undisturbed. A participant that is lost is brought back to its last "
-        "checkpoint, and asked again for what followed.",
+        "and stress is the same, bit for bit, as undisturbed, which 0 and R stand for here. A participant that is lost "
+        "is brought back to its last checkpoint, and asked again for what followed.",
         tuple(Panel(MODELS[model], "messages harmed", "fault", columns, FAULTS) for model in MODELS),
         tuple(cells),
     )

@@ -64,7 +64,10 @@ def build(ratios: tuple[float, ...] = RATIOS) -> Map:
         "A mass on a spring, split in two; the far side is implicit Euler with 1, 3 or 20 substeps, as XPBD is. "
         "Unstable: at some step from 0.002 to 2 periods the spectral radius exceeds 1, and the simulation at the worst "
         f"one grows. Accurate: else, and within {100 * BOUND:g} % of cos(omega t) over a period of 400 steps. The "
-        "product couples by position with a constant multiplier, and refuses integrators that this would give energy.",
+        "product couples by position with a constant multiplier, and refuses integrators that this would give energy. "
+        "In the rows, position or velocity is what both sides agree in at the end of a step, with one force all over "
+        "it; Prakash-Hjelmstad (a force that changes evenly over the step) can be chosen, too (seam.scheme: ph); the "
+        "others are there to compare.",
         (
             Panel(
                 "Mass near / far (stiffness equal)", "mass ratio", "scheme; integrator of the near side", columns, rows

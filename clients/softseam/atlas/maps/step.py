@@ -42,7 +42,8 @@ def build(steps: tuple[float, ...] = STEPS, youngs: tuple[float, ...] = YOUNGS) 
         "step",
         "Step against stiffness",
         "A 20 mm cube (nu 0.3) is squeezed by a tenth between smooth plates in 0.1 s and held. Accurate: the held "
-        f"force is within {100 * BOUND:g} % of its closed form, {pressed(SQUEEZE):.4f} E A.",
+        f"force is within {100 * BOUND:g} % of its closed form, {pressed(SQUEEZE):.4f} E A (Young's modulus, area at "
+        "rest).",
         tuple(panel(model) for model in MODELS),
         tuple(cells),
     )
