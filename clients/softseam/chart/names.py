@@ -32,6 +32,8 @@ START, TIED = 6.0, 15.0
 STRUCK, TOUCHED, CROSSED, PASSED, LED, BESIDE = 30.0, 4.0, 60.0, 25.0, 10.0, 10.0
 """what is no worse than so much more distance: a name on the front's line, each point of that line that a name's line
 touches, a crossing of names' lines, a mark on one, a line at all, and a name led to beside another's mark"""
+LEVEL = 0.4
+"""a mark at the height of a name seems to be its, though it be farther than this one: by so much nearer [1]"""
 NOWHERE = 300.0
 """and no name at all"""
 ROUNDS = 16
@@ -135,11 +137,14 @@ def _judged(
         return None, np.inf
     if any(left - 2.0 < b[2] and b[0] < right + 2.0 and bottom - 1.0 < b[3] and b[1] < top + 1.0 for b in boxes):
         return None, np.inf
-    nearest = float(_gaps(others, box).min(initial=np.inf))
+    gaps = _gaps(others, box)
+    nearest = float(gaps.min(initial=np.inf))
     if nearest < CLEAR:
         return None, np.inf
+    level = (bottom < others[:, 1]) & (others[:, 1] < top)
+    seems = float(np.where(level, LEVEL * gaps, gaps).min(initial=np.inf))
     cost = away + STRUCK * bool((_gaps(picture.front, box) < 1.0).any())
-    if 1.3 * away + 1.0 < nearest:
+    if 1.3 * away + 1.0 < seems:
         return Place(box, None), cost
     end = float(np.clip(at[0], left, right)), float(np.clip(at[1], bottom, top))
     line = _from(at, end), end
