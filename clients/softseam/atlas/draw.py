@@ -100,8 +100,10 @@ def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
             title = panel.short if n < 4 else panel.short.removeprefix("Rope, ")
             axes.set_title(title, loc="left", fontsize=8.5 if n < 4 else 7.5, color=SOFT, pad=4)
             axes.set_xlabel(panel.x if n < 4 else panel.x.partition(" a ")[0], fontsize=8.5, color=SOFT)
-            if panel.y and (i == 0 or panel.y != panels[i - 1].y):
-                axes.set_ylabel(panel.y.partition(";")[0].partition(" [")[0], fontsize=8.5, color=SOFT, labelpad=2)
+            # where there are many panels, rows are what the map is about
+            y = panel.y.partition(";")[0].partition(" [")[0] if n < 4 else filled.map.title.rpartition(" against ")[2]
+            if i == 0:
+                axes.set_ylabel(y, fontsize=8.5, color=SOFT, labelpad=2)
     _legend(figure, height)
     return write(figure, path)
 
