@@ -142,3 +142,14 @@ def test_the_scenes_budget_holds_unless_a_speed_is_asked_for(
     wishes = Wishes("tofu_grasp", ("tolerance=0.2", "budget={rtf: 7}"), asked.get("tolerance"), asked.get("rtf"))
     planned(wishes)
     assert [goal.rtf for goal in searches.goals] == [rtf]
+
+
+def test_a_plan_that_cannot_be_kept_is_found_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "taken").write_text("a file")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "taken"))
+    monkeypatch.setattr(command, "_search", Searches(plan()))
+    console = Console(file=io.StringIO(), width=400)
+    assert find(WISHES, console).choice == CHOICE
+    assert isinstance(console.file, io.StringIO)
+    assert "the plan is not kept: cannot write" in console.file.getvalue()
+    assert "set XDG_CACHE_HOME to a folder that can be written to" in console.file.getvalue()
