@@ -308,3 +308,19 @@ def test_cells_name_all_but_the_step() -> None:
     # alike along all axes, however that is written; and families have an order
     assert replace(one, grading=(4.0, 4.0, 4.0)).family == one.family
     assert len(sorted(each.family for each in (one, *others))) == 6
+
+
+def test_cells_that_were_run_with_a_longer_step_tell_what_a_shorter_one_takes() -> None:
+    """As sausage's: finer cells took ten times what was foreseen, and this step would have seemed too dear for that."""
+
+    def paced(one: Configuration, off: float, pace: float) -> Run:
+        return one, outcome(off, pace * one.seconds)
+
+    few, fewer_steps = fem(2, 0.01), fem(2, 0.02)
+    bench = Bench(
+        paced(fewer_steps, 0.2, 1.0),
+        paced(replace(fem(4, 0.1), seconds=1.5 * fewer_steps.seconds), 0.3, 20.0),
+        paced(replace(fem(3, 0.02), seconds=1.6 * fewer_steps.seconds), 0.04, 2.5),
+        paced(few, 0.04, 1.0),
+    )
+    assert choose(Goal(0.05), reference(), bench.wanted, bench).choice.label == few.label

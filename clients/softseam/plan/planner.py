@@ -128,6 +128,8 @@ class _Search:
     def __init__(self, goal: Goal, reference: Reference, measure: Measure) -> None:
         self._goal, self._reference, self._measure = goal, reference, measure
         self._pace: dict[str, float] = {}
+        self._took: dict[str, list[tuple[float, float]]] = {}
+        """by cells of FEM: steps, and what runs with them took [s]"""
         self.runs: dict[str, Run] = {}
         self.tried: list[Tried] = []
         self.best: Tried | None = None
@@ -141,9 +143,18 @@ class _Search:
     def attempt(self, wanted: Sequence[Configuration], kept: Mapping[str, Outcome]) -> None:
         """Run those that may be the fastest, cheapest first; of those that are kept it is known what they take."""
         for one in sorted(wanted, key=lambda c: (c.seconds, c.key)):
-            ran, seconds = kept.get(one.key), one.seconds * self._pace.get(one.method, 1.0)
+            ran, seconds = kept.get(one.key), self._foreseen(one)
             if self._may_be_fastest(ran.seconds if ran is not None and ran.status == "done" else seconds):
                 learn(self._pace, one, self._run(one))
+
+    def _foreseen(self, one: Configuration) -> float:
+        """Wall time of what was not run [s]: as its method's pace says, or no more than as many steps take of longer
+        ones on the same cells."""
+        paced = one.seconds * self._pace.get(one.method, 1.0)
+        if one.fem is None:
+            return paced
+        took = self._took.get(one.fem.cells, ())
+        return min([paced, *(seconds * step / one.fem.step for step, seconds in took if step >= one.fem.step)])
 
     def attempt_foretold(self) -> None:
         """Run what is foretold to be accurate enough and may be the fastest, cheapest first; each run tells more.
@@ -203,6 +214,8 @@ class _Search:
     def _run(self, one: Configuration) -> Outcome:
         outcome = self._measure(one)
         self.runs[one.key] = one, outcome
+        if one.fem is not None and outcome.status == "done":
+            self._took.setdefault(one.fem.cells, []).append((one.fem.step, outcome.seconds))
         found = self._judged(one, outcome)
         self.tried.append(found)
         if found.error <= self._goal.tolerance and (self.best is None or found.rtf > self.best.rtf):
