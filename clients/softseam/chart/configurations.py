@@ -22,9 +22,9 @@ OTHERS = ("hex27_full", "hex8", "hex8_bbar", "tet4", "tet10")
 """elements besides the default: locking cures, low orders, tetrahedra"""
 TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4), (6, 4.0, 4))
 """cells across whose borders lie at tools' edges, how thin they are there, and the multiple of the scene's step"""
-FEW_TOWARDS_EDGES, BY_EDGES, THIN, LONG = (2, 4), 2, 4.0, 4
+FEW_TOWARDS_EDGES, BY_EDGES, THIN, LONG = (2, 4), 2, 4.0, (8, 4)
 """cells across where a tool presses; in the mean in a piece that tools' edges make of a face; how many times thinner
-these are at edges along some axes; the multiple of the scene's step"""
+these are at edges along some axes; the multiples of the scene's step"""
 SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125, 0.0625)), (3, (0.25,)))
 """cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
 
@@ -203,7 +203,8 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
             yield Fem(frame, counts, factor * step, grading=grading, towards=frame.edged).configuration()
     if frame.towards:
         for counts, thin in _few_towards_edges(frame, frame.towards):
-            yield Fem(frame, counts, LONG * step, grading=thin, towards=frame.towards).configuration()
+            for factor in LONG:
+                yield Fem(frame, counts, factor * step, grading=thin, towards=frame.towards).configuration()
     if frame.ball is not None:
         # equal cells, of which fewer will do where the ball is hardly stiffer
         equal = replace(frame, follows=False)
