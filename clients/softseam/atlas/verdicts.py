@@ -15,8 +15,8 @@ MEANING: dict[Kind, str] = {
     "accurate": "within the bound, no safeguard needed",
     "recovered": "within the bound; a safeguard acted",
     "inaccurate": "finite, but wrong",
-    "unstable": "not a number, energy gained without work, torn, or given up",
-    "refused": "not run: softseam refuses the setting and says why",
+    "unstable": "not a number, energy gained without work, torn, given up",
+    "refused": "not run: the error says why",
 }
 
 CREATED = 0.05
