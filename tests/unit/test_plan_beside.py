@@ -20,7 +20,7 @@ from softseam.scenes import load_scene
 FRAME = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
 FOUND = (
     Fem(FRAME, (3, 3, 2), 0.02),
-    Fem(replace(FRAME, follows=False), (4, 4, 2), 0.0025, "hex27_reduced", "midpoint", 4.0, ("pusher",)),
+    Fem(replace(FRAME, follows=False), (4, 4, 2), 0.0025, "hex27_reduced", "midpoint", 4.0, ("plate",)),
     Fem(FRAME, (4, 4, 2), 0.0025, grading=(1.0, 2.5, 4.0)),
 )
 OUTCOME = Outcome("done", series=Series(np.arange(2.0), np.zeros(2), {"sag": np.ones(2)}), walls=(2.5,), simulated=1.0)
