@@ -97,7 +97,7 @@ SECTION = """
 
 ![every configuration of {scene}: error against real-time factor](pictures/chart_{scene}.png)
 
-Error: {counted}. The reference {origin}. {left_out}{ran} Nothing is both faster and
+Error: {counted}. The reference {origin}. {left_out}{ran}Nothing is both faster and
 more accurate than:
 
 | configuration | real-time factor | error [%] | {names} |
@@ -203,7 +203,7 @@ def section(one: Charted) -> str:
 def ran(rows: Sequence[Row]) -> str:
     """How many configurations were run, where some had no time."""
     late = sum(row.outcome.status in ("left out", "stopped") for row in rows)
-    return f"{len(rows) - late} of {len(rows)} configurations were run: the others had no time." if late else ""
+    return f"{len(rows) - late} of {len(rows)} configurations were run: the others had no time. " if late else ""
 
 
 def percent(error: Error) -> str:
