@@ -329,7 +329,8 @@ def test_brief_runs_are_timed_more_often_than_asked_for(monkeypatch: pytest.Monk
     settings = ("regions={default: fem}", "body.cell=0.05", "step=0.08")
     found = measure("tofu_grasp", settings, ("sag",), runs=1)
     assert 1 < len(found.walls) <= MOST and (len(found.walls) == MOST or found.spent > BRIEF)
-    assert found.cpu <= sorted(found.walls)[len(found.walls) // 2]
+    # of one run, not of all; and two clocks differ by some microseconds
+    assert found.cpu <= 1.05 * sorted(found.walls)[len(found.walls) // 2]
     assert len(measure("tofu_grasp", settings, ("sag",), runs=0).walls) == 1
     monkeypatch.setattr("softseam.chart.measure.BRIEF", 0.0)
     assert len(measure("tofu_grasp", settings, ("sag",), runs=2).walls) == 2
