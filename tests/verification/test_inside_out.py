@@ -15,9 +15,11 @@ LEAPT = "alarm: energy from nowhere"
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_who_is_squeezed_by_70_percent_is_told_that_cells_are_inside_out(speed: float) -> None:
-    """Or that the body gained energy, where it leapt: which of both goes by rounding, and so by the processor."""
+    """Where the body leapt and gained energy, that is told, and it is no verdict of a force: which of both happens at
+    the slowest speed goes by rounding, and so by the processor."""
     found = run("fem", 0.7, speed)
-    assert found.error is None or found.error < 0.02 or TOLD in found.told or LEAPT in found.told
+    leapt = speed == min(SPEEDS) and found.kind == "unstable" and LEAPT in found.told
+    assert found.error is None or found.error < 0.02 or TOLD in found.told or leapt
 
 
 @pytest.mark.parametrize("squeeze", [0.3, 0.5, 0.6])
