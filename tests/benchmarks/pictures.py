@@ -1,7 +1,7 @@
-"""Regenerates the snapshots in README.md and docs/import.md: `python tests/benchmarks/pictures.py [SCENE ...]`.
+"""Regenerates the snapshots in README.md and docs/: `python tests/benchmarks/pictures.py [SCENE ...]`.
 
 Each scene is simulated in this process and drawn as `softseam run SCENE --model MODEL --pictures FOLDER` draws it; of
-that, the snapshots are kept, smaller, with the 256 colours that suit both picture and scale.
+that, the snapshots are kept, smaller, most with the 256 colours that suit both picture and scale.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from softseam.variants import Model
 from softseam.view.colors import stress_colors
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES: dict[str, Model | None] = {"tofu_grasp": "hybrid", "calamari": None}
+SCENES: dict[str, Model | None] = {"tofu_grasp": "hybrid", "calamari": None, "stiff_inclusion": "hybrid"}
+IN_FULL = ("stiff_inclusion",)
+"""kept in all their colours: stress that varies little would show bands"""
 WIDTH = 1200
 """[pixels]"""
 OF_SCALE = 80
@@ -34,13 +36,18 @@ def main(scenes: list[str]) -> None:
                 session.run()
             snapshots = Image.open(draw_pictures(recording, scratch)[0]).convert("RGB")
         path = ROOT / "docs" / "pictures" / f"{scene}.png"
-        smaller(snapshots).save(path, optimize=True)
+        kept = smaller(snapshots)
+        (kept if scene in IN_FULL else few_colours(kept)).save(path, optimize=True)
         print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
 
 
 def smaller(picture: Image.Image) -> Image.Image:
-    """The picture, `WIDTH` wide, with a palette of its own in which white stays white and the scale of stress even."""
-    picture = picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
+    """The picture, `WIDTH` wide."""
+    return picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
+
+
+def few_colours(picture: Image.Image) -> Image.Image:
+    """The picture with a palette of its own in which white stays white and the scale of stress even."""
     seen = np.asarray(picture)
     scale = stress_colors(np.linspace(0.0, 1.0, OF_SCALE), 1.0)
     chosen = picture.quantize(255 - OF_SCALE, Image.Quantize.MEDIANCUT, kmeans=3).getpalette() or []
