@@ -347,6 +347,26 @@ def test_levels_are_kept_of_all_quantities_and_each_ladder_sees_its_own(
     assert found is not None and found.series is not None and [*found.series.values] == [*scene.quantities]
 
 
+def test_levels_of_another_machine_are_known_and_are_no_plan_of_this_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two machines may share a home folder: what one computed is true on the other, and its time is not."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    scene = load_scene("cantilever")
+    block, names = Frame(scene, np.array([0.2, 0.05, 0.05])), ("tip_deflection",)
+    first, again = (Ladder("cantilever", ("duration=0.01",), block, names) for _ in range(2))
+    for ladder in (first, again):
+        ladder.open("code", fresh=False)
+    first.run(2, 0.002, 60.0)
+    again.run(2, 0.002, 60.0)
+    assert len(first.tried()) == len(again.tried()) == 1 and again.spent == 0.0
+    monkeypatch.setattr("softseam.chart.ladder.machine", lambda: "another, 64 cores")
+    again.run(2, 0.002, 60.0)
+    assert again.spent == 0.0 and again.tried() == []
+    again.run(2, 0.001, 60.0)
+    assert len(again.tried()) == 1
+
+
 def test_scenes_that_ask_for_others_keep_their_levels_side_by_side(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,6 +25,7 @@ from softseam.chart.store import Identity, Store, cache_folder
 from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
+from softseam_protocol.facts import machine
 from softseam_protocol.scene import MOST_CELLS, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 from softseam_protocol.scene_models import ModelsSpec
@@ -40,6 +41,8 @@ GRADING = 4.0
 """of the levels' second family: of 8, the thinnest cells keep Newton's method busy"""
 GROWTH = (1.2, 2.4)
 """bounds of the power of the number of cells that the cost of the next level is foreseen with"""
+_MACHINE = "machine"
+"""where a level's file says which one computed it"""
 
 
 class Ladder:
@@ -63,6 +66,7 @@ class Ladder:
         self.integrator = "implicit_euler" if frame.scene.tools else free
         self._store: Store | None = None
         self.done: dict[Rung, Outcome] = {}
+        self._elsewhere: set[Rung] = set()
         self.spent = 0.0
         """own time of the levels that were not in the cache [s]"""
 
@@ -146,7 +150,7 @@ class Ladder:
                 raise SoftseamError(f"the reference cannot be computed on {across:g} cells across: {found.reason}")
             assert self._store is not None
             if found.status == "done":
-                self._store.write(self._file(across, step), found.as_json())
+                self._store.write(self._file(across, step), found.as_json() | {_MACHINE: machine()})
             elif found.simulated > 0.0:
                 # as long as it was seen to take, it is not begun again where there is no more time
                 takes = found.spent * self._frame.length / found.simulated
@@ -157,8 +161,10 @@ class Ladder:
         return found
 
     def tried(self) -> list[tuple[Configuration, Outcome]]:
-        """Levels that are done, as configurations that a plan may choose: nothing else is as fine."""
-        own = [(self._fem(*rung).configuration(), outcome) for rung, outcome in sorted(self.done.items())]
+        """Levels that are done, as configurations that a plan may choose: nothing else is as fine. Those that another
+        machine computed, where a home folder is shared, tell no time of this one."""
+        here = sorted((rung, outcome) for rung, outcome in self.done.items() if rung not in self._elsewhere)
+        own = [(self._fem(*rung).configuration(), outcome) for rung, outcome in here]
         return [*own, *(self.graded.tried() if self.graded is not None else ())]
 
     def cached(self, across: float, step: float) -> Outcome | None:
@@ -174,6 +180,8 @@ class Ladder:
                 raise self._store.refused(name, f"is corrupt ({error})") from None
             # a scene that asks for others keeps levels of its own beside these
             if found.series is not None and {*self.names} <= {*found.series.values}:
+                if data.get(_MACHINE, machine()) != machine():
+                    self._elsewhere.add((across, step))
                 return self._own(found)
         return None
 
