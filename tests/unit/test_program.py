@@ -12,6 +12,7 @@ from softseam_protocol.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
@@ -122,8 +123,40 @@ def test_a_phase_that_a_force_ends_takes_whole_steps(ending: dict[str, float]) -
     command, undecided = program.step(after, tools.position, tools.orientation)
     assert undecided is None
     assert command[0, 0] > 0.0
-    assert program.after(after, tools.position, tools.orientation, 0.4) == Progress(1, 0.1)
-    assert program.after(after, tools.position, tools.orientation, 0.5) == Progress(2, 0.0)
+    goes_on = program.after(after, tools.position, tools.orientation, 0.4)
+    assert (goes_on.phase, goes_on.elapsed) == (1, 0.1)
+    stands = program.after(after, tools.position, tools.orientation, 0.5)
+    command, _ = program.step(stands, tools.position, tools.orientation)
+    assert stands.phase == 1 and not command.any()
+    assert program.after(stands, tools.position, tools.orientation, 0.5) == Progress(2, 0.0)
+
+
+def test_tools_go_back_to_the_force_that_ends_their_phase() -> None:
+    """On a spring that is met on the way, in steps that pass the force by far."""
+    program, tools, _ = _program(0.1, [{**SQUEEZE, "until": {"force": 0.5}}, {"hold": 0.1}])
+    position, progress, forces = tools.position.copy(), Progress(), list[float]()
+    grip = program.grip
+    assert grip is not None
+    touch, stiffness = grip.gap(position, tools.orientation) - 1.5 * 0.1 * 0.04, 450.0  # [m], [N/m]
+    while progress.phase == 0:
+        command, undecided = program.step(progress, position, tools.orientation)
+        assert undecided is None and np.abs(command).max() <= 0.02 * (1.0 + 1e-12)
+        position += 0.1 * command[:, :3]
+        forces.append(max(0.0, touch - grip.gap(position, tools.orientation)) * stiffness)
+        progress = program.after(progress, position, tools.orientation, forces[-1])
+    assert forces[0] == 0.0 and max(forces) > 0.8 and forces[-1] == pytest.approx(0.5, rel=0.02)
+    assert len(forces) < 9
+
+
+def test_tools_that_meet_before_the_force_end_the_run_in_words() -> None:
+    program, tools, _ = _program(0.1, [{**SQUEEZE, "until": {"force": 50.0}}])
+    position = tools.position.copy()
+    program.step(Progress(), position, tools.orientation)
+    assert program.grip is not None and not program.met(position, tools.orientation)
+    position[0] += 1.001 * program.grip.gap(position, tools.orientation) * program.grip.axis
+    assert "have met" in program.met(position, tools.orientation)
+    with pytest.raises(StepFailed, match=r"motion\[0\].* have met before they pressed with 50 N: .*until.time"):
+        program.step(Progress(), position, tools.orientation)
 
 
 def test_a_phase_under_a_drive_takes_whole_steps() -> None:

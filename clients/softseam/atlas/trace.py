@@ -167,7 +167,10 @@ def told_by(trace: Trace) -> list[str]:
         elif kind == "energy" and trace.seam_work > CONFIRMED and "seam" in message:
             found.append("alarm: the seam does work")
         elif kind == "tools":
-            found.append("event: a tool moves too far in a step")
+            what = "the tools have met" if "have met" in message else "a tool moves too far in a step"
+            found.append(f"event: {what}")
+        elif kind == "force":
+            found.append("event: a phase ends off its force")
         elif kind == "accuracy":
             found.append("event: the estimated error is too large")
         elif kind == "element":

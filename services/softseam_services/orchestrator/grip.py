@@ -48,6 +48,10 @@ class Grip:
             return self.axis
         return np.array(rotate(turn, *rotate_back(np.array(self.upright), *self.axis)))
 
+    def force(self, wrench: Floats, orientation: Floats) -> float:
+        """Mean force of the body on the two along their axis [N], of wrenches (t, 6) and orientations (t, 4)."""
+        return 0.5 * along_axis(self.axis_now(orientation), wrench[self.first, :3], wrench[self.second, :3])
+
     def gap(self, position: Floats, orientation: Floats) -> float:
         """Clear way between the two at tool poses (t, 3) [m], (t, 4)."""
         return along_axis(self.axis_now(orientation), position[self.first], position[self.second]) - self.thickness

@@ -11,6 +11,7 @@ from softseam_protocol.scene import BodySpec, Scene
 _TOO_FAR = (
     "moves half its thickness in a step: the body may come out behind it; shorten the step, or move it more slowly"
 )
+_NO_TOUCH = "tools do not stop one another, and no body has room between them: stop them before"
 
 
 class Notices:
@@ -26,6 +27,7 @@ class Notices:
     def forget(self) -> None:
         """The last step is another's."""
         self._too_far: set[str] = set()
+        self._met = ""
         self._crushed = 0
         self._alarmed: set[str] = set()
 
@@ -36,9 +38,10 @@ class Notices:
         alarms: Iterable[str],
         estimate: ErrorEstimate | None,
         too_far: Iterable[str],
+        met: str,
     ) -> None:
         """A step was taken: replies of the sides, new alarms of the energy, how far the run may be off where it ends,
-        and tools that moved half their thickness."""
+        tools that moved half their thickness, and those that have met, in words."""
         at = f"step {step}"
         if step == 0 and self._locks:
             self._tell("element", self._locks)
@@ -58,6 +61,9 @@ class Notices:
             if name not in self._too_far:
                 self._tell("tools", f"{at}: {name} {_TOO_FAR}")
         self._too_far.update(too_far)
+        if met and not self._met:
+            self._tell("tools", f"{at}: {met}: {_NO_TOUCH}")
+        self._met = met
 
 
 def locking(scene: Scene) -> str:

@@ -3,20 +3,22 @@
 A phase that knows its own end, because only time or the tools' way decides it, ends within a step and the next takes
 up the rest of it: what a step moves is the sum of both ways, and the poses at the end of a step are those of the exact
 motion however long the steps are. Where a force decides (an end by force, a force held, a limit), whole steps belong to
-one phase: the force is known after the step.
+one phase: the force is known after the step. Where it ends a phase, the tools go back to where it is (`force_search`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.scene_motion import ClosePhase, GripPhase, HoldPhase, MovePhase, Phase, ReleasePhase, TurnPhase
+from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
+from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.tools.kernels import rotate
 from softseam_services.tools.pose import quaternion_turning, turned
 from softseam_services.tools.tool_set import ToolSet
@@ -35,6 +37,8 @@ class Progress:
     phase: int = 0
     elapsed: float = 0.0
     """in this phase [s]"""
+    search: ForceSearch = field(default_factory=ForceSearch)
+    """of the force that ends it"""
 
 
 class Program:
@@ -61,8 +65,10 @@ class Program:
         self.grip = next(iter(grips.values()), None)
         """the first two tools that close, if any do"""
         self._index = {name: i for i, name in enumerate(tools.names)}
-        self._whole = set(driven) | {number for number, phase in enumerate(phases) if _ends_by_force(phase)}
+        self._whole = {*driven, *self._ends()}
         """phases that take whole steps"""
+        self._searches = {number: force for number, force in self._ends().items() if number not in driven}
+        """forces that end phases [N], where no drive has its say"""
         self._lengths = {
             number: math.hypot(*(phase.move if isinstance(phase, MovePhase) else phase.turn))
             for number, phase in enumerate(phases)
@@ -87,16 +93,31 @@ class Program:
         """1 - (gap between the gripping tools)/(width of the body at rest), or 0 without a grip."""
         return 0.0 if self.grip is None else 1.0 - self.grip.gap(position, orientation) / self.grip.width
 
+    def closing_force(self, progress: Progress, wrench: Floats, orientation: Floats) -> float:
+        """Mean force on the tools that close in this phase [N], of wrenches (t, 6) [N, N m]; 0 in others."""
+        grip = self._grips.get(progress.phase)
+        return 0.0 if grip is None else grip.force(wrench, orientation)
+
+    def met(self, position: Floats, orientation: Floats) -> str:
+        """The gripping tools where they have met, in words; '' before, and without a grip."""
+        grip = self.grip
+        if grip is None or grip.gap(position, orientation) > 0.0:
+            return ""
+        return f"{self._tools.names[grip.first]} and {self._tools.names[grip.second]} have met"
+
     def step(self, progress: Progress, position: Floats, orientation: Floats) -> tuple[Floats, Progress | None]:
         """What the tools do in the coming step, from poses (t, 3) [m], (t, 4).
 
         Returns their velocities and angular velocities (t, 6) [m/s, rad/s], and the progress after the step; None where
-        a force decides that (see `after`).
+        a force decides that (see `after`). Raises StepFailed where tools have met that nothing else would stop.
         """
         if self.done(progress):
             return np.zeros((len(position), 6)), progress
+        self._demand_gap(progress, position, orientation)
         if progress.phase in self._whole:
             duration = min(self._dt, self._left(progress, position, orientation))
+            if progress.phase in self._searches:
+                duration = min(duration, self._to_force(progress, position, orientation))
             return self._way(progress.phase, duration, position, orientation) / self._dt, None
         rest, tick = self._dt, _ROUNDING * self._dt
         if self._left(progress, position, orientation) > rest + tick:
@@ -120,13 +141,32 @@ class Program:
 
     def after(self, progress: Progress, position: Floats, orientation: Floats, grip_force: float) -> Progress:
         """Progress after a step that a force decided on; it ended with these tool poses and this mean force [N]."""
-        elapsed = progress.elapsed + self._dt
-        there = Progress(progress.phase, elapsed)
-        phase = self._phases[progress.phase]
-        ended = self._left(there, position, orientation) <= self._slack(progress.phase)
-        if isinstance(phase, ClosePhase) and phase.until.force is not None:
+        number, elapsed = progress.phase, progress.elapsed + self._dt
+        there = Progress(number, elapsed)
+        phase = self._phases[number]
+        ended = self._left(there, position, orientation) <= self._slack(number)
+        if number in self._searches:
+            wanted, gap = self._searches[number], self._grips[number].gap(position, orientation)
+            assert isinstance(phase, ClosePhase)
+            before = progress.search
+            if progress.elapsed == 0.0:
+                before = ForceSearch(gap + 2.0 * phase.close * self._dt)
+            ended = ended or before.ended(grip_force, wanted)
+            there = Progress(number, elapsed, before.after(gap, grip_force, wanted))
+        elif isinstance(phase, ClosePhase) and phase.until.force is not None:
             ended = ended or grip_force >= phase.until.force
-        return Progress(progress.phase + 1) if ended else there
+        return Progress(number + 1) if ended else there
+
+    def missed(self, progress: Progress, force: float) -> str:
+        """What to say of a phase that ends past the force [N] that was to end it; '' of others. Progress is that before
+        its last step."""
+        wanted = self._searches.get(progress.phase)
+        if wanted is None or not progress.search.passed or is_near(force, wanted):
+            return ""
+        return (
+            f"motion[{progress.phase}] ends with {force:.3g} N, not with the {wanted:g} N of until.force: shorten the "
+            "step, close more slowly, or leave it more of until.time"
+        )
 
     def gripping(self, progress: Progress, before: NDArray[np.int8]) -> NDArray[np.int8]:
         """1 for the tools that hold particles in the coming step (t,), after those that did before."""
@@ -170,6 +210,32 @@ class Program:
             bounds.append(max(0.0, phase.until.time - progress.elapsed))
         return min(bounds)
 
+    def _demand_gap(self, progress: Progress, position: Floats, orientation: Floats) -> None:
+        """Raise StepFailed where a phase that only a force ends has its tools where nothing is left between them."""
+        phase, number = self._phases[progress.phase], progress.phase
+        if not isinstance(phase, ClosePhase) or phase.until.force is None or phase.until.time is not None:
+            return
+        if self._grips[number].gap(position, orientation) <= 0.0:
+            one, other = phase.tools
+            raise StepFailed(
+                f"motion[{number}]: {one!r} and {other!r} have met before they pressed with {phase.until.force:g} N: "
+                "ask for less in until.force, or give until.time as well"
+            )
+
+    def _to_force(self, progress: Progress, position: Floats, orientation: Floats) -> float:
+        """Time that the tools take to where the force is looked for next, negative for back, a step at most [s]."""
+        phase, search = self._phases[progress.phase], progress.search
+        assert isinstance(phase, ClosePhase)
+        if search.stands:
+            return 0.0
+        way = self._grips[progress.phase].gap(position, orientation) - search.to(self._searches[progress.phase])
+        return min(self._dt, max(-self._dt, way / (2.0 * phase.close)))
+
+    def _ends(self) -> dict[int, float]:
+        """Forces that end closing phases [N], by phase."""
+        closing = ((n, phase) for n, phase in enumerate(self._phases) if isinstance(phase, ClosePhase))
+        return {n: phase.until.force for n, phase in closing if phase.until.force is not None}
+
     def _slack(self, number: int) -> float:
         """How early a phase that takes whole steps may end [s]: one that only stands ends with the nearest step."""
         phase = self._phases[number]
@@ -211,10 +277,6 @@ class Program:
         way = np.zeros((len(self._index), 6))
         way[[self._index[name] for name in phase.tools], :3] = phase.move
         return way
-
-
-def _ends_by_force(phase: Phase) -> bool:
-    return isinstance(phase, ClosePhase) and phase.until.force is not None
 
 
 def _moved(way: Floats, position: Floats, orientation: Floats) -> tuple[Floats, Floats]:

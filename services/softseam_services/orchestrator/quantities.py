@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from softseam_protocol.messages import Advanced, Frame
 from softseam_protocol.scene import OF_PARTICLES
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.grip import along_axis
 from softseam_services.orchestrator.indicators import MEASURED, summarise
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.stress import von_mises
@@ -46,9 +45,7 @@ class Quantities:
     def grip_force(self, wrench: Floats, orientation: Floats) -> float:
         """Mean force of the body on the gripping tools along the line between them [N]; orientations (t, 4)."""
         grip = self._program.grip
-        if grip is None:
-            return 0.0
-        return 0.5 * along_axis(grip.axis_now(orientation), wrench[grip.first, :3], wrench[grip.second, :3])
+        return 0.0 if grip is None else grip.force(wrench, orientation)
 
     def height(self, replies: Mapping[str, Advanced]) -> float:
         """How far the centre of mass rose since rest, against gravity [m]; without gravity, the lowest point."""

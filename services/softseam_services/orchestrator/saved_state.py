@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies, LedgerState
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
+from softseam_services.orchestrator.force_search import ForceSearch
 from softseam_services.orchestrator.program import Progress
 from softseam_services.orchestrator.sides import FAR, NEAR
 
@@ -54,6 +55,7 @@ class SavedState:
         """As bytes, which `unpack` reads."""
         progress = self.progress
         numbers = [self.step, progress.phase, progress.elapsed, self.lift_base, self.lifting, self.seed]
+        numbers += progress.search.to_list()
         entries: dict[str, NDArray[np.generic] | bytes] = {
             "scene": self.scene.encode(),
             "numbers": np.array(numbers, dtype=np.float64),
@@ -75,7 +77,7 @@ class SavedState:
         """From bytes. Raises ArchiveError where anything is missing."""
         entries = unpack(data)
         try:
-            step, phase, elapsed, lift_base, lifting, seed = entries["numbers"].astype(np.float64).tolist()
+            step, phase, elapsed, lift_base, lifting, seed, *search = entries["numbers"].astype(np.float64).tolist()
             near = entries[_CELLS + "cut"] != 0
             ledger = entries["ledger"].astype(np.float64).tolist()
             held = [name for name, cells in ((NEAR, near), (FAR, ~near)) if cells.any()] or [
@@ -84,7 +86,7 @@ class SavedState:
             return cls(
                 scene=entries["scene"].tobytes().decode(),
                 step=int(step),
-                progress=Progress(int(phase), elapsed),
+                progress=Progress(int(phase), elapsed, ForceSearch.from_list(search)),
                 lift_base=lift_base,
                 lifting=bool(lifting),
                 seed=int(seed),

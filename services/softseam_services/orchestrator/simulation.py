@@ -171,7 +171,11 @@ class Simulation:
         if velocities is None:
             self._drives.measured(wrench, self._orientation)
         if progress is None:
-            progress = self._program.after(self._progress, self._position, self._orientation, grip_force)
+            closing = self._program.closing_force(self._progress, wrench, self._orientation)
+            progress = self._program.after(self._progress, self._position, self._orientation, closing)
+            missed = self._program.missed(self._progress, closing) if progress.phase > self._progress.phase else ""
+            if missed:
+                self._event("force", f"step {self._clock.step - 1}: {missed}")
         phase = self._program.phase_of(self._progress, progress)
         phase_ends = progress.phase > self._progress.phase
         self._progress = progress
@@ -215,7 +219,8 @@ class Simulation:
             self._frame = None
             self._accounts.switched(switched)
         alarms = [alarm.value for alarm in self._accounts.raised]
-        self._notices.follow(self._clock.step - 1, replies, alarms, estimate, too_far)
+        met = self._program.met(self._position, self._orientation)
+        self._notices.follow(self._clock.step - 1, replies, alarms, estimate, too_far, met)
         self._report = report
         if self._emit is not None:
             self._emit(report)
