@@ -186,7 +186,9 @@ class BodySpec(Spec):
             n_cells = math.prod(max(1, round(size / edge)) for size, edge in zip(self.shape.size, edges, strict=True))
             if n_cells > MOST_CELLS:
                 at = "cell" if self.cell is not None else "shape"
-                raise wrong(f"{n_cells:,} cells, more than {MOST_CELLS:,}: give a longer cell edge", at)
+                size = " x ".join(f"{edge:g}" for edge in self.shape.size)
+                what = f"{size} m in {n_cells:,} cells, more than {MOST_CELLS:,}"
+                raise wrong(f"{what}: give a longer cell edge, and all lengths in metres", at)
         return self
 
 

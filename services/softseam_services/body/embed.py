@@ -72,8 +72,10 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> 
     corner, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
     counts, edges = divide(size, cell)
     if int(counts.prod()) > _MOST_CELLS:
+        box = " x ".join(f"{edge:.3g}" for edge in size)
         raise MeshError(
-            f"{path}: {int(counts.prod())} cells in the bounding box, over {_MOST_CELLS}; make `cell` larger"
+            f"{path}: {int(counts.prod()):,} cells in a box of {box} m, more than {_MOST_CELLS:,}: "
+            "give a longer `cell`, or set `scale` (0.001 for a file in mm)"
         )
     octants = 2 * counts.astype(np.int64)
     lattice = np.clip((vertices - corner) * (octants / size), 0.0, octants)

@@ -23,6 +23,7 @@ from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.request_check import problem_of, problem_of_anchor
+from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
 
 _NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
@@ -169,7 +170,18 @@ class FemSolver:
         end.history[:], end.past, end.level = now.history, now.past, now.level
         self._tentative = False
         self._stepper.fail(now)
+        self._stand(now)
         return self._reply(request, text, began)
+
+    def _stand(self, now: FemState) -> None:
+        """What a step that failed reports: the whole region where it stands."""
+        whole, model, out = self._unfolded(now), self.tables.whole[0], self._stepper.out
+        standing = Standing.of(whole.x, whole.v, model.mass)
+        out[kernel.KINETIC], out[kernel.STRAIN] = standing.kinetic, self.strain
+        out[kernel.GRAVITY] = self.moving[1]
+        out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = standing.momentum
+        out[kernel.ANGULAR : kernel.ANGULAR + 3] = standing.angular
+        out[kernel.LOWEST : kernel.LOWEST + 6] = standing.bounds.ravel()
 
     def _reply(self, request: Advance, status: str, began: float) -> Advanced:
         stepper, fold = self._stepper, self._fold

@@ -327,6 +327,11 @@ class Simulation:
                     f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
                     f"or seven with its grip (1 or 0), not {velocity!r}"
                 )
+            if len(value) == 7 and isinstance(self.body, Body):
+                raise ValueError(
+                    f"the velocity of {name!r} has a grip, its seventh number: tools grip particles only, and this "
+                    "body is of cells, which friction holds: give six"
+                )
             tool = self.tools.names.index(name)
             command[tool, : len(value[:6])] = value[:6]
             if len(value) == 7:

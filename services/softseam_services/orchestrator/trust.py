@@ -165,7 +165,7 @@ class Trust:
                 cells += ", and for pbd are boxes of one size"
             elif self._scene.models.pbd.coarse is not None:
                 cells += ", and for pbd are eight blocks (leave out models.pbd.coarse)"
-            text = f"not known: {_percent(judged)} of the strain energy is in {cells}"
+            text = f"not known: only {_percent(judged)} of the strain energy is in {cells}; compare with shorter cells"
             return ErrorEstimate(time, mesh, model, 0.0, judged, text, False)
         parts = [f"{what} {_percent(error)}" for what, error in (("mesh", mesh), ("model", model)) if error > 0.0]
         text = f"{' and '.join(parts) or 'nothing'} in the energy norm, "

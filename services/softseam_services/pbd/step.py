@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from softseam_protocol.messages import Advance, ToolMotion
+from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
 
 from . import watch
@@ -124,6 +125,12 @@ class Stepper:
         self.result[:] = 0.0
         self.wrench[:] = 0.0
         self.distance[:] = 0.0
+        result, monitor = self.result, committed.monitor
+        standing = Standing.of(committed.x, committed.v, self._model.region.mass)
+        result[k.KINETIC], result[k.STRAIN] = standing.kinetic, monitor[watch.STRAIN]
+        result[k.GRAVITY] = monitor[watch.GRAVITY]
+        result[k.MOMENTUM : k.MOMENTUM + 3], result[k.ANGULAR : k.ANGULAR + 3] = standing.momentum, standing.angular
+        result[k.BOUNDS : k.BOUNDS + 6] = standing.bounds.ravel()
 
     def share_out(self, state: PbdState, motion: ToolMotion) -> None:
         """A handed-over state names one tool a point; now that the poses are known, all that touch it get a share."""
