@@ -75,7 +75,7 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> 
         box = " x ".join(f"{edge:.3g}" for edge in size)
         raise MeshError(
             f"{path}: {int(counts.prod()):,} cells in a box of {box} m, more than {_MOST_CELLS:,}: "
-            "give a longer `cell`, or set `scale` (0.001 for a file in mm)"
+            "make `cell` larger, or set `scale` (0.001 for a file in mm)"
         )
     octants = 2 * counts.astype(np.int64)
     lattice = np.clip((vertices - corner) * (octants / size), 0.0, octants)

@@ -161,8 +161,8 @@ class Program:
         """What to say of a phase that ends past the force [N] that was to end it; '' of others. Progress is that before
         its last step."""
         wanted = self._searches.get(progress.phase)
-        if wanted is None or not progress.search.passed or is_near(force, wanted):
-            return ""
+        if wanted is None or is_near(force, wanted) or not (progress.search.passed or force > wanted):
+            return ""  # one that ends by its time before it ever had the force ends as it was asked to
         return (
             f"motion[{progress.phase}] ends with {force:.3g} N, not with the {wanted:g} N of until.force: shorten the "
             "step, close more slowly, or leave it more of until.time"
