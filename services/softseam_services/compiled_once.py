@@ -19,6 +19,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
+from softseam_coupling.kept_kernels import keep
+
 
 def njit(*, cache: bool, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """`numba.njit` with the same options; what the decorated function calls is compiled with it if decorated alike."""
@@ -28,7 +30,7 @@ def njit(*, cache: bool, **options: Any) -> Callable[[Callable[..., Any]], Any]:
             return function
         kernel = _Kernel(function, targetoptions=options | {"nopython": True, "boundscheck": None})
         if cache:
-            kernel.enable_caching()
+            keep(kernel)
         return kernel
 
     return decorate

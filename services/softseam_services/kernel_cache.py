@@ -54,8 +54,11 @@ def drop_stale_kernels(packages: Iterable[Path]) -> int:
                     dropped += 1
         stamp.parent.mkdir(exist_ok=True)
         fresh = stamp.with_suffix(f".{os.getpid()}")
-        fresh.write_text(json.dumps(now | {"": everything}))
-        fresh.replace(stamp)
+        try:
+            fresh.write_text(json.dumps(now | {"": everything}))
+            fresh.replace(stamp)
+        finally:
+            fresh.unlink(missing_ok=True)  # what a full disk took of it
     return dropped
 
 
@@ -72,10 +75,12 @@ def _digest(texts: Mapping[str, bytes], modules: Iterable[str]) -> str:
 
 
 def _read(stamp: Path) -> dict[str, str]:
+    """Digests by module, none where the stamp was never written or is damaged."""
     try:
-        return dict(json.loads(stamp.read_text()))
-    except (FileNotFoundError, ValueError):
+        known = json.loads(stamp.read_text())
+    except (OSError, ValueError):
         return {}
+    return known if isinstance(known, dict) else {}
 
 
 def _package(module: str, path: Path) -> list[str]:

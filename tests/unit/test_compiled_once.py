@@ -15,10 +15,11 @@ import numba
 import numpy as np
 import pytest
 
+import softseam_coupling
 import softseam_services
 from softseam_services.compiled_once import _link, njit
 
-SERVICES = Path(softseam_services.__file__).parent
+SERVICES, COUPLING = (Path(package.__file__).parent for package in (softseam_services, softseam_coupling))
 
 
 @njit(cache=False, error_model="numpy")
@@ -117,11 +118,16 @@ def _specialisations(kernel) -> int:  # type: ignore[no-untyped-def]
     return sum(variable.name.startswith("_ZN08NumbaEnv") for module in modules for variable in module.global_variables)
 
 
-def test_kernels_of_services_are_compiled_once() -> None:
-    """No source of the services takes njit from numba, which would compile it again in whatever calls it."""
+@pytest.mark.parametrize(
+    ("package", "instead"),
+    [(SERVICES, "softseam_services.compiled_once"), (COUPLING, "softseam_coupling.kept_kernels")],
+    ids=["services", "coupling"],
+)
+def test_no_kernel_is_numbas_own(package: Path, instead: str) -> None:
+    """Numba's njit would compile a kernel of the services again in whatever calls it, and end runs for a bad cache."""
     taken = [
-        f"{path.relative_to(SERVICES)}: from softseam_services.compiled_once import njit"
-        for path in sorted(SERVICES.rglob("*.py"))
+        f"{path.relative_to(package)}: from {instead} import njit"
+        for path in sorted(package.rglob("*.py"))
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.ImportFrom) and node.module == "numba" and any(a.name == "njit" for a in node.names)
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from full_disk import files_up_to
 
 from softseam_services.kernel_cache import drop_stale_kernels, kernel_packages
 
@@ -58,10 +59,17 @@ def test_what_a_change_reaches_is_forgotten(home: Path, changed: str, forgotten:
     assert drop_stale_kernels(packages) == 0
 
 
-def test_without_a_readable_stamp_everything_is_forgotten(home: Path) -> None:
-    for stamp in (home / "one" / "__pycache__").glob("*.json"):
-        stamp.write_text("{")
+@pytest.mark.parametrize("damaged", [b"", b"{", b"5", b"null", b"[1]", b'{"": 5}', b"\xff"], ids=repr)
+def test_without_a_readable_stamp_everything_is_forgotten(home: Path, damaged: bytes) -> None:
+    (home / "one" / "__pycache__" / "kernels.json").write_bytes(damaged)
     assert drop_stale_kernels([home / "one", home / "two"]) == len(_COMPILED)
+
+
+def test_a_full_disk_keeps_no_half_of_a_stamp(home: Path) -> None:
+    (home / "one" / "apart.py").write_text("# changed\n")
+    with files_up_to(16):
+        assert drop_stale_kernels([home / "one", home / "two"]) == 1
+    assert [path.name for path in (home / "one" / "__pycache__").glob("kernels*")] == ["kernels.json"]
 
 
 def test_both_packages_with_kernels_are_watched() -> None:

@@ -26,7 +26,8 @@ lambda (rows 1 and 3 amplify it 3 and 7 times), does not pass. Three points: w =
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_coupling.kept_kernels import njit
 
 NAMES = ("constant", "linear", "damped linear", "quadratic", "damped quadratic")
 EXTRAPOLATION = np.array(

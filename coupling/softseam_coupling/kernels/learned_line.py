@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_coupling.kept_kernels import njit
 
 NEW = 0.05
 """share of a pair's energy that no newer pair has, below which it says nothing new [1]"""

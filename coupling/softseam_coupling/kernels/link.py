@@ -21,8 +21,8 @@ in place of H in (2) and (3) makes of m in (2) m + E z, where with G = S - S Y S
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_coupling.kept_kernels import njit
 from softseam_coupling.kernels.learned_line import dot, multiply_one, solve_small, yield_to
 from softseam_coupling.kernels.quasi_newton import largest_node
 

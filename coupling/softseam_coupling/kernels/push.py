@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_coupling.kept_kernels import njit
 from softseam_coupling.kernels.learned_line import dot, multiply_one, multiply_symmetric
 from softseam_coupling.kernels.quasi_newton import largest_node
 

@@ -22,7 +22,8 @@ Sums run in a fixed order in four lanes: quick without fastmath, and the same bi
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from softseam_coupling.kept_kernels import njit
 
 DAMPING_FLOOR = 0.1
 SAFE_COSINE = 1e-3

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from softseam_coupling.kept_kernels import njit
 from softseam_coupling.kernels.quasi_newton import multiply
 
 CURVATURE = 1e-3
