@@ -13,7 +13,7 @@ import numpy as np
 from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
 from softseam.observation import Observation, observation_from
-from softseam.scenes import bundle_of, located
+from softseam.scenes import bundle_of, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
 from softseam_protocol.messages import Vector3
@@ -75,6 +75,10 @@ def open_as_given(
         raise SceneRefused(located(endless, scene, settings))
     if varied is not parsed:
         bundle = bundle_scene(varied, bundle.files)
+    if isinstance(record, str | Path):
+        for what, used in inputs_of(scene).items():
+            if Path(record).resolve() == used.resolve():
+                raise BadInput(f"record={str(record)!r} is {what}, which would be lost: choose another name")
     try:
         backend = _backend(bundle, connect, record, timeout)
     except SceneRefused as error:

@@ -24,8 +24,9 @@ from softseam.chart.sweep import finished, sweep
 from softseam.chart.table import Row, busy, row_json, rows_of, write_csv
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
-from softseam.report import write_report
-from softseam.scenes import bundle_of
+from softseam.outputs import check_outputs
+from softseam.report import write_json
+from softseam.scenes import bundle_of, inputs_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
@@ -33,6 +34,8 @@ from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 
 CHART_VERSION = 1
+LEFT = ("chart.png", "chart.html", "chart.csv", "chart.json")
+"""files that a chart consists of"""
 REFERENCE_SHARE = 0.5
 """of the budget, for the reference"""
 
@@ -63,9 +66,11 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     scene = with_settings(loaded, wishes.settings)
     names = quantity_names(scene)
     rivals = read_rivals(wishes.rivals, scene.name) if wishes.rivals is not None else []
-    began = perf_counter()
     frame = frame_of(scene, wishes.scene, wishes.settings)
     folder = wishes.out or Path("out") / f"chart-{scene.name}"
+    read = {} if wishes.rivals is None else {"the file of --rivals": wishes.rivals}
+    check_outputs([("--out", folder / name) for name in LEFT], inputs=inputs_of(wishes.scene) | read)
+    began = perf_counter()
     key = scene_hash(bundle_scene(scene, bundle.files))
     here, code = machine(), solver_digest()
     identity = Identity(key, code, here)
@@ -121,7 +126,7 @@ def _write(
         "rivals": [vars(mark) for mark in rivals],
     }
     try:
-        write_report(document, folder / "chart.json")
+        write_json(document, folder / "chart.json")
         write_csv(rows, list(reference.truth), folder / "chart.csv")
         draw_chart(folder / "chart.png", title, here, rows, reference, ASKED, rivals)
         write_page(folder / "chart.html", title, document)
@@ -170,5 +175,5 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
     n_done = sum(row.error is not None for row in rows)
     text = f"{n_done} of {len(rows)} configurations of {len(METHODS)} methods in {seconds:.0f} s"
     console.print(Text(text, style="dim"))
-    for name in ("chart.png", "chart.html", "chart.csv", "chart.json"):
+    for name in LEFT:
         console.print(f"{folder / name}", highlight=False, soft_wrap=True)
