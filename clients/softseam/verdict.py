@@ -19,7 +19,7 @@ _LOST = 0.05
 """part of the largest force below which tools have lost the body"""
 _FALLEN = 0.1
 """part of its highest rise by which a body that was set down may sink once it is let go"""
-_SEEN = 0.1
+_SEEN = 0.12
 """time after which a body that was let go in the air has fallen [s]"""
 
 
