@@ -14,7 +14,7 @@ from softseam.chart.configurations import METHODS, configurations
 from softseam.chart.errors import not_counted
 from softseam.chart.frame import frame_of
 from softseam.chart.ladder import Ladder
-from softseam.chart.landmarks import ASKED, Landmark, read_rivals
+from softseam.chart.landmarks import Landmark, asked_of, read_rivals
 from softseam.chart.measure import quantity_names
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Reference, described, origin
@@ -114,7 +114,7 @@ def _write(
         raise missing_extra(error, "drawing a chart") from error
     from softseam.chart.page import write_page
 
-    title = scene.name.replace("_", " ")
+    title, asked = scene.name.replace("_", " "), asked_of(scene.name)
     document = {
         "chart_version": CHART_VERSION,
         "scene": {"name": scene.name, "hash": key},
@@ -122,13 +122,13 @@ def _write(
         "machine": here + busy(rows),
         "reference": described(reference),
         "rows": [row_json(row) for row in rows],
-        "asked": [vars(mark) for mark in ASKED],
+        "asked": [vars(mark) for mark in asked],
         "rivals": [vars(mark) for mark in rivals],
     }
     try:
         write_json(document, folder / "chart.json")
         write_csv(rows, list(reference.truth), folder / "chart.csv")
-        draw_chart(folder / "chart.png", title, here, rows, reference, ASKED, rivals)
+        draw_chart(folder / "chart.png", title, here, rows, reference, asked, rivals)
         write_page(folder / "chart.html", title, document)
     except OSError as error:
         raise SoftseamError(f"cannot write {error.filename or folder}: {error.strerror}") from error
