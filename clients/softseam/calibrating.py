@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -15,8 +15,9 @@ from rich.text import Text
 from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest, translated
 from softseam.errors import BadInput, missing_extra
+from softseam.outputs import check_ending, check_outputs
 from softseam.report import write_report
-from softseam.scenes import bundle_of
+from softseam.scenes import bundle_of, inputs_of
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.messages import Bundle
@@ -43,6 +44,9 @@ def calibrate(wishes: Wishes, console: Console) -> None:
     if not 0.0 < wishes.tolerance < 1.0:
         raise BadInput(f"--tolerance {wishes.tolerance}: a share between 0 and 1, e.g. 0.05")
     loaded, bundle = bundle_of(wishes.scene)
+    if wishes.report is not None:
+        check_ending("--report", wishes.report, ".json", "a report")
+        check_outputs([("--report", wishes.report)], inputs=inputs_of(wishes.scene))
     scene = with_settings(loaded, wishes.settings)
     if scene is not loaded:
         bundle = bundle_scene(scene, bundle.files)
@@ -77,7 +81,7 @@ def calibrate(wishes: Wishes, console: Console) -> None:
             "shown": [asdict(each) for each in shown],
             "recommended": None if chosen is None else {"substeps": chosen.substeps, "sweeps": chosen.sweeps},
         }
-        _write(document, wishes.report)
+        write_report(document, wishes.report)
 
 
 def _measure(scene: Scene, bundle: Bundle, tolerance: float) -> tuple[Wanted, list[Shown]]:
@@ -138,10 +142,3 @@ def _print(
     else:
         setting = f"models: {{pbd: {{substeps: {chosen.substeps}, sweeps: {chosen.sweeps}}}}}"
         console.print(Text(f"cheapest within {share}:  {setting}", style="green"))
-
-
-def _write(document: dict[str, Any], path: Path) -> None:
-    try:
-        write_report(document, path)
-    except OSError as error:
-        raise BadInput(f"cannot write {path}: {error.strerror}") from None

@@ -15,6 +15,7 @@ from rich.text import Text
 from softseam.duration import expected_duration, too_many_steps
 from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
+from softseam.odd_motion import odd_motion
 from softseam.scenes import bundle_of, located
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
@@ -71,6 +72,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         table.add_row("models", _models(scene))
         table.add_row("steps", _steps(scene))
         console.print(table)
+        _warn(odd_motion(scene, float(np.ptp(built.x_rest, axis=0).max())), name, settings, console)
         console.print(Text("the scene can be simulated", style="green"))
         return
     body = check_body(built)
@@ -96,7 +98,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
     doubts = [*body.warnings, *_locks(scene), *_stiff_for_pbd(scene, built), *_leaps(scene, built, setup.tools)]
-    doubts += [*_in_vain(scene, built), *_stiffened_by_time(scene)]
+    doubts += [*_in_vain(scene, built), *_stiffened_by_time(scene), *odd_motion(scene, max(body.size))]
     try:
         doubts += _few_substeps(scene, built, setup.tools)
     except SettingError as error:
@@ -108,11 +110,15 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         doubts += _pokes_between(scene, built, coarse, setup.tools)
     table.add_row("steps", _steps(scene))
     console.print(table)
-    for warning in doubts:
-        console.print(Text(f"warning: {located(warning, name, settings)}", style="yellow"))
+    _warn(doubts, name, settings, console)
     for note in (*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)):
         console.print(Text(f"note: {note}", style="dim"))
     console.print(Text("the scene can be simulated", style="green"))
+
+
+def _warn(doubts: Sequence[str], name: str, settings: Sequence[str], console: Console) -> None:
+    for doubt in doubts:
+        console.print(Text(f"warning: {located(doubt, name, settings)}", style="yellow"))
 
 
 def _inclusion(kind: str, part: Part) -> str:

@@ -80,7 +80,7 @@ def run(
     ] = None,
     record: Annotated[Path | None, typer.Option(metavar="FILE", help="Record to this .mcap file.")] = None,
     report: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write figures, ledger and events as JSON.")
+        Path | None, typer.Option(metavar="FILE", help="Write figures, ledger and events to this .json file.")
     ] = None,
     pictures: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw pictures into this folder.")] = None,
     connect: Endpoint = None,
@@ -232,7 +232,7 @@ def calibrate(
     tolerance: Annotated[
         float, typer.Option(metavar="SHARE", help="Of Young's modulus in time, and of the amplitude a period.")
     ] = 0.05,
-    report: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the figures as JSON.")] = None,
+    report: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the figures to this .json file.")] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Forget what was measured before.")] = False,
     settings: Settings = None,
 ) -> None:
@@ -330,7 +330,13 @@ def schema(
     if out is None:
         sys.stdout.write(scene_schema())
     else:
-        out.write_text(scene_schema(), encoding="utf-8")
+        from softseam.outputs import cannot_write, check_outputs
+
+        check_outputs([("--out", out)], inputs={})
+        try:
+            out.write_text(scene_schema(), encoding="utf-8")
+        except OSError as error:
+            raise cannot_write(out, error) from None
 
 
 def main() -> int:

@@ -14,7 +14,7 @@ from softseam.view.colors import label
 
 _SHOWN = {"N": ("N", 1.0), "m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "": ("", 1.0)}
 """unit that people read and its factor, for each that is reported"""
-_COLOR = {"lifted": "green", "held": "green", "finished": "green"}
+_COLOR = {"lifted": "green", "set down": "green", "finished": "green"}
 
 
 def print_closing(console: Console, report: Mapping[str, Any]) -> None:

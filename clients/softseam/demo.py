@@ -14,10 +14,11 @@ from rich.text import Text
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
 from softseam.opening import open as open_session
+from softseam.outputs import check_outputs
 from softseam.processes import services
 from softseam.report import write_report
 from softseam.running import follow, note_recording, print_recording
-from softseam.scenes import bundle_of
+from softseam.scenes import bundle_of, inputs_of
 from softseam.showing import draw, drawing_errors, save_rrd
 from softseam.variants import Model
 from softseam_protocol.scene import Scene
@@ -30,6 +31,7 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
     """
     scene, _ = bundle_of(name)
     folder = out or Path("out") / f"demo-{scene.name}"
+    check_outputs([("--out", folder / file) for file in ("run.mcap", "run.rrd", "report.json")], inputs=inputs_of(name))
     began = perf_counter()
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -41,6 +41,12 @@ def open(
     from softseam.plan.command import Wishes, find
     from softseam.plan.watch import PlanWatch
 
-    # progress goes to the terminal's standard error, if there is one
-    console, wishes = Console(stderr=True, quiet=not sys.stderr.isatty()), Wishes(scene, tuple(settings))
-    return PlanWatch(wishes, find(wishes, console), console, begin).begin()
+    # progress goes to the terminal's standard error; where there is none, a line says what takes so long
+    shown = sys.stderr.isatty()
+    console, wishes = Console(stderr=True, quiet=not shown), Wishes(scene, tuple(settings))
+
+    def begins(text: str) -> None:
+        if not shown:
+            print(f"softseam: {text}", file=sys.stderr, flush=True)
+
+    return PlanWatch(wishes, find(wishes, console, begins), console, begin).begin()

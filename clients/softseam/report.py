@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.columns import SPENT, Columns, unit_of
+from softseam.outputs import cannot_write
 from softseam.verdict import Verdict, judge
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.scene import Scene
@@ -169,12 +170,19 @@ class ReportBuilder:
 
 
 def write_report(report: Mapping[str, Any], path: Path | str) -> None:
-    """Write JSON, all or nothing: a reader never sees half a report. Raises OSError."""
-    path = Path(path)
+    """Write JSON, all or nothing: a reader never sees half a report. Raises BadInput where it cannot be written."""
+    try:
+        write_json(report, Path(path))
+    except OSError as error:
+        raise cannot_write(path, error) from None
+
+
+def write_json(document: Mapping[str, Any], path: Path) -> None:
+    """The same of any document. Raises OSError."""
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with fresh.open("w", encoding="utf-8") as stream:
-            json.dump(report, stream, indent=1, allow_nan=False)
+            json.dump(document, stream, indent=1, allow_nan=False)
             stream.write("\n")
             stream.flush()
             os.fsync(stream.fileno())

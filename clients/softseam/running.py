@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -18,9 +17,10 @@ from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
 from softseam.opening import open as open_session
+from softseam.outputs import cannot_write, check_ending, check_outputs
 from softseam.progress import RunProgress
 from softseam.report import ReportBuilder, write_report
-from softseam.scenes import bundle_of
+from softseam.scenes import bundle_of, inputs_of
 from softseam.session import Session
 from softseam.showing import draw, drawing_errors
 from softseam.variants import Model, with_settings
@@ -44,14 +44,10 @@ class Wishes:
 
 def run(wishes: Wishes, console: Console) -> dict[str, Any]:
     """Run a scene, show its progress and its closing table; returns the report."""
-    if wishes.record is not None and wishes.record.suffix != ".mcap":
-        raise BadInput(f"--record {wishes.record}: a recording's name ends in .mcap")
-    for path in (wishes.record, wishes.report):
-        if path is not None:
-            _writable(path)
     settings = wishes.settings
     if wishes.tolerance is not None and wishes.model is not None:
         raise BadInput("--model and --tolerance exclude each other: a tolerance chooses the model, too")
+    _check_outputs(wishes)
     if wishes.model is None and (wishes.tolerance is not None or _tolerance(wishes) is not None):
         from softseam.plan.command import Wishes as PlanWishes
         from softseam.plan.command import planned
@@ -87,6 +83,21 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
 
 def _tolerance(wishes: Wishes) -> float | None:
     return with_settings(bundle_of(wishes.scene)[0], wishes.settings).tolerance
+
+
+def _check_outputs(wishes: Wishes) -> None:
+    """Refuse an output before the run rather than after it."""
+    files = []
+    for option, path, ending, what in (
+        ("--record", wishes.record, ".mcap", "a recording"),
+        ("--report", wishes.report, ".json", "a report"),
+    ):
+        if path is not None:
+            check_ending(option, path, ending, what)
+            files.append((option, path))
+    folders = [] if wishes.pictures is None else [("--pictures", wishes.pictures)]
+    if files or folders:
+        check_outputs(files, folders, inputs=inputs_of(wishes.scene))
 
 
 def follow(
@@ -144,7 +155,10 @@ def _brought(session: Session, wanted: Path) -> Path | None:
         return None
     path = Path(session.recorded.path)
     if path.is_file() and path.resolve() != wanted.resolve():
-        shutil.copyfile(path, wanted)
+        try:
+            shutil.copyfile(path, wanted)
+        except OSError as error:
+            raise cannot_write(wanted, error) from None
         path = wanted
     return path
 
@@ -160,13 +174,3 @@ def _show(path: Path, wishes: Wishes, console: Console) -> None:
             from softseam.replay import replay
 
             replay(recording)
-
-
-def _writable(path: Path) -> None:
-    """Refuse an output before the run rather than after it."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"cannot make the folder of {path}: {error.strerror}") from None
-    if path.is_dir() or not os.access(path.parent, os.W_OK):
-        raise BadInput(f"cannot write {path}: choose a file in a folder that you may write to")

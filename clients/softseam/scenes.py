@@ -70,6 +70,15 @@ def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
     return loaded.scene, loaded.bundle
 
 
+def inputs_of(scene: str | Path | Scene) -> dict[str, Path]:
+    """Files that a scene is read from, by what they are: itself, and those that it names. Raises SceneRefused."""
+    if isinstance(scene, Scene):
+        return {}
+    path = scene_path(scene)
+    named = {f"the scene's {_dotted(at)}": path.parent / name for at, name in files_of(load_scene(scene))}
+    return {"the scene itself": path, **named}
+
+
 def located(text: str, scene: str | Path | Scene, settings: Sequence[str] = ()) -> str:
     """A refusal, from the key on that it names, and where that stands: in a setting, or in file, line and column.
 

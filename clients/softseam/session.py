@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +11,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from softseam.at_rest import at_rest
 from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
 from softseam.observation import Observation, observation_from
-from softseam.scenes import bundle_of, located
+from softseam.scenes import bundle_of, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
 from softseam_protocol.messages import Vector3
@@ -57,6 +59,16 @@ _NUMBERS = (
 )
 
 
+def _whole(value: object) -> int | None:
+    """A whole number, numpy's too; None of what is none. True and False are none, though Python counts with them."""
+    if isinstance(value, bool | np.bool_):
+        return None
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        return None
+
+
 def open_as_given(
     scene: str | Path | Scene,
     connect: str | None = None,
@@ -75,6 +87,10 @@ def open_as_given(
         raise SceneRefused(located(endless, scene, settings))
     if varied is not parsed:
         bundle = bundle_scene(varied, bundle.files)
+    if isinstance(record, str | Path):
+        for what, used in inputs_of(scene).items():
+            if Path(record).resolve() == used.resolve():
+                raise BadInput(f"record={str(record)!r} is {what}, which would be lost: choose another name")
     try:
         backend = _backend(bundle, connect, record, timeout)
     except SceneRefused as error:
@@ -135,9 +151,10 @@ class Session:
     def reset(self, seed: int | None = None) -> Observation:
         """Put the body and the tools where the scene starts; `seed` replaces the scene's."""
         seed = self.scene.seed if seed is None else seed
-        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**31:
+        number = _whole(seed)
+        if number is None or not 0 <= number < 2**31:
             raise BadInput(f"seed is {seed!r}: give a whole number from 0 to 2147483647")
-        return self._observe(self._running().reset(int(seed)))
+        return self._observe(self._running().reset(number))
 
     def step(
         self,
@@ -154,10 +171,11 @@ class Session:
         fields           also observe the fields of the whole body at the end
         """
         backend = self._begun()
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        steps = _whole(count)
+        if steps is None or steps < 1:
             raise BadInput(f"count is {count!r}: give a whole number of steps, 1 or more")
         velocities = None if tool_velocities is None else self._checked(tool_velocities)
-        observation = self._observe(backend.step(count, velocities, fields))
+        observation = self._observe(backend.step(steps, velocities, fields))
         if velocities is not None and self._length is not None and not observation.done:
             over = observation.time >= self._length - 1e-6 * self.scene.step
             self._last = observation = replace(observation, done=over)
@@ -172,20 +190,24 @@ class Session:
     ) -> Observation:
         """Follow the scene's own motion to its end; resets first if need be.
 
-        progress  called with the observation of every step, in their order. Over a bus they come a tenth of a second
-                  at a time, and the simulation is ahead of them: to act between steps, use `step`.
-        fields    also observe the fields of the whole body after every step
+        progress   called with the observation of every step, in their order. Over a bus they come a tenth of a second
+                   at a time, and the simulation is ahead of them: to act between steps, use `step`.
+        fields     also observe the fields of the whole body after every step
+        max_steps  most steps to take; None: as many as the motion has
         """
+        most = None if max_steps is None else _whole(max_steps)
+        if max_steps is not None and (most is None or most < 0):
+            raise BadInput(f"max_steps is {max_steps!r}: give a whole number of steps, or None for all")
         observation = self._last if self._last is not None else self.reset()
         taken, done = 0, observation.done
         unread: messages.Observation | None = None  # what nobody looks at is read at the end
         try:
-            while not done and (max_steps is None or taken < max_steps):
+            while not done and (most is None or taken < most):
                 backend = self._running()
                 if fields:
                     several: Sequence[messages.Observation] = [backend.step(1, None, fields=True)]
                 else:
-                    several = backend.follow(None if max_steps is None else max_steps - taken)
+                    several = backend.follow(None if most is None else most - taken)
                 taken, done = taken + len(several), several[-1].report.done
                 if progress is None:
                     unread = several[-1]
@@ -260,8 +282,11 @@ class Session:
         return backend
 
     def _observe(self, message: messages.Observation) -> Observation:
-        self._last = observation_from(message, self._tools)
-        return self._last
+        observation = observation_from(message, self._tools)
+        if observation.step == 0:
+            observation = replace(observation, at_rest=at_rest(self.scene, observation.frame))
+        self._last = observation
+        return observation
 
     def _checked(self, tool_velocities: Mapping[str, ArrayLike]) -> dict[str, Vector3]:
         if not isinstance(tool_velocities, Mapping):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from softseam.errors import BadInput, SoftseamError, missing_extra
+from softseam.outputs import check_ending, check_outputs
 
 if TYPE_CHECKING:
     from softseam.recording import Recording
@@ -32,8 +33,8 @@ def show(
     """
     if save is not None and web:
         raise BadInput("--save and --web exclude each other: save the file first, then show it")
-    if save is not None and save.suffix != ".rrd":
-        raise BadInput(f"--save {save}: a replay's name ends in .rrd")
+    if save is not None:
+        check_ending("--save", save, ".rrd", "a replay")
     code = 0
     with drawing_errors():
         from softseam.recording import Recording
@@ -41,6 +42,9 @@ def show(
         recording = Recording(path)
         if path.is_dir():
             console.print(f"newest recording: {recording.path}", highlight=False, soft_wrap=True)
+        files = [] if save is None else [("--save", save)]
+        folders = [] if pictures is None else [("--pictures", pictures)]
+        check_outputs(files, folders, inputs={"the recording": recording.path})
         if recording.note:
             console.print(f"[yellow]{recording.note}", highlight=False)
         if verify:
@@ -60,8 +64,9 @@ def save_rrd(recording: Recording, path: Path, console: Console) -> None:
     """Save a recording for rerun."""
     from softseam.replay import replay
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replay(recording, save=path)
+    with written_to(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replay(recording, save=path)
     console.print(f"for rerun: {path}", highlight=False)
 
 
@@ -69,8 +74,9 @@ def draw(recording: Recording, folder: Path, console: Console) -> None:
     """Draw a recording into a folder."""
     from softseam.pictures import draw_pictures
 
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in draw_pictures(recording, folder):
+    with written_to(folder):
+        written = draw_pictures(recording, folder)
+    for path in written:
         console.print(f"picture: {path}", highlight=False)
 
 
@@ -81,6 +87,15 @@ def _verify(recording: Recording, console: Console) -> int:
     verification = verify(recording, resimulate)
     console.print(verification.text, style="green" if verification.same else "bold red", highlight=False)
     return 0 if verification.same else 1
+
+
+@contextmanager
+def written_to(path: Path) -> Iterator[None]:
+    """Name what could not be written, where the system does not: a full disk has no name."""
+    try:
+        yield
+    except OSError as error:
+        raise SoftseamError(f"cannot write {error.filename or path}: {error.strerror or error}") from error
 
 
 @contextmanager
@@ -97,7 +112,7 @@ def drawing_errors() -> Iterator[None]:
     except RecordingError as error:
         raise BadInput(str(error)) from error
     except OSError as error:
-        raise SoftseamError(f"cannot write {error.filename}: {error.strerror}") from error
+        raise SoftseamError(f"cannot read or write {error.filename or 'a file'}: {error.strerror or error}") from error
     except Exception as error:
         # the replay's own error cannot be named here: its package needs rerun
         if type(error).__name__ == "ReplayError":

@@ -5,54 +5,105 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam.columns import Columns
 from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import MovePhase, ReleasePhase
+from softseam_protocol.scene_motion import ClosePhase, MovePhase, ReleasePhase
+
+Floats = NDArray[np.float64]
 
 _RISE = 0.002
 """tools that rise less than this lift nothing [m]"""
 _LOST = 0.05
 """part of the largest force below which tools have lost the body"""
+_FALLEN = 0.1
+"""part of its highest rise by which a body that was set down may sink once it is let go"""
+_SEEN = 0.12
+"""time after which a body that was let go in the air has fallen [s]"""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """outcome: 'lifted', 'dropped', 'missed', 'finished' or 'unfinished'."""
+    """outcome: 'lifted', 'set down', 'dropped', 'missed', 'finished' or 'unfinished'."""
 
     outcome: str
     text: str
 
 
 def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
-    """Lifted or dropped, where tools went up with the body between them; else whether the run came to its end.
+    """Lifted, set down or dropped, where tools went up with the body between them; else whether the run came to its
+    end.
 
-    Dropped: in the end the tools that rose press on it with less than 5 % of their largest force, or the body's lowest
+    Dropped: in the end the tools that lift press on it with less than 5 % of their largest force, or the body's lowest
     point rose by less than half of the tools' rise and slip explains at least half of the difference. A long body that
-    hangs from the tools with one end on the ground is not dropped.
+    hangs from the tools with one end on the ground is not dropped. Set down: it rose with the tools, was lowered by
+    them, and did not fall when they lost it.
     """
     end = "" if done else f", but the run ends early at {columns.last('time'):.3g} s"
     if not len(columns):
         return Verdict("unfinished", "no step was taken")
-    movers = {name for phase in scene.motion if isinstance(phase, MovePhase) for name in phase.tools}
-    rises = [(columns[f"tool.{name}.z"], name) for name in sorted(movers)]
-    if any(isinstance(phase, ReleasePhase) for phase in scene.motion):
-        rises = []  # what is let go is not lifted
-    rise = max((float(z[-1] - z.min()) for z, _ in rises), default=0.0)
-    if rise < _RISE:
-        return Verdict("finished" if done else "unfinished", f"the run came to its end{end}" if done else end[6:])
+    ended = Verdict("finished" if done else "unfinished", f"the run came to its end{end}" if done else end[6:])
+    names = lifters(scene)
+    if not names or any(isinstance(phase, ReleasePhase) for phase in scene.motion):
+        return ended  # what is let go is not lifted
+    risen = tool_rise(names, columns)
+    forces = [np.stack([columns[f"tool.{name}.f{axis}"] for axis in "xyz"]) for name in names]
+    force = np.asarray(sum(np.linalg.norm(each, axis=0) for each in forces))
     height = columns["quantity.lift_height"]
-    forces = [np.stack([columns[f"tool.{name}.f{axis}"] for axis in "xyz"]) for _, name in rises]
-    force = sum(np.linalg.norm(each, axis=0) for each in forces)
+    set_down = _set_down(columns["time"], risen, np.where(np.isfinite(height), height, risen), force)
+    if set_down:
+        return Verdict("set down", f"set down: {set_down}{end}")
+    rise = float(risen[-1])
+    if rise < _RISE:
+        return ended
     touched, touches = bool(force.max() > 0.0), bool(force[-1] > _LOST * force.max())
-    risen = float(height[-1]) if np.isfinite(height[-1]) else (rise if touches else 0.0)
+    lift = float(height[-1]) if np.isfinite(height[-1]) else (rise if touches else 0.0)
     slip = columns["quantity.slip"]
     slip = slip[np.isfinite(slip)]
     # the largest so far: a point that has slid out of the tools' reach no longer counts in the last step
-    slid = not len(slip) or slip.max() >= 0.5 * (rise - risen)
-    figures = f"the tools rose by {1e3 * rise:.1f} mm, the body by {1e3 * risen:.1f} mm"
+    slid = not len(slip) or slip.max() >= 0.5 * (rise - lift)
+    figures = f"the tools rose by {1e3 * rise:.1f} mm, the body by {1e3 * lift:.1f} mm"
     if not touched:
         return Verdict("missed", f"the tools never touched the body: {figures}{end}")
-    if not touches or (risen < 0.5 * rise and slid):
+    if not touches or (lift < 0.5 * rise and slid):
         return Verdict("dropped", f"dropped: {figures}{end}")
     return Verdict("lifted", f"lifted: {figures}{end}")
+
+
+def lifters(scene: Scene) -> tuple[str, ...]:
+    """Tools whose mean rise is the body's where they hold it: those that move up, without those that do not close where
+    others do; where none moves up, all that move."""
+    moves = [phase for phase in scene.motion if isinstance(phase, MovePhase)]
+    grip = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
+    up = {name for phase in moves if phase.move[2] > 0.0 for name in phase.tools}
+    return tuple(sorted(up & grip or up or {name for phase in moves for name in phase.tools}))
+
+
+def tool_rise(names: tuple[str, ...], columns: Columns) -> Floats:
+    """How far the middle of these tools, which a turn about it does not move, is above its lowest place (n,) [m]."""
+    middle = np.mean([columns[f"tool.{name}.z"] for name in names], axis=0)
+    return np.asarray(middle - middle.min())
+
+
+def _set_down(time: Floats, tools: Floats, body: Floats, force: Floats) -> str:
+    """How a body was set down; '' of one that was not.
+
+    tools, body  how high both are in each step [m]
+    force        that the tools press with in all [N]
+    """
+    held = np.flatnonzero(force > _LOST * force.max())
+    if not len(held) or held[-1] == len(force) - 1:
+        return ""
+    last = int(held[-1]) + 1
+    top = int(np.argmax(tools[:last]))
+    risen, left = float(body[:last].max()), float(body[last - 1])
+    way = float(tools[top] - tools[: top + 1].min())
+    allowed = max(_RISE, _FALLEN * risen)
+    lifted = way >= _RISE and risen >= max(_RISE, 0.5 * way)
+    lowered = float(tools[top] - tools[last - 1]) >= _RISE
+    seen = left <= allowed or time[-1] - time[last - 1] >= _SEEN
+    if not (lifted and lowered and seen and left - float(body[last:].min()) <= allowed):
+        return ""
+    where = "and was down again" if left <= allowed else f"and was lowered to {1e3 * left:.1f} mm"
+    return f"the body rose by {1e3 * risen:.1f} mm with the tools, {where} before they let go of it"

@@ -53,7 +53,8 @@ error is only what long steps cut off the corners of their motion. 0 stands for 
 
 Grey diamonds are what the project was asked to beat, a textbook's estimates and not measurements: FEM on 10,000 and on
 1,000 nodes, PBD, XPBD, and a surrogate that was trained on FEM. They belong to no scene; tofu_grasp is held against
-them. The same as a page to point at, as CSV and as JSON are left in `out/chart-SCENE`.
+them, and charts of other scenes leave them out (pictures below that were drawn before still have them). The same as a
+page to point at, as CSV and as JSON are left in `out/chart-SCENE`.
 
 What the names of configurations say:
 

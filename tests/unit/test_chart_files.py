@@ -12,7 +12,7 @@ import pytest
 from softseam.chart.configurations import Configuration, Fem, configurations
 from softseam.chart.errors import Truth
 from softseam.chart.frame import Frame, frame_of
-from softseam.chart.landmarks import ASKED, read_rivals
+from softseam.chart.landmarks import ASKED, asked_of, read_rivals
 from softseam.chart.measure import BRIEF, INDICATORS, MOST, Outcome, measure, quantity_names
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
@@ -322,6 +322,11 @@ def test_rows_tell_what_failed(tmp_path: Path) -> None:
     assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[3]) is None
     picture = draw_chart(tmp_path / "chart.png", "a test", "a machine", rows, reference, ASKED, ASKED[:1])
     assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_what_was_asked_for_is_in_the_chart_of_its_scene_alone() -> None:
+    """A stranger's own scene has no targets of softseam's: nobody asked it for them."""
+    assert asked_of("tofu_grasp") == ASKED and asked_of("my_grasp") == asked_of("cantilever") == ()
 
 
 def test_brief_runs_are_timed_more_often_than_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,7 +67,26 @@ BAD_CALLS = {
     "set bad value": (["run", "tofu_grasp", "--set", "step=-1"], ["step", "-1"]),
     "hybrid without regions": (["run", "GOOD", "--model", "hybrid"], ["near"]),
     "recording's name": (["run", "tofu_grasp", "--record", "run.txt"], [".mcap"]),
-    "report is a folder": (["run", "tofu_grasp", "--report", "."], ["cannot write"]),
+    "report is a folder": (["run", "tofu_grasp", "--report", "."], ["--report .", ".json"]),
+    "report over its scene": (
+        ["run", "good.json", "--report", "./good.json"],
+        ["--report good.json", "the scene itself"],
+    ),
+    "report of another kind": (["run", "GOOD", "--report", "GOOD"], ["--report GOOD.yaml", ".json"]),
+    "report twice": (["run", "GOOD", "--report", "x.json", "--pictures", "x.json"], ["--pictures x.json", "--report"]),
+    "pictures into a file": (["run", "GOOD", "--pictures", "bad.yaml"], ["--pictures bad.yaml", "a file"]),
+    "report of a name too long": (["run", "GOOD", "--report", 300 * "x" + ".json"], ["too long"]),
+    "calibration over its scene": (["calibrate", "good.json", "--report", "good.json"], ["the scene itself"]),
+    "chart over its scene": (["chart", "chart.json", "--out", "."], ["--out chart.json", "the scene itself"]),
+    "chart over its rivals": (["chart", "tofu_grasp", "--out", ".", "--rivals", "chart.json"], ["--rivals"]),
+    "chart into a file": (["chart", "tofu_grasp", "--out", "bad.yaml"], ["bad.yaml"]),
+    "atlas into a file": (["atlas", "--out", "bad.yaml"], ["--out bad.yaml", "a file"]),
+    "demo over its scene": (
+        ["demo", "--scene", "report.json", "--out", "."],
+        ["--out report.json", "the scene itself"],
+    ),
+    "schema into a folder": (["schema", "--out", "."], ["--out", "a folder"]),
+    "schema into what is no folder": (["schema", "--out", "bad.yaml/schema.json"], ["bad.yaml/schema.json"]),
     "no router": (["run", "tofu_grasp", "--connect", "tcp/127.0.0.1:1"], ["tcp/127.0.0.1:1", "softseam up"]),
     "no recording": (["replay", "none.mcap"], ["none.mcap"]),
     "chart of a rope": (["chart", "rope"], ["rope", "solid body"]),
@@ -82,6 +101,9 @@ BAD_CALLS = {
     "foreign recording": (["replay", "bad.yaml"], ["bad.yaml"]),
     "replay's name": (["replay", "bad.yaml", "--save", "run.txt"], ["run.txt", ".rrd"]),
 }
+
+COPIES = ("good.json", "chart.json", "report.json")
+"""scenes whose names are those of outputs"""
 
 
 def call(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
@@ -130,8 +152,14 @@ def test_bad_scene(
 def test_bad_call(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     arguments, words = BAD_CALLS[name]
     arguments = ["GOOD.yaml" if argument == "GOOD" else argument for argument in arguments]
+    copies = [folder / name for name in arguments[1:] if name in COPIES]
+    for copy in copies:
+        copy.write_text('{"rivals": []}' if "--rivals" in arguments else GOOD + "quantities: [sag]\n")
     assert_refused(arguments, words, monkeypatch, capfd)
-    assert sorted(path.name for path in folder.iterdir()) == ["GOOD.yaml", "bad.yaml"]  # nothing half-written
+    assert sorted(path.name for path in folder.iterdir()) == sorted(
+        ["GOOD.yaml", "bad.yaml", *(copy.name for copy in set(copies))]
+    )  # nothing half-written
+    assert all(copy.read_text() in (GOOD + "quantities: [sag]\n", '{"rivals": []}') for copy in copies)
 
 
 FAILURES = [

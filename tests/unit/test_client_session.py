@@ -105,6 +105,31 @@ def test_observation_of_a_squeeze(sim: softseam.Session) -> None:
         obs.time = 1.0  # type: ignore[misc]
 
 
+def test_whole_numbers_of_numpy_are_whole_numbers(sim: softseam.Session) -> None:
+    sim.reset(seed=np.int64(3))  # type: ignore[arg-type]
+    assert sim.step(CLOSE, count=np.uint8(2)).step == 2  # type: ignore[arg-type]
+    assert sim.run(max_steps=np.int32(3)).step == 5  # type: ignore[arg-type]
+
+
+def test_the_start_has_the_quantities_that_the_steps_have(path: Path) -> None:
+    """A policy's input is as long after `reset` as after a step with fields; without them some are missing."""
+    wanted = "quantities=[grip_force, peak_von_mises, tip_deflection, compression, mesh_error]"
+    with softseam.open(path, settings=[wanted, "probes={core: [0, 0, 0.01]}"]) as session:
+        start = session.reset()
+        begun = session.snapshot()
+        step = session.step(CLOSE, count=2)
+        errors = {"model_error", "mesh_error", "traction_jump"}
+        assert set(step.quantities) - set(start.quantities) == errors and step.quantities["compression"] == 0.0
+        needs_fields = {"peak_von_mises", "tip_deflection", "core.von_mises", "core.displacement"}
+        for seen in (start, session.restore(begun)):
+            assert {name: seen.quantities[name] for name in needs_fields} == pytest.approx(
+                dict.fromkeys(needs_fields, 0.0), abs=1e-6
+            )
+            assert needs_fields.isdisjoint(seen.report.quantities), "the message is as it came"
+        bare = session.step(CLOSE, fields=False)
+        assert set(step.quantities) - set(bare.quantities) == needs_fields | errors
+
+
 def test_run_follows_the_motion(sim: softseam.Session) -> None:
     """`run` resets, follows the scene to its end, and tells every step."""
     seen: list[softseam.Observation] = []
@@ -228,6 +253,9 @@ def test_bad_calls_are_named(path: Path) -> None:
     for count in (0, -1, 2.5, True):
         with pytest.raises(softseam.BadInput, match="count"):
             session.step(CLOSE, count=count)  # type: ignore[arg-type]
+    for most in (-1, 2.5, True):
+        with pytest.raises(softseam.BadInput, match="max_steps"):
+            session.run(max_steps=most)  # type: ignore[arg-type]
     bare = session.step(CLOSE, fields=False)
     with pytest.raises(softseam.FieldsNotObserved, match="fields=True"):
         _ = bare.cauchy

@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+import softseam
 from softseam.plan import command
 from softseam.plan.command import Wishes, find, listed, show
 from softseam.plan.kept import Goal, Plan, Tried
+from softseam.plan.watch import PlanWatch
 
 WISHES = Wishes("tofu_grasp", tolerance=0.05)
 
@@ -83,13 +85,39 @@ def test_a_choice_that_is_not_sure_says_so() -> None:
     assert "nothing that was tried surely is" in "\n".join(shown(replace(found, tried=(unsure, *FASTER))))
 
 
+@pytest.mark.usefixtures("cache")
+def test_a_plan_that_is_there_will_do_where_nobody_says_how_long_to_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `softseam plan --minutes 0.5` kept, `softseam.open` and `softseam run` take, though it lacked time."""
+    searches = Searches(plan(LATE, vague=True))
+    monkeypatch.setattr(command, "_search", searches)
+    planned(replace(WISHES, minutes=0.5))
+    assert planned(WISHES).minutes == 0.5 and len(searches.goals) == 1
+    planned(replace(WISHES, minutes=5.0))
+    assert len(searches.goals) == 2
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_program_is_told_once_that_it_waits_for_a_plan(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """On standard error, where no terminal shows progress; not where the plan is there."""
+    monkeypatch.setattr(command, "_search", Searches(plan()))
+    monkeypatch.setattr(PlanWatch, "begin", lambda self: self)
+    for _ in range(2):
+        softseam.open("tofu_grasp", settings=["tolerance=0.05"])
+    told = capfd.readouterr()
+    assert told.out == "" and told.err.count("\n") == 1
+    for words in ("softseam: planning tofu_grasp for 5 %", "may take 5 minutes", "softseam plan"):
+        assert words in told.err
+
+
 class Searches:
     """Stands for the search, and counts how often it is asked."""
 
     def __init__(self, found: Plan) -> None:
         self.found, self.goals = found, list[Goal]()
 
-    def __call__(self, wishes: Wishes, scene: object, goal: Goal, *others: object) -> Plan:
+    def __call__(self, wishes: Wishes, minutes: float, scene: object, goal: Goal, *others: object) -> Plan:
         self.goals.append(goal)
         return self.found
 

@@ -21,7 +21,8 @@ from softseam.chart.progress import ChartProgress
 from softseam.chart.store import Store
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
-from softseam.report import write_report
+from softseam.outputs import check_outputs
+from softseam.report import write_json
 from softseam_protocol.facts import machine
 
 ATLAS_VERSION = 1
@@ -63,6 +64,7 @@ def atlas(wishes: Wishes, console: Console) -> Found:
     require_extra("solve", "simulating in this process")
     require_extra("view", "drawing an atlas")
     folder = wishes.out or Path("out") / "atlas"
+    check_outputs([], [("--out", folder)], inputs={})
     store = store_of(folder)
     if wishes.long:
         if wishes.fresh:
@@ -121,7 +123,7 @@ def _write(folder: Path, found: Found) -> None:
         "pitfalls": pitfalls.rows_json(found.pitfalls),
     }
     try:
-        write_report(document, folder / "atlas.json")
+        write_json(document, folder / "atlas.json")
         write_csv(found.maps, folder / "atlas.csv")
         for filled in found.computed:
             draw_map(folder / f"{filled.map.name}.png", filled, here)

@@ -15,7 +15,7 @@ from softseam.atlas.scenes import MODELS, Model, press
 from softseam.chart.store import Store
 from softseam.errors import SoftseamError
 from softseam.observation import Observation
-from softseam.report import write_report
+from softseam.report import write_json
 from softseam.session import open_as_given
 from softseam_protocol.facts import machine
 from softseam_protocol.scene import Scene
@@ -123,7 +123,7 @@ def long_run(store: Store, folder: Path, console: Console, n_steps: int = N_STEP
     console.print(table)
     document: dict[str, Any] = {"machine": machine(), "runs": [asdict(run) | {"sound": run.sound} for run in runs]}
     try:
-        write_report(document, folder / "long.json")
+        write_json(document, folder / "long.json")
     except OSError as error:
         raise SoftseamError(f"cannot write {error.filename or folder}: {error.strerror}") from error
     console.print(f"{folder / 'long.json'}", highlight=False, soft_wrap=True)

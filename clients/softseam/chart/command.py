@@ -14,7 +14,7 @@ from softseam.chart.configurations import METHODS, configurations
 from softseam.chart.errors import not_counted
 from softseam.chart.frame import frame_of
 from softseam.chart.ladder import Ladder
-from softseam.chart.landmarks import ASKED, Landmark, read_rivals
+from softseam.chart.landmarks import Landmark, asked_of, read_rivals
 from softseam.chart.measure import quantity_names
 from softseam.chart.progress import ChartProgress
 from softseam.chart.reference import Reference, described, origin
@@ -24,8 +24,9 @@ from softseam.chart.sweep import finished, sweep
 from softseam.chart.table import Row, busy, row_json, rows_of, write_csv
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
-from softseam.report import write_report
-from softseam.scenes import bundle_of
+from softseam.outputs import check_outputs
+from softseam.report import write_json
+from softseam.scenes import bundle_of, inputs_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
@@ -33,6 +34,8 @@ from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 
 CHART_VERSION = 1
+LEFT = ("chart.png", "chart.html", "chart.csv", "chart.json")
+"""files that a chart consists of"""
 REFERENCE_SHARE = 0.5
 """of the budget, for the reference"""
 
@@ -63,9 +66,11 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     scene = with_settings(loaded, wishes.settings)
     names = quantity_names(scene)
     rivals = read_rivals(wishes.rivals, scene.name) if wishes.rivals is not None else []
-    began = perf_counter()
     frame = frame_of(scene, wishes.scene, wishes.settings)
     folder = wishes.out or Path("out") / f"chart-{scene.name}"
+    read = {} if wishes.rivals is None else {"the file of --rivals": wishes.rivals}
+    check_outputs([("--out", folder / name) for name in LEFT], inputs=inputs_of(wishes.scene) | read)
+    began = perf_counter()
     key = scene_hash(bundle_scene(scene, bundle.files))
     here, code = machine(), solver_digest()
     identity = Identity(key, code, here)
@@ -109,7 +114,7 @@ def _write(
         raise missing_extra(error, "drawing a chart") from error
     from softseam.chart.page import write_page
 
-    title = scene.name.replace("_", " ")
+    title, asked = scene.name.replace("_", " "), asked_of(scene.name)
     document = {
         "chart_version": CHART_VERSION,
         "scene": {"name": scene.name, "hash": key},
@@ -117,13 +122,13 @@ def _write(
         "machine": here + busy(rows),
         "reference": described(reference),
         "rows": [row_json(row) for row in rows],
-        "asked": [vars(mark) for mark in ASKED],
+        "asked": [vars(mark) for mark in asked],
         "rivals": [vars(mark) for mark in rivals],
     }
     try:
-        write_report(document, folder / "chart.json")
+        write_json(document, folder / "chart.json")
         write_csv(rows, list(reference.truth), folder / "chart.csv")
-        draw_chart(folder / "chart.png", title, here, rows, reference, ASKED, rivals)
+        draw_chart(folder / "chart.png", title, here, rows, reference, asked, rivals)
         write_page(folder / "chart.html", title, document)
     except OSError as error:
         raise SoftseamError(f"cannot write {error.filename or folder}: {error.strerror}") from error
@@ -170,5 +175,5 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
     n_done = sum(row.error is not None for row in rows)
     text = f"{n_done} of {len(rows)} configurations of {len(METHODS)} methods in {seconds:.0f} s"
     console.print(Text(text, style="dim"))
-    for name in ("chart.png", "chart.html", "chart.csv", "chart.json"):
+    for name in LEFT:
         console.print(f"{folder / name}", highlight=False, soft_wrap=True)

@@ -222,7 +222,7 @@ def _legend(
     above.append(Line2D([], [], color=SOFT, linewidth=0.9, alpha=0.6, label="slowest to fastest run"))
     below = []
     if asked:
-        below.append(mark("asked for: targets, not measured", ASKED, "D", hollow=True))
+        below.append(mark("targets of this project: a textbook's estimates, not measured", ASKED, "D", hollow=True))
     if rivals:
         below.append(mark("other simulators", RIVAL, "s", hollow=True))
     if any(row.error is not None and row.error.bound and placed(row) for row in rows):

@@ -30,6 +30,13 @@ ASKED = tuple(
     )
 )
 """real-time factors and errors that the project set out to beat"""
+HELD_AGAINST = "tofu_grasp"
+"""the scene that they are held against: to any other they say nothing"""
+
+
+def asked_of(scene: str) -> tuple[Landmark, ...]:
+    """Marks of what was asked for, for the chart of a scene of this name."""
+    return ASKED if scene == HELD_AGAINST else ()
 
 
 def read_rivals(path: Path, scene: str) -> list[Landmark]:

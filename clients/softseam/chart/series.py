@@ -81,7 +81,7 @@ class SeriesBuilder:
             self._travelled[name] = self._travelled.get(name, 0.0) + way
         self._time.append(observation.time)
         self._travel.append(max(self._travelled.values(), default=0.0))
-        self._rows.append([observation.quantities.get(name, np.nan) for name in self.names])
+        self._rows.append([observation.report.quantities.get(name, np.nan) for name in self.names])
 
     def build(self) -> Series:
         columns = np.array(self._rows, dtype=np.float64).reshape(-1, len(self.names)).T

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from softseam.errors import BadInput
-from softseam.report import write_report
+from softseam.report import write_json
 
 VERSION = 1
 """of what the files hold; another version is foreign"""
@@ -99,7 +99,7 @@ class Store:
         }
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            write_report(document, self.path(name))
+            write_json(document, self.path(name))
         except OSError as error:
             is_cache = cache_folder().parent in self.folder.parents
             elsewhere = ": set XDG_CACHE_HOME to a folder that can be written to" if is_cache else ""

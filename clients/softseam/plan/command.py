@@ -35,6 +35,8 @@ from softseam_protocol.facts import machine
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import bundle_scene, scene_hash
 
+MINUTES = 5.0
+"""that a search may run where nobody says how long"""
 RUNS = 1
 """timed runs of a configuration"""
 REFERENCE_SHARE = 0.5
@@ -54,7 +56,8 @@ class Wishes:
     tolerance: float | None = None
     rtf: float | None = None
     quantities: tuple[str, ...] = ()
-    minutes: float = 5.0
+    minutes: float | None = None
+    """longest that the search may run; None: what was found before will do, however long that took, else `MINUTES`"""
     fresh: bool = False
     harder: float = 1.0
     """see `Goal`"""
@@ -70,8 +73,11 @@ def plan(wishes: Wishes, console: Console) -> Plan:
     return found
 
 
-def find(wishes: Wishes, console: Console) -> Plan:
-    """The plan, from the cache where it is there and as many minutes would have found no other."""
+def find(wishes: Wishes, console: Console, begins: Callable[[str], None] = lambda _: None) -> Plan:
+    """The plan, from the cache where it is there and as many minutes would have found no other.
+
+    begins  is told what begins, and how long it may take, where nothing that is kept will do
+    """
     require_extra("solve", "planning, which simulates in this process,")
     loaded, bundle = bundle_of(wishes.scene)
     asked = with_settings(loaded, wishes.settings)
@@ -80,7 +86,8 @@ def find(wishes: Wishes, console: Console) -> Plan:
             f"planning compares models of a body in cells, and {asked.name!r} has a {asked.body.kind}, which only pbd "
             "moves: set models.pbd.substeps, and read the violations that a run reports"
         )
-    goal = _goal(wishes, asked)
+    minutes = MINUTES if wishes.minutes is None else wishes.minutes
+    goal = _goal(wishes, minutes, asked)
     wishes = replace(wishes, settings=(*wishes.settings, *AS_GIVEN))
     scene = with_settings(loaded, wishes.settings)
     names = _names(scene, wishes.quantities)
@@ -97,9 +104,13 @@ def find(wishes: Wishes, console: Console) -> Plan:
             before = Plan.from_json(kept)
         except (KeyError, TypeError, ValueError, IndexError) as error:
             raise store.refused(name, f"is corrupt ({error})") from None
-        if before.holds_for(wishes.minutes):
+        if wishes.minutes is None or before.holds_for(minutes):
             return before
-    found = replace(_search(wishes, scene, goal, names, code, store, console), minutes=wishes.minutes)
+    begins(
+        f"planning {scene.name} for {100 * goal.tolerance:.2g} %, which may take {minutes:g} minutes and is kept in "
+        f"{store.folder.parent}: `softseam plan` shows how it gets on"
+    )
+    found = replace(_search(wishes, minutes, scene, goal, names, code, store, console), minutes=minutes)
     try:
         store.write(name, found.as_json())
     except BadInput as error:  # what was found is not lost for that
@@ -108,14 +119,21 @@ def find(wishes: Wishes, console: Console) -> Plan:
 
 
 def _search(
-    wishes: Wishes, scene: Scene, goal: Goal, names: tuple[str, ...], code: str, store: Store, console: Console
+    wishes: Wishes,
+    minutes: float,
+    scene: Scene,
+    goal: Goal,
+    names: tuple[str, ...],
+    code: str,
+    store: Store,
+    console: Console,
 ) -> Plan:
     frame = frame_of(scene, wishes.scene, wishes.settings)
     wanted = configurations(frame)
     swept = {one.key for one in wanted}
     ladder = Ladder(wishes.scene, wishes.settings, frame, names)
     ladder.open(code, fresh=wishes.fresh)
-    budget = 60.0 * wishes.minutes
+    budget = 60.0 * minutes
     spent = 0.0
     with ChartProgress(console) as progress:
         share = REFERENCE_SHARE * budget
@@ -281,7 +299,7 @@ def listed(found: Plan) -> list[Tried | int]:
     return [*rows, rest] if rest else rows
 
 
-def _goal(wishes: Wishes, scene: Scene) -> Goal:
+def _goal(wishes: Wishes, minutes: float, scene: Scene) -> Goal:
     tolerance = scene.tolerance if wishes.tolerance is None else wishes.tolerance
     if tolerance is None:
         raise BadInput("say how accurate it has to be: --tolerance 0.05 allows every quantity to be 5 % off")
@@ -291,8 +309,8 @@ def _goal(wishes: Wishes, scene: Scene) -> Goal:
     rtf = kept if wishes.rtf is None else wishes.rtf
     if not 0.0 <= rtf < 1e9:
         raise BadInput(f"--rtf {rtf:g}: give a number above zero, e.g. 20 for twenty times real time")
-    if not 0.0 < wishes.minutes < 1e5:
-        raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
+    if not 0.0 < minutes < 1e5:
+        raise BadInput(f"--minutes {minutes:g}: give a number above zero")
     return Goal(tolerance, rtf, wishes.harder)
 
 

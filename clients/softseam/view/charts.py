@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 from softseam.columns import Columns, unit_of
 from softseam.recording import Recording
 from softseam.report import ReportBuilder
+from softseam.verdict import lifters, tool_rise
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
 
 Floats = NDArray[np.float64]
 
 _SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "N": ("N", 1.0)}
+_STILL = 1e-6
+"""way of tools that is none [m]"""
 _TIME = "simulated time [s]"
 
 
@@ -96,12 +99,12 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
 
 
 def _tool_rise(axes: Axes, recording: Recording, columns: Columns) -> None:
-    """How far the tools that move have risen, to compare."""
-    movers = [name for phase in recording.scene.motion for name in getattr(phase, "tools", ())]
-    rises = [columns[f"tool.{name}.z"] - columns[f"tool.{name}.z"][0] for name in dict.fromkeys(movers)]
-    rise = max(rises, key=lambda z: float(np.abs(z).max()), default=None)
-    if rise is not None and np.abs(rise).max() > 0.0:
-        axes.plot(columns["time"], 1e3 * rise, color=SOFT, linewidth=1.1, linestyle=(0, (4, 3)), label="tools")
+    """How far the middle of the tools that lift has risen, as the verdict has it, to compare: from its lowest place."""
+    names = lifters(recording.scene)
+    rise = tool_rise(names, columns) if names else np.zeros(1)
+    if rise.max() > 0.0:
+        up = slice(int(np.argmax(rise <= _STILL)), None)
+        axes.plot(columns["time"][up], 1e3 * rise[up], color=SOFT, linewidth=1.1, linestyle=(0, (4, 3)), label="tools")
         axes.legend(frameon=False, fontsize=9, loc="upper left", labelcolor=INK)
 
 
