@@ -93,7 +93,8 @@ def run(
     from softseam.running import run as run_scene
 
     wishes = Wishes(scene, model, tuple(settings or ()), connect, record, report, pictures, view, tolerance)
-    run_scene(wishes, _out())
+    if run_scene(wishes, _out())["verdict"]["outcome"] == "failed":
+        raise typer.Exit(1)
 
 
 @app.command(epilog="[bold]Examples[/bold]\n\nsoftseam demo\n\nsoftseam demo --scene tofu_pads --out out/pads")

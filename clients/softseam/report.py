@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from softseam.columns import SPENT, Columns, unit_of
 from softseam.outputs import cannot_write
-from softseam.verdict import Verdict, judge
+from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_hash
@@ -49,7 +49,8 @@ class ReportBuilder:
     @property
     def verdict(self) -> Verdict:
         """What became of the body so far."""
-        return judge(self._scene, self.columns, self._done)
+        failed = {event.header.step for event in self._events if event.kind == "solver"}
+        return with_failures(judge(self._scene, self.columns, self._done), len(failed), len(self.columns))
 
     def add(self, message: StepReport | Event | Frame) -> None:
         """Take one message; frames add nothing. A step that restarts the clock begins the report anew."""

@@ -17,6 +17,8 @@ _RISE = 0.002
 """tools that rise less than this lift nothing [m]"""
 _LOST = 0.05
 """part of the largest force below which tools have lost the body"""
+_FAILED = 0.5
+"""part of the steps without a solution from which on a run tells nothing of the body"""
 _FALLEN = 0.1
 """part of its highest rise by which a body that was set down may sink once it is let go"""
 _SEEN = 0.12
@@ -25,7 +27,7 @@ _SEEN = 0.12
 
 @dataclass(frozen=True)
 class Verdict:
-    """outcome: 'lifted', 'set down', 'dropped', 'missed', 'finished' or 'unfinished'."""
+    """outcome: 'lifted', 'set down', 'dropped', 'missed', 'finished', 'unfinished' or 'failed'."""
 
     outcome: str
     text: str
@@ -69,6 +71,16 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     if not touches or (lift < 0.5 * rise and slid):
         return Verdict("dropped", f"dropped: {figures}{end}")
     return Verdict("lifted", f"lifted: {figures}{end}")
+
+
+def with_failures(verdict: Verdict, failed: int, steps: int) -> Verdict:
+    """The same of a run in which so many steps found no solution: failed where these are half of all or more."""
+    if not failed:
+        return verdict
+    told = f"{failed} of {steps} steps found no solution, and the body stood still in them"
+    if failed < _FAILED * steps:
+        return Verdict(verdict.outcome, f"{verdict.text}; {told}")
+    return Verdict("failed", f"failed: {told}")
 
 
 def lifters(scene: Scene) -> tuple[str, ...]:

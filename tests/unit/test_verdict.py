@@ -14,7 +14,7 @@ from squeeze import SCENE, Squeeze
 
 from softseam.columns import Columns
 from softseam.recording import Recording
-from softseam.verdict import Verdict, judge, lifters, tool_rise
+from softseam.verdict import Verdict, judge, lifters, tool_rise, with_failures
 from softseam.view import charts
 from softseam_protocol.messages import StepReport
 from softseam_protocol.scene import Scene
@@ -126,3 +126,14 @@ def test_the_curves_show_the_same_rise() -> None:
     x, y = axes.lines[0].get_data()
     assert np.allclose(x, [0.2, 0.3, 0.4]) and np.allclose(y, [0.0, 50.0, 50.0])
     assert np.isclose(1e3 * tool_rise(("left", "right"), run)[-1], y[-1])
+
+
+def test_a_run_without_solutions_has_failed() -> None:
+    """A body that never moved, for no step was solved, had `come to its end`."""
+    ended = Verdict("finished", "the run came to its end")
+    assert with_failures(ended, 0, 10) == ended
+    few = with_failures(ended, 2, 10)
+    assert few.outcome == "finished" and few.text.endswith(
+        "2 of 10 steps found no solution, and the body stood still in them"
+    )
+    assert with_failures(ended, 5, 10).outcome == "failed"
