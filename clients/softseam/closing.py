@@ -14,6 +14,8 @@ from softseam.view.colors import label
 
 _SHOWN = {"N": ("N", 1.0), "m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "": ("", 1.0)}
 """unit that people read and its factor, for each that is reported"""
+_DAMPED = 0.05
+"""part of the largest energy of a free body that its run may lose without a word"""
 _COLOR = {"lifted": "green", "set down": "green", "finished": "green"}
 
 
@@ -23,6 +25,7 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     console.print()
     console.print(Text(verdict["text"], style=f"bold {_COLOR.get(verdict['outcome'], 'red')}"))
     _print_trust(console, report["estimated_error"])
+    _print_damping(console, report["energy"])
     table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
     table.add_column("")
     for heading in ("at the end", "largest"):
@@ -49,6 +52,18 @@ def _print_trust(console: Console, estimate: Mapping[str, Any] | None) -> None:
     if estimate is not None:
         style = "bold yellow" if estimate["too_large"] else "dim"
         console.print(Text(f"estimated error: {estimate['text']}", style=style), soft_wrap=True)
+
+
+def _print_damping(console: Console, energy: Mapping[str, Any]) -> None:
+    """That the steps took much of the energy of a body that no tool touched, which the estimate does not know of."""
+    taken = energy["damped"] - energy["balance_error"]
+    if energy["touched"] or taken <= _DAMPED * energy["largest"]:
+        return
+    told = (
+        f"the steps, or its viscosity, took {100.0 * taken / energy['largest']:.0f} % of the body's energy, which no "
+    )
+    told += "tool touched, so it spins or swings too little: shorten the step, or try models.fem.integrator: midpoint"
+    console.print(Text(told, "bold yellow"), soft_wrap=True)
 
 
 def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

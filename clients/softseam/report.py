@@ -101,6 +101,7 @@ class ReportBuilder:
                 "ledger": {name: _list(c[f"energy.{name}"]) for name in c.names("energy.")},
                 "balance_error": self._energy_from_nowhere(),
                 "damped": self._damped(),
+                "touched": self._touched(),
                 "largest": _max(c["energy.kinetic"] + c["energy.strain"]),
             },
             "penetration": {"worst": _max(c["penetration"]), "unit": "m"},
@@ -164,6 +165,11 @@ class ReportBuilder:
     def _damped(self) -> float:
         """What the integrators took from the motion, in all [J]: swings die out that much sooner than true ones."""
         return _sum(np.maximum(self.columns["energy.dissipation"], 0.0))
+
+    def _touched(self) -> bool:
+        """Whether a tool ever pressed on the body: where none did, nothing but the steps and its viscosity damps it."""
+        c = self.columns
+        return any(bool(c[f"tool.{name}.f{axis}"].any()) for name in self._scene.tools for axis in "xyz")
 
     def _vectors(self, name: str) -> list[list[float | None]]:
         axes = [_list(self.columns[f"{name}.{axis}"]) for axis in "xyz"]
