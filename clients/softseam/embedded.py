@@ -116,7 +116,10 @@ class EmbeddedBackend:
         from softseam_services.recorder.begin import begin
         from softseam_services.recorder.recorder import McapRecorder
 
-        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"cannot make the folder of {path}: {error.strerror}") from error
         with translated():
             start = begin(self._bundle, self.simulation.body, self.simulation.tools, seed=seed)
             self._recorder = McapRecorder(path, start, existing="replace", on_loss=self._tell_loss)
