@@ -19,6 +19,7 @@ from softseam.errors import (
 )
 from softseam_protocol import errors, topics
 from softseam_protocol.bus import Bus
+from softseam_protocol.live_tokens import CLIENT
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Bundle,
@@ -47,6 +48,8 @@ _MOST = 1000
 """steps asked for at once; the orchestrator answers after a tenth of a second"""
 _CONNECT_TIMEOUT = 5.0
 _CLOSE_TIMEOUT = 10.0
+_RESTART = 8.0
+"""longest wait for an orchestrator that is to open a session: a supervisor has restarted one by then [s]"""
 _INTRODUCTION = 0.1
 """time after which an orchestrator that shows on the bus, but did not answer, is asked again [s]"""
 
@@ -77,6 +80,7 @@ class ConnectedBackend:
         except errors.BusError as error:
             raise NoConnection(str(error)) from None
         try:
+            self._bus.declare_live(self._keys.live("client", CLIENT, self.session))
             self._asker = self._bus.watched_asker(self._key, timeout, self._keys.every_live("orchestrator"))
             self._first: Observation | None = self._ask(Open(self._header(), bundle, record), Observation, SceneRefused)
         except BaseException:  # nothing is kept back: whoever interrupts leaves no bus behind
@@ -151,6 +155,7 @@ class ConnectedBackend:
     ) -> Reply:
         """Send a request, repeat it while its answer gets lost, and translate what goes wrong."""
         end = time.monotonic() + self._timeout
+        hoping = end
         repeated = False
         lost = NoConnection if isinstance(request, Open) else ServicesFailed
         while True:
@@ -164,11 +169,13 @@ class ConnectedBackend:
                 raise SchemaMismatch(str(error)) from None
             except errors.NoReply as error:
                 # an orchestrator that is being restarted by its supervisor is back within seconds
-                if isinstance(request, Open | Close) or time.monotonic() + 0.2 > end:
+                if isinstance(request, Open) and not repeated:
+                    hoping = min(end, time.monotonic() + _RESTART)
+                if isinstance(request, Close) or time.monotonic() + 0.2 > hoping:
                     raise lost(
                         f"no orchestrator answers at {self._endpoint} ({error}): start one with `softseam up`"
                     ) from None
-                self._wait_for_orchestrator(end)
+                self._wait_for_orchestrator(hoping)
                 repeated = True
             except (errors.BusTimeout, errors.BusError) as error:
                 raise lost(f"{self._endpoint}: {error}") from None

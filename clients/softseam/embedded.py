@@ -116,7 +116,10 @@ class EmbeddedBackend:
         from softseam_services.recorder.begin import begin
         from softseam_services.recorder.recorder import McapRecorder
 
-        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"cannot make the folder of {path}: {error.strerror}") from error
         with translated():
             start = begin(self._bundle, self.simulation.body, self.simulation.tools, seed=seed)
             self._recorder = McapRecorder(path, start, existing="replace", on_loss=self._tell_loss)
@@ -227,7 +230,8 @@ _APART = (
     "softseam_protocol/watched_asker.py",
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
-    *(f"softseam_services/orchestrator/{name}.py" for name in ("bus_transport", "desk", "recorder_feed", "service")),
+    *(f"softseam_services/orchestrator/{name}.py" for name in ("alone", "attendance", "bus_transport", "desk")),
+    *(f"softseam_services/orchestrator/{name}.py" for name in ("recorder_feed", "service")),
     "softseam_services/recorder/*.py",
 )
 """sources that a simulation in this process never loads: the bus, processes, recordings"""

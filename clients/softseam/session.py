@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from softseam.at_rest import at_rest
 from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
 from softseam.observation import Observation, observation_from
+from softseam.one_thread import one_thread
 from softseam.scenes import bundle_of, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
@@ -120,6 +122,7 @@ class Session:
         self.bundle = bundle
         """the scene and the files that it names"""
         self._backend: Backend | None = backend
+        self._turn = threading.RLock()
         # the bundle's order, in which the tools' arrays come: it is not that of a scene made in a program
         self._tools = tuple(Scene.model_validate_json(bundle.scene).tools)
         self._last: Observation | None = None
@@ -148,6 +151,7 @@ class Session:
             raise NotReset("the session has not begun: call reset() first")
         return self._last
 
+    @one_thread
     def reset(self, seed: int | None = None) -> Observation:
         """Put the body and the tools where the scene starts; `seed` replaces the scene's."""
         seed = self.scene.seed if seed is None else seed
@@ -156,6 +160,7 @@ class Session:
             raise BadInput(f"seed is {seed!r}: give a whole number from 0 to 2147483647")
         return self._observe(self._running().reset(number))
 
+    @one_thread
     def step(
         self,
         tool_velocities: Mapping[str, ArrayLike] | None = None,
@@ -181,6 +186,7 @@ class Session:
             self._last = observation = replace(observation, done=over)
         return observation
 
+    @one_thread
     def run(
         self,
         progress: Callable[[Observation], None] | None = None,
@@ -221,16 +227,19 @@ class Session:
                 self._observe(unread)
         return self.last
 
+    @one_thread
     def snapshot(self) -> bytes:
         """Everything that the future of the simulation depends on."""
         return self._begun().save()
 
+    @one_thread
     def restore(self, state: bytes) -> Observation:
         """Go back to a snapshot of this scene; what follows is the same, bit for bit, as it was after it."""
         if not isinstance(state, bytes | bytearray | memoryview):
             raise BadInput(f"restore() takes the bytes that snapshot() gave, not {type(state).__name__}")
         return self._observe(self._running().load(bytes(state)))
 
+    @one_thread
     def estimate_errors(self) -> messages.ErrorEstimate | None:
         """How far the answer may be off as the body stands, said in `text`; None of a body of particles.
 

@@ -240,6 +240,11 @@ class Bus(BusSession):
             watched = list(self._watched.values())
         return found.union(*([k for k in tokens.known() if asked.intersects(zenoh.KeyExpr(k))] for tokens in watched))
 
+    def live_at_router(self, key: str) -> set[str]:
+        """Keys of the tokens that the router knows, asked on a link made for it. Raises BusError without a router."""
+        with Bus(self.endpoints, LEASE, self._aside) as client:
+            return client.live(key)
+
     def watch_live(self, key: str) -> Inbox[LiveChange]:
         """Collect comings and goings of tokens, starting with those that exist."""
         return self._tokens_of(key).inbox()

@@ -7,6 +7,9 @@ from typing import Any
 
 from softseam_protocol.inbox import Inbox, LiveChange
 
+CLIENT = "session"
+"""service in the tokens of clients, whose instance is the client's session"""
+
 
 class LiveTokens:
     """What a watch knows; everyone who watches the same key gets an inbox of it.

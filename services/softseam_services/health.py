@@ -20,7 +20,8 @@ _BEATS = 1.0
 class ServiceHealth:
     """One service of a deployment.
 
-    state    'well', 'silent' (there, but its heartbeat is not heard) or 'absent'
+    state    'well', 'silent' (there, but its heartbeat is not heard), 'absent', or 'doubled' (there are several of what
+             must be alone)
     """
 
     service: str
@@ -34,6 +35,7 @@ class ServiceHealth:
         meaning = {
             "well": "there",
             "silent": "there, but it gives no sign of life: frozen or overloaded",
+            "doubled": "several of them run and upset each other: stop all but one",
             "absent": "not running, or not ready yet",
         }
         return f"{self.service}: {meaning[self.state]}"
@@ -44,7 +46,11 @@ def probe(bus: Bus, keys: Keys, services: tuple[str, ...] = EXPECTED, *, beats: 
     heard: dict[str, Progress] = {}
     inbox = bus.subscribe(keys.every_progress) if beats else None
     tokens = (keys.read_live(key) for key in bus.live(keys.every_live()))
-    there = {live.service for live in tokens if live is not None}
+    instances = [(live.role, live.service) for live in tokens if live is not None]
+    there = {service for _, service in instances}
+    doubled = {
+        service for role, service in instances if role == "orchestrator" and instances.count((role, service)) > 1
+    }
     if inbox is not None:
         end = time.monotonic() + _BEATS
         while not there & set(services) <= heard.keys() and (left := end - time.monotonic()) > 0.0:
@@ -61,6 +67,8 @@ def probe(bus: Bus, keys: Keys, services: tuple[str, ...] = EXPECTED, *, beats: 
     def state(service: str) -> str:
         if service not in there:
             return "absent"
+        if service in doubled:
+            return "doubled"
         return "well" if service in heard or not beats else "silent"
 
     return [ServiceHealth(service, state(service), heard.get(service)) for service in services]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -189,9 +190,16 @@ def test_no_router_names_the_endpoint_and_the_remedy() -> None:
     assert time.monotonic() - began < 3.0
 
 
-def test_nonsense_endpoint_is_a_bus_error() -> None:
-    with pytest.raises(BusError, match="nonsense"):
-        Bus("nonsense", connect_timeout=0.3)
+@pytest.mark.parametrize(
+    "endpoint", ["nonsense", "tcp/localhost", "127.0.0.1:7447", "tcp/127.0.0.1:port", "tls/here:99999", "tcp/", ""]
+)
+def test_what_is_no_endpoint_is_told_what_one_looks_like(endpoint: str) -> None:
+    told = re.escape(f"{endpoint!r} is no endpoint: give tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
+    for refused in (Bus, Router):
+        with pytest.raises(BusError, match=f"^{told}$"):
+            refused(endpoint)
+    with pytest.raises(BusError, match=f"^{told}$"):
+        Bus(free_endpoint(), extra={"mode": "peer", "listen/endpoints": [endpoint]})
 
 
 def test_a_busy_port_names_the_endpoint_and_the_remedy(endpoint: str) -> None:

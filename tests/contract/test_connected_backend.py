@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import socket
+import threading
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from squeeze import Squeeze
 
+from softseam import connected
 from softseam.connected import ConnectedBackend
 from softseam.errors import NoConnection, ServicesFailed
 from softseam_protocol.bus import Bus, Router
@@ -48,14 +52,7 @@ def serve(endpoint: str, key: str, answer: Callable[[bytes], bytes], role: str) 
 
 
 def opened(endpoint: str, *, record: bool, timeout: float = 20.0) -> ConnectedBackend:
-    """A session of an orchestrator that is there, which the router may not have introduced yet."""
-    bundle = Squeeze(1).bundle
-    for _ in range(50):
-        try:
-            return ConnectedBackend(bundle, endpoint, record=record, timeout=timeout)
-        except NoConnection:
-            continue
-    raise AssertionError("the orchestrator was never introduced")
+    return ConnectedBackend(Squeeze(1).bundle, endpoint, record=record, timeout=timeout)
 
 
 def refusing_to_close(payload: bytes) -> bytes:
@@ -105,3 +102,27 @@ def test_an_orchestrator_that_shows_itself_and_is_deaf_is_asked_now_and_then(
             backend.reset(1)
         assert 2 < asked <= 10.0 * timeout + 2
         backend.close()
+
+
+def test_a_session_is_opened_by_an_orchestrator_that_comes_late(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is being restarted: it is there only after a session has asked in vain."""
+    wait, missed = ConnectedBackend._wait_for_orchestrator, threading.Event()
+
+    def waiting(backend: ConnectedBackend, end: float) -> None:
+        missed.set()
+        wait(backend, end)
+
+    monkeypatch.setattr(ConnectedBackend, "_wait_for_orchestrator", waiting)
+    with ThreadPoolExecutor() as pool:
+        opening = pool.submit(ConnectedBackend, Squeeze(1).bundle, endpoint, record=False, timeout=20.0)
+        assert missed.wait(10.0), "it gave up at once"
+        with serve(endpoint, KEYS.orchestrator, lambda payload: encode(at_rest()), "orchestrator"):
+            opening.result(20.0).close()
+
+
+def test_who_waits_in_vain_to_be_opened_says_so_soon(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connected, "_RESTART", 1.0)
+    began = time.monotonic()
+    with pytest.raises(NoConnection, match="softseam up"):
+        ConnectedBackend(Squeeze(1).bundle, endpoint, record=False, timeout=60.0)
+    assert 0.5 < time.monotonic() - began < 10.0

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -85,3 +86,38 @@ def test_up_ends_with_its_command(tmp_path: Path) -> None:
     done = run_module("up", "--connect", endpoint, "--directory", str(tmp_path), "--", *client)
     assert done.returncode == 7, done.stderr
     assert "the client runs" in done.stdout
+
+
+ABANDON = """
+import os, signal, sys
+import softseam
+sessions = [softseam.open("tofu_grasp", connect=sys.argv[1], model="pbd") for _ in range(16)]
+for session in sessions:
+    session.reset()
+    session.step()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.slow
+def test_abandoned_sessions_keep_no_orchestrator_alive(tmp_path: Path) -> None:
+    """The supervisor is killed, so all services end at once, and nobody answers an orchestrator that says farewell."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with subprocess.Popen(
+        (*MODULE, "up", "--connect", endpoint, "--directory", str(tmp_path)), stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if "all services are ready" in line:
+                break
+        pids = [int(found) for found in re.findall(r"is ready \(pid (\d+)", "".join(lines))]
+        assert len(pids) == 5, lines
+        client = subprocess.run((sys.executable, "-c", ABANDON, endpoint), timeout=120.0, check=False)
+        assert client.returncode == -signal.SIGKILL
+        process.kill()
+        end = time.monotonic() + 40.0
+        while left := [pid for pid in pids if is_running(pid)]:
+            assert time.monotonic() < end, f"{len(left)} services are still there"
+            time.sleep(0.1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -264,6 +265,42 @@ def test_bad_calls_are_named(path: Path) -> None:
     for use in (session.snapshot, session.reset, session.step):
         with pytest.raises(softseam.SessionClosed):
             use()
+
+
+@pytest.mark.parametrize("folder", ["/proc/none", "file/folder"])
+def test_a_recording_that_has_no_folder_is_bad_input(path: Path, tmp_path: Path, folder: str) -> None:
+    (tmp_path / "file").touch()
+    where = tmp_path / folder / "run.mcap"
+    with softseam.open(path, model="pbd", record=where) as session:
+        with pytest.raises(softseam.BadInput, match=f"cannot make the folder of {where}: "):
+            session.reset()
+
+
+def test_a_second_thread_is_told_whose_turn_it_is(sim: softseam.Session) -> None:
+    """While the first is at work, which goes on as if nobody had asked; its own calls from within are let through."""
+    sim.reset()
+    errors: list[BaseException] = []
+
+    def meddle() -> None:
+        for use in (sim.step, sim.reset, sim.run, sim.snapshot, sim.estimate_errors, lambda: sim.restore(b"")):
+            try:
+                use()
+            except BaseException as error:
+                errors.append(error)
+
+    def progress(_: softseam.Observation) -> None:
+        thread = threading.Thread(target=meddle)
+        thread.start()
+        thread.join()
+        assert sim.snapshot()
+
+    assert sim.run(progress, max_steps=1).step == 1
+    assert [type(error) for error in errors] == [softseam.BadInput] * 6
+    assert all("one thread at a time" in str(error) for error in errors)
+    meddler = threading.Thread(target=lambda: errors.append(RuntimeError(sim.step(CLOSE).step)))
+    meddler.start()
+    meddler.join()
+    assert str(errors[-1]) == "2"
 
 
 def test_models(path: Path) -> None:

@@ -48,6 +48,8 @@ from softseam_protocol.scene_file import SceneError
 from softseam_protocol.topics import ClientReply, ClientRequest, Keys
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
+from softseam_services.orchestrator.alone import wait_alone
+from softseam_services.orchestrator.attendance import Attendance
 from softseam_services.orchestrator.desk import Answer, Desk, Stopped
 from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
@@ -58,9 +60,20 @@ ROLE = SERVICE = "orchestrator"
 MOST_SESSIONS = 16
 IDLE_LIMIT = 1800.0
 """a session that nobody used for so long may be closed for another one [s]"""
+LEFT = 60.0
+"""a session whose client has been gone for so long is closed [s]"""
+LEFT_IN_NEED = 5.0
+"""the same where another session needs its place [s]"""
+_FAREWELL = 8.0
+"""longest wait for all sessions to be closed when the service is stopped [s]"""
 _THREADS = 8
 _TURN = 110.0
 """longest wait of a request for the one before it in the same session [s]"""
+_NEWS = 0.5
+"""between looks at who has gone [s]"""
+_HEARD = 0.3
+"""time in which it is heard that a client was killed just now [s]"""
+_GONE = "its client has gone"
 _log = logging.getLogger(__name__)
 
 
@@ -71,6 +84,7 @@ class ClientHandler:
         self._bus, self._keys, self._life = bus, keys, life
         self._desks: dict[str, Desk] = {}
         self._lock = threading.Lock()
+        self._attendance = Attendance(bus, keys)
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, and what `decode` raises, which the bus answers with a Failure."""
@@ -99,40 +113,61 @@ class ClientHandler:
         session, desk = max(desks, key=lambda item: item[1].used)
         return session, desk.steps
 
+    def attend(self) -> None:
+        """Close sessions whose clients have been gone for long, until the service stops."""
+        while not self._life.stop.is_set():
+            self._attendance.look(self._desks.keys(), _NEWS)
+            for session in self._attendance.gone(LEFT):
+                self._attendance.forget(session)
+                if (desk := self._desks.get(session)) is not None:
+                    self._end_aside(session, desk, _GONE)
+
     def close(self) -> None:
-        """End all sessions: recordings are finished, participants released."""
-        for session, desk in list(self._desks.items()):
-            with desk.lock:
-                self._end(session, desk, "the orchestrator was stopped")
+        """End all sessions at once: recordings are finished, participants released, if they can be soon."""
+        end = time.monotonic() + _FAREWELL
+        desks = list(self._desks.items())
+        for thread in [self._end_aside(session, desk, "the orchestrator was stopped") for session, desk in desks]:
+            thread.join(max(0.0, end - time.monotonic()))
+        if self._desks:
+            _log.warning("%d sessions are left as they are: their services do not answer", len(self._desks))
 
     def _desk(self, header: Header, opening: bool) -> Desk:
-        with self._lock:
-            desk = self._desks.get(header.session)
-            if desk is not None:
-                return desk
-            if not opening:
-                raise Refused(
-                    Failure(
-                        "not_configured",
-                        f"no session {header.session!r} is open here: it was closed, or lost with an orchestrator "
-                        "that died; open it again and load your last saved state",
+        while True:
+            with self._lock:
+                desk = self._desks.get(header.session)
+                if desk is not None:
+                    return desk
+                if not opening:
+                    raise Refused(
+                        Failure(
+                            "not_configured",
+                            f"no session {header.session!r} is open here: it was closed, its client was not heard of "
+                            f"for {LEFT:g} s, or it was lost with an orchestrator that died; open it again and load "
+                            "your last saved state",
+                        )
                     )
-                )
-            if len(self._desks) >= MOST_SESSIONS and not self._make_room():
+                if len(self._desks) < MOST_SESSIONS:
+                    desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set)
+                    self._desks[header.session] = desk
+                    return desk
+            if not self._make_room():
                 raise Refused(Failure("busy", f"{MOST_SESSIONS} sessions are open: close one"))
-            desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set)
-            self._desks[header.session] = desk
-            return desk
 
     def _make_room(self) -> bool:
-        """Close the session that was idle longest, if it was for long enough (lock held)."""
-        session, desk = min(self._desks.items(), key=lambda item: item[1].used)
-        if time.monotonic() - desk.used < IDLE_LIMIT or not desk.lock.acquire(timeout=0.0):
-            return False
-        try:
-            self._end(session, desk, "idle for too long")
-        finally:
-            desk.lock.release()
+        """Close a session whose client has gone, or the one that was idle longest, if it was for long enough."""
+        now = time.monotonic()
+        heard, end = now + _HEARD, now + LEFT_IN_NEED + 2.0 * _NEWS
+        while len(desks := dict(self._desks)) >= MOST_SESSIONS:
+            for session in self._attendance.gone(LEFT_IN_NEED) & desks.keys():
+                if self._end_in_turn(session, desks[session], _GONE, LEFT_IN_NEED):
+                    return True
+            session, desk = min(desks.items(), key=lambda item: item[1].used)
+            if time.monotonic() - desk.used >= IDLE_LIMIT:
+                return self._end_in_turn(session, desk, "idle for too long", 0.0)
+            if self._life.stop.wait(0.05):
+                return False
+            if time.monotonic() > (heard if self._attendance.gone().isdisjoint(desks) else end):
+                return False
         return True
 
     def _answer(self, desk: Desk, request: Open | Reset | Step | Save | Load | Estimate) -> bytes:
@@ -179,15 +214,28 @@ class ClientHandler:
     def _close(self, request: Close) -> bytes:
         session = request.header.session
         desk = self._desks.get(session)
-        if desk is not None:
-            desk.cancelled = True
-            if not desk.lock.acquire(timeout=_TURN):
-                raise Refused(Failure("busy", "the request before is still at work: close again"))
-            try:
-                self._end(session, desk, "closed")
-            finally:
-                desk.lock.release()
+        if desk is not None and not self._end_in_turn(session, desk, "closed", _TURN):
+            raise Refused(Failure("busy", "the request before is still at work: close again"))
         return encode(Closed(request.header))
+
+    def _end_aside(self, session: str, desk: Desk, reason: str) -> threading.Thread:
+        """Close a session in a thread of its own: its services may be gone, too, and are waited for."""
+        args = (session, desk, reason, _TURN)
+        thread = threading.Thread(target=self._end_in_turn, args=args, name="softseam end", daemon=True)
+        thread.start()
+        return thread
+
+    def _end_in_turn(self, session: str, desk: Desk, reason: str, turn: float) -> bool:
+        """Close a session after the step at hand, waiting at most `turn` [s] for its end; False where that is over."""
+        if turn > 0.0:
+            desk.cancelled = True
+        if not desk.lock.acquire(timeout=turn):
+            return False
+        try:
+            self._end(session, desk, reason)
+        finally:
+            desk.lock.release()
+        return True
 
     def _end(self, session: str, desk: Desk, reason: str) -> None:
         """Close a session whatever its participants do (desk held)."""
@@ -200,6 +248,7 @@ class ClientHandler:
     def _forget(self, session: str, desk: Desk) -> None:
         if self._desks.get(session) is desk:
             del self._desks[session]
+            self._attendance.forget(session)
 
 
 def serve_orchestrator(options: BusOptions, life: Lifeline) -> None:
@@ -209,11 +258,13 @@ def serve_orchestrator(options: BusOptions, life: Lifeline) -> None:
     settle()
     keys, instance = options.keys, new_instance()
     with options.open() as bus:
+        wait_alone(bus, keys, life.stop)
         handler = ClientHandler(bus, keys, life)
         server = bus.serve({keys.orchestrator: handler}, name="softseam orchestrator")
         tell_progress(life, bus, keys, server, ROLE, SERVICE, instance, handler.last, supervise=False)
         bus.declare_live(keys.live(ROLE, SERVICE, instance))
         server.start(_THREADS)
+        threading.Thread(target=handler.attend, name="softseam attendance", daemon=True).start()
         life.state = "ready"
         life.stop.wait()
         server.close()
