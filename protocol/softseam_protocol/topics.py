@@ -7,6 +7,7 @@
     softseam/<deployment>/progress/<role>/<service>         put     Progress, a few a second
     softseam/<deployment>/session/<session>/<topic>         put     SessionTopic below
     softseam/<deployment>/@live/<role>/<service>/<instance> token   exists while the process does
+    softseam/<deployment>/@live/client/session/<session>    token   exists while the client of a session does
     softseam/@node/<name>                                   token   exists while others may reach a process directly
 
 A `service` is the name of a process (`fem`, `pbd`, `fem2`); the participant that it plays (`near`, `far`) stands in the

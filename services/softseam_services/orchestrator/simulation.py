@@ -42,6 +42,8 @@ Emit = Callable[[StepReport | Frame | Event], None]
 _CHECKPOINT_STEPS = 50
 _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
+_FARTHEST = 100.0
+"""way of a tool in a step beyond which nobody meant it [m, rad]"""
 
 
 class Simulation:
@@ -326,6 +328,11 @@ class Simulation:
                 raise ValueError(
                     f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
                     f"or seven with its grip (1 or 0), not {velocity!r}"
+                )
+            if np.abs(value[:6]).max() * self.scene.step > _FARTHEST:
+                raise ValueError(
+                    f"the velocity of {name!r} is {value.tolist()}, more than {_FARTHEST:g} m or rad in a step: "
+                    "give m/s and rad/s"
                 )
             if len(value) == 7 and isinstance(self.body, Body):
                 raise ValueError(
