@@ -19,7 +19,7 @@ import softseam_coupling
 import softseam_services
 from softseam_services.compiled_once import _link, njit
 
-SERVICES, COUPLING = (Path(package.__file__).parent for package in (softseam_services, softseam_coupling))
+SERVICES, COUPLING = (Path(package.__path__[0]) for package in (softseam_services, softseam_coupling))
 
 
 @njit(cache=False, error_model="numpy")

@@ -52,12 +52,21 @@ def test_a_grip_is_refused_where_nothing_can_be_gripped() -> None:
         session.reset()
         with pytest.raises(ValueError, match=r"'left' has a grip.*particles only"):
             session.step({"left": [0, 0, 0, 0, 0, 0, 1]})
+        session.step({"left": [0, 0, 0, 0, 0, 0, 0]})  # to let go of nothing is no mistake
 
 
 def test_a_velocity_that_nobody_can_mean_is_refused() -> None:
     """1e300 m/s gave a grip force of 3e302 N, without a word."""
     with softseam.open("tofu_grasp", model="fem") as session:
         session.reset()
-        with pytest.raises(ValueError, match=r"'left' is \[1e\+300.* more than 100 m or rad in a step"):
+        with pytest.raises(ValueError, match=r"'left' is \[1e\+300.* more than 100 m in a step"):
             session.step({"left": [1e300, 0, 0]})
         assert session.step({"left": [0.02, 0, 0]}).step == 1
+
+
+def test_a_command_that_is_refused_grips_nothing() -> None:
+    with softseam.open("rope") as session:
+        session.reset()
+        with pytest.raises(ValueError, match="turn"):
+            session.step({"left": [0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 1.0]})
+        assert not session.step({}).report.gripping.any()

@@ -260,10 +260,3 @@ def test_a_cut_by_hand_after_a_step_that_failed_begins_with_what_was_committed()
     for simulation in (failed, whole):
         simulation.set_near(np.ones(simulation.body.n_cells, dtype=np.bool_))
     assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
-
-
-def test_a_command_that_is_refused_grips_nothing() -> None:
-    simulation = squeezed(EmbeddedTransport(), 0)
-    with pytest.raises(ValueError, match="turns by"):
-        simulation.step({"left": [0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 1.0]})
-    assert not simulation.step({}).gripping.any()

@@ -43,7 +43,7 @@ _CHECKPOINT_STEPS = 50
 _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
 _FARTHEST = 100.0
-"""way of a tool in a step beyond which nobody meant it [m, rad]"""
+"""way of a tool in a step beyond which nobody meant it [m]"""
 
 
 class Simulation:
@@ -329,12 +329,11 @@ class Simulation:
                     f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
                     f"or seven with its grip (1 or 0), not {velocity!r}"
                 )
-            if np.abs(value[:6]).max() * self.scene.step > _FARTHEST:
+            if np.abs(value[:3]).max() * self.scene.step > _FARTHEST:
                 raise ValueError(
-                    f"the velocity of {name!r} is {value.tolist()}, more than {_FARTHEST:g} m or rad in a step: "
-                    "give m/s and rad/s"
+                    f"the velocity of {name!r} is {value.tolist()}, more than {_FARTHEST:g} m in a step: give m/s"
                 )
-            if len(value) == 7 and isinstance(self.body, Body):
+            if len(value) == 7 and value[6] != 0.0 and isinstance(self.body, Body):
                 raise ValueError(
                     f"the velocity of {name!r} has a grip, its seventh number: tools grip particles only, and this "
                     "body is of cells, which friction holds: give six"
