@@ -312,7 +312,7 @@ def test_who_reads_half_a_second_late_misses_nothing(monkeypatch: pytest.MonkeyP
         monkeypatch.setattr(inbox, "put", lambda *item: (go.wait(10.0), put(*item)))
         for _ in range(count):
             bus.publish(key, payload, droppable=True)
-            time.sleep(0.001)
+            time.sleep(0.001)  # the pace of what is published
         go.set()
         assert until(lambda: len(inbox) == count), f"{len(inbox)} of {count}"
 

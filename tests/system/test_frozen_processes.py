@@ -98,7 +98,7 @@ def test_all_are_heard_of_again(endpoint: str) -> None:
         deadline = time.monotonic() + 30.0
         while len(heard((peer, client))) < SLEEPERS:
             assert time.monotonic() < deadline, "they do not come up"
-            time.sleep(0.1)
+            time.sleep(0.1)  # the pace of asking
         end, tokens = time.monotonic() + SECONDS, set[str]()
         while time.monotonic() < end or any(one.is_frozen or one.token not in tokens for one in sleepers):
             tokens = heard((peer, client))
@@ -112,5 +112,5 @@ def test_all_are_heard_of_again(endpoint: str) -> None:
                     one.last = now
                     if one.due < now < end:
                         one.freeze()
-            time.sleep(0.05)
+            time.sleep(0.05)  # the pace of asking and of freezing
         assert sum(one.times for one in sleepers) >= 3 * SLEEPERS

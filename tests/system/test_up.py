@@ -56,26 +56,33 @@ def test_health_without_a_router() -> None:
     assert "no router answers" in done.stderr and "Traceback" not in done.stderr
 
 
+def _ready(process: subprocess.Popen[str]) -> tuple[str, list[int]]:
+    """What `up` says until all services are ready, and their processes."""
+    assert process.stderr is not None
+    told = ""
+    for line in process.stderr:
+        told += line
+        if "all services are ready" in line:
+            break
+    pids = [int(found) for found in re.findall(r"is ready \(pid (\d+)", told)]
+    assert len(pids) == 5, told
+    return told, pids
+
+
 @pytest.mark.slow
 def test_up_runs_everything_and_ctrl_c_stops_it(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     options = ("--connect", endpoint, "--directory", str(tmp_path))
     with subprocess.Popen((*MODULE, "up", *options), stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        lines = []
-        for line in process.stderr:
-            lines.append(line)
-            if "all services are ready" in line:
-                break
-        pids = [int(found) for found in re.findall(r"is ready \(pid (\d+)", "".join(lines))]
-        assert len(pids) == 5, lines
+        told, pids = _ready(process)
         healthy = run_module("health", "--connect", endpoint)
         assert healthy.returncode == 0, healthy.stdout + healthy.stderr
         assert healthy.stdout.count("well") == 5
         process.send_signal(signal.SIGINT)
+        assert process.stderr is not None
         rest = process.stderr.read()
         assert process.wait(60.0) == 0, rest
-    assert "Traceback" not in "".join(lines) + rest
+    assert "Traceback" not in told + rest
     assert not any(is_running(pid) for pid in pids)
 
 
@@ -106,18 +113,11 @@ def test_abandoned_sessions_keep_no_orchestrator_alive(tmp_path: Path) -> None:
     with subprocess.Popen(
         (*MODULE, "up", "--connect", endpoint, "--directory", str(tmp_path)), stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stderr is not None
-        lines = []
-        for line in process.stderr:
-            lines.append(line)
-            if "all services are ready" in line:
-                break
-        pids = [int(found) for found in re.findall(r"is ready \(pid (\d+)", "".join(lines))]
-        assert len(pids) == 5, lines
+        _, pids = _ready(process)
         client = subprocess.run((sys.executable, "-c", ABANDON, endpoint), timeout=120.0, check=False)
         assert client.returncode == -signal.SIGKILL
         process.kill()
         end = time.monotonic() + 40.0
         while left := [pid for pid in pids if is_running(pid)]:
             assert time.monotonic() < end, f"{len(left)} services are still there"
-            time.sleep(0.1)
+            time.sleep(0.1)  # the pace of asking

@@ -152,9 +152,9 @@ def test_tools_that_meet_before_the_force_end_the_run_in_words() -> None:
     program, tools, _ = _program(0.1, [{**SQUEEZE, "until": {"force": 50.0}}])
     position = tools.position.copy()
     program.step(Progress(), position, tools.orientation)
-    assert program.grip is not None and not program.met(position, tools.orientation)
+    assert program.grip is not None and not program.met(program.compression(position, tools.orientation))
     position[0] += 1.001 * program.grip.gap(position, tools.orientation) * program.grip.axis
-    assert "have met" in program.met(position, tools.orientation)
+    assert "have met" in program.met(program.compression(position, tools.orientation))
     with pytest.raises(StepFailed, match=r"motion\[0\].* have met before they pressed with 50 N: .*until.time"):
         program.step(Progress(), position, tools.orientation)
 

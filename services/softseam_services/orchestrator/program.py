@@ -98,10 +98,10 @@ class Program:
         grip = self._grips.get(progress.phase)
         return 0.0 if grip is None else grip.force(wrench, orientation)
 
-    def met(self, position: Floats, orientation: Floats) -> str:
-        """The gripping tools where they have met, in words; '' before, and without a grip."""
+    def met(self, compression: float) -> str:
+        """The gripping tools where nothing is left between them, in words; '' before, and without a grip."""
         grip = self.grip
-        if grip is None or grip.gap(position, orientation) > 0.0:
+        if grip is None or compression < 1.0:
             return ""
         return f"{self._tools.names[grip.first]} and {self._tools.names[grip.second]} have met"
 

@@ -221,7 +221,7 @@ class Simulation:
             self._frame = None
             self._accounts.switched(switched)
         alarms = [alarm.value for alarm in self._accounts.raised]
-        met = self._program.met(self._position, self._orientation)
+        met = self._program.met(quantities["compression"])
         self._notices.follow(self._clock.step - 1, replies, alarms, estimate, too_far, met)
         self._report = report
         if self._emit is not None:
