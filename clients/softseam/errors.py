@@ -75,6 +75,7 @@ _EXTRA_OF = {
     "rerun": "view",
     "pyarrow": "view",
     "matplotlib": "view",
+    "gymnasium": "gym",
 }
 
 

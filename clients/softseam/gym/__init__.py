@@ -1,0 +1,24 @@
+"""Scenes as environments of Gymnasium, for reinforcement learning.
+
+>>> import gymnasium
+>>> env = gymnasium.make("softseam.gym:softseam/TofuGrasp-v0")
+>>> seen, info = env.reset(seed=0)
+>>> seen, reward, terminated, truncated, info = env.step([0.4, 0.0])   # close at 2 cm/s
+"""
+
+from __future__ import annotations
+
+from softseam.errors import missing_extra
+
+try:
+    import gymnasium
+except ModuleNotFoundError as error:
+    raise missing_extra(error, "softseam.gym") from error
+
+from softseam.gym.scene_env import SceneEnv
+from softseam.gym.tofu_grasp import TofuGrasp
+
+__all__ = ["SceneEnv", "TofuGrasp"]
+
+if "softseam/TofuGrasp-v0" not in gymnasium.registry:
+    gymnasium.register(id="softseam/TofuGrasp-v0", entry_point="softseam.gym.tofu_grasp:TofuGrasp")

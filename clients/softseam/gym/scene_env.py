@@ -1,0 +1,194 @@
+"""A scene as an environment: actions move its tools, and what its client observes is seen."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from softseam.duration import expected_duration
+from softseam.errors import BadInput, NotReset, SimulationFailed
+from softseam.observation import Observation
+from softseam.opening import open as open_session
+from softseam.scenes import bundle_of
+from softseam.session import Session
+from softseam.variants import Model, with_settings
+from softseam_protocol.scene import Scene
+from softseam_protocol.scene_tools import PlaneTool
+
+Numbers = NDArray[np.float32]
+
+_AXES = ("x", "y", "z")
+_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
+    """A scene whose tools an agent moves, until its duration is over (truncated) or `ended` says so (terminated).
+
+    A subclass says what is rewarded (`reward`). It may say what ends an episode (`ended`), how a scene differs from one
+    episode to the next (`vary`), what an action does (`act`, with an `action_space` of its own), and what is seen
+    (`see`, with an `observation_space`).
+
+    Without these, an action has three numbers from -1 to 1 for each tool that the scene moves: its velocity, in parts
+    of `speed`. Seen are these tools' ways since the start [m], the forces and torques on them [N, N m], and the scene's
+    quantities (SI), in the order of `names`. They differ in size: `gymnasium.wrappers.NormalizeObservation` helps.
+
+    A step that finds no solution ends the episode (truncated), and `info["failed"]` says why; so does a simulation that
+    cannot go on. Bad actions raise BadInput, and change nothing. `info` has the time [s] and the scene's quantities;
+    `session.last` has all that a client observes.
+    """
+
+    speed: float = 0.05
+    """of a tool at an action of 1 [m/s]"""
+
+    def __init__(
+        self,
+        scene: str | Path | Scene,
+        *,
+        settings: Sequence[str] = (),
+        model: Model | None = None,
+        connect: str | None = None,
+        repeat: int = 1,
+        record: str | Path | None = None,
+    ) -> None:
+        """Arguments as for `softseam.open`, and:
+
+        repeat  steps of the simulation in one step of the environment
+        record  folder for a recording of each episode, to replay (in this process only)
+        """
+        if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
+            raise BadInput(f"repeat is {repeat!r}: give a whole number of steps, 1 or more")
+        if record is not None and connect is not None:
+            raise BadInput("episodes are recorded in this process only: leave out `record` or `connect`")
+        self.scene = with_settings(bundle_of(scene)[0], settings)
+        """as it is in every episode, but for what `vary` changes"""
+        if not expected_duration(self.scene):
+            raise BadInput(
+                f"how long an episode of {self.scene.name!r} is, nothing says: give the scene a duration, "
+                "e.g. settings=['duration=3']"
+            )
+        self._given, self._settings, self._model, self._connect = scene, tuple(settings), model, connect
+        self._repeat, self._record, self._episodes = repeat, None if record is None else Path(record), 0
+        self._session: Session | None = None
+        self._varied: tuple[str, ...] = ()
+        self.tools = moved(self.scene)
+        """that actions move"""
+        probed = [f"{probe}.{what}" for probe in self.scene.probes for what in ("von_mises", "displacement")]
+        self._quantities = (*self.scene.quantities, *probed)
+        each = [f"{tool}.{what}" for tool in self.tools for what in (*_AXES, *_WRENCH)]
+        self.names = (*each, *self._quantities)
+        """of what `see` returns where it is not overridden"""
+        self.action_space = Box(-1.0, 1.0, (3 * len(self.tools),), np.float32)
+        self.observation_space = Box(-np.inf, np.inf, (len(self.names),), np.float32)
+
+    # ---- what a subclass says
+
+    @abstractmethod
+    def reward(self, before: Observation, after: Observation) -> float:
+        """Of a step of the environment, from what was observed before and after it."""
+
+    def ended(self, observation: Observation) -> bool:
+        """Whether the task is over, for better or worse."""
+        return False
+
+    def vary(self, random: np.random.Generator) -> Sequence[str]:
+        """Settings of the coming episode, e.g. ["body.material.young=18e3"]. Each that differs from those of the last
+        episode opens another session, in some 0.1 s."""
+        return ()
+
+    def act(self, action: Numbers) -> Mapping[str, ArrayLike]:
+        """Velocities of the tools [m/s], as `Session.step` takes them, from an action within the action space."""
+        return dict(zip(self.tools, self.speed * action.reshape(-1, 3).astype(np.float64), strict=True))
+
+    def see(self, observation: Observation) -> Numbers:
+        """What the agent sees. A quantity that is not known yet is 0."""
+        seen: list[float] = []
+        for name in self.tools:
+            seen += [*(observation.tools[name].position - self._start[name]), *observation.wrench[name]]
+        seen += [observation.quantities.get(name, 0.0) for name in self._quantities]
+        return np.array(seen, np.float32)
+
+    # ---- what Gymnasium calls
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Numbers, dict[str, Any]]:
+        """Begin an episode. The same seed gives the same episodes, with the same actions bit for bit."""
+        super().reset(seed=seed)
+        varied = tuple(self.vary(self.np_random))
+        if self._session is not None and (varied != self._varied or self._record is not None):
+            self.close()
+        self._episodes += 1
+        if self._session is None:
+            self._session, self._varied = self._open(varied), varied
+        observation = self._session.reset(int(self.np_random.integers(2**31)))
+        self._start = {name: observation.tools[name].position for name in self.tools}
+        return self.see(observation), self._told(observation)
+
+    def step(self, action: ArrayLike) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
+        """Move the tools for `repeat` steps. What is beyond the action space is as its border."""
+        session, taken = self.session, self._within(action)
+        before = session.last
+        try:
+            after = session.step(self.act(taken), count=self._repeat)
+        except SimulationFailed as error:
+            self.close()
+            return self.see(before), 0.0, False, True, {**self._told(before), "failed": str(error)}
+        info = self._told(after)
+        failed = [event.message for event in after.events if event.kind == "solver"]
+        if failed:
+            info["failed"] = failed[0]
+        truncated = after.done or bool(failed)
+        return self.see(after), float(self.reward(before, after)), self.ended(after), truncated, info
+
+    def close(self) -> None:
+        """End the session and free what it holds; `reset` opens another one."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.close()
+
+    @property
+    def session(self) -> Session:
+        """That of the episode; NotReset without one."""
+        if self._session is None:
+            raise NotReset("no episode has begun, or its simulation failed: call reset()")
+        return self._session
+
+    # ----
+
+    def _open(self, varied: Sequence[str]) -> Session:
+        record = None
+        if self._record is not None:
+            self._record.mkdir(parents=True, exist_ok=True)
+            record = self._record / f"episode-{self._episodes:06d}.mcap"
+        settings = (*self._settings, *varied)
+        return open_session(self._given, self._connect, model=self._model, settings=settings, record=record)
+
+    def _told(self, observation: Observation) -> dict[str, Any]:
+        """Numbers alone, which environments in other processes send to their agent."""
+        return {"time": observation.time, **{name: observation.quantities.get(name, 0.0) for name in self._quantities}}
+
+    def _within(self, action: ArrayLike) -> Numbers:
+        space = self.action_space
+        assert isinstance(space, Box), "a subclass with another action space overrides step, too"
+        try:
+            numbers = np.asarray(action, np.float32)
+        except (TypeError, ValueError):
+            raise BadInput(f"an action is {space.shape[0]} numbers, not {action!r}") from None
+        if numbers.shape != space.shape or not np.isfinite(numbers).all():
+            raise BadInput(f"an action is {space.shape[0]} finite numbers, not {action!r}")
+        return np.clip(numbers, space.low, space.high)
+
+
+def moved(scene: Scene) -> tuple[str, ...]:
+    """The tools that a scene's motion moves, in the scene's order; without one, all but planes."""
+    named = {name for phase in scene.motion for name in getattr(phase, "tools", ())}
+    if not named:
+        named = {name for name, tool in scene.tools.items() if not isinstance(tool, PlaneTool)}
+    return tuple(name for name in scene.tools if name in named)
