@@ -32,8 +32,8 @@ plans: $(VENV)/.dev ## regenerate docs/plans.md: are plans right, and as cheap a
 atlas: $(VENV)/.dev ## regenerate docs/atlas.md: stability where methods fail
 	@$(PY) tests/benchmarks/atlas.py
 
-results: $(VENV)/.dev ## regenerate docs/results.md: accuracy and speed on this machine
-	@$(PY) tests/benchmarks/results.py
+results: chart atlas ## regenerate docs/results.md, with charts and atlas: accuracy, speed and stability on this machine
+	@PYTHONPATH=tests $(PY) tests/benchmarks/results.py
 
 bus: $(VENV)/.dev ## measure what the bus costs on this machine
 	@$(PY) tests/benchmarks/bus.py

@@ -11,8 +11,8 @@ from softseam.chart.frame import Counts, Frame, Grading, is_viscous, retardation
 from softseam_protocol.scene import BlockShape, BodySpec
 from softseam_protocol.spec import Vector
 
-Method = Literal["FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is"]
-METHODS: tuple[Method, ...] = ("FEM, quadratic", "FEM, other elements", "XPBD", "hybrid", "as it is")
+Method = Literal["FEM", "FEM, other elements", "XPBD", "hybrid", "as it is"]
+METHODS: tuple[Method, ...] = ("FEM", "FEM, other elements", "XPBD", "hybrid", "as it is")
 
 Factors = tuple[float, ...]
 
@@ -119,7 +119,7 @@ class Fem:
         named = "" if self.element == "hex27" else f" {self.element}"
         graded = self._graded
         how = "" if self.integrator == "implicit_euler" else f" {self.integrator}"
-        method: Method = "FEM, quadratic" if self.element in SWIFT else "FEM, other elements"
+        method: Method = "FEM" if self.element in SWIFT else "FEM, other elements"
         cells = _cells(self.frame, self.counts)
         label = f"FEM{named} {cells}{graded}, {_ms(self.step)}{how}"
         key = f"fem-{self.element}-{self.integrator}-{cells}-{_ms(self.step, '')}{graded}".replace(" ", "-")

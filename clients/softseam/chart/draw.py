@@ -21,6 +21,7 @@ from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import Landmark
 from softseam.chart.names import Box, Floats, Picture, along, places, together
 from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
+from softseam.chart.pareto import landmarks
 from softseam.chart.reference import Reference, origin
 from softseam.chart.table import Row, busy
 from softseam.view import colors
@@ -77,7 +78,9 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     names = ", ".join(colors.label(name) for name in reference.counted)
     worst = "the worst of " if len(reference.counted) > 1 else ""
     text = f"error: {worst}{names}, relative, L2 norm over time, against refined FEM, which {origin(reference)}\n"
-    text += f"{machine}, one process; compiling and setting up left out{busy(rows)}"
+    late = sum(row.outcome.status in ("left out", "stopped") for row in rows)
+    ran = f"; {len(rows) - late} of {len(rows)} configurations were run, the others had no time" if late else ""
+    text += f"{machine}, one process; compiling and setting up left out{busy(rows)}{ran}"
     return text + (
         "" if reference.complete or reference.shipped else "\nthe budget ended before every quantity was known to 1 %"
     )
@@ -142,7 +145,7 @@ def _band(axes: Axes, reference: Reference) -> Text | None:
     if not low < top < high:
         return None
     axes.axhspan(low, top, color=BAND, zorder=0, linewidth=0)
-    text = "  below: less than the reference is uncertain by"
+    text = "  errors down here cannot be told: the reference is as uncertain"
     return axes.text(axes.get_xlim()[0], top / 1.03, text, fontsize=9, color=SOFT, va="top")
 
 
@@ -283,11 +286,12 @@ def _label(figure: Figure, axes: Axes, rows: Sequence[Row], marks: Sequence[Land
 
 
 def _wanted(rows: Sequence[Row], marks: Sequence[Landmark]) -> Iterator[tuple[float, float, str, str]]:
-    """Where what is to be named is drawn, its name and that's colour: the front, fastest first, and landmarks."""
-    for row in sorted(rows, key=lambda row: -row.outcome.rtf):
-        place = placed(row)
-        if row.front and place is not None:
-            yield place[0], place[1], row.configuration.label, INK
+    """Where what is to be named is drawn, its name and that's colour: of the front, fastest first, and landmarks."""
+    front = [(row, place) for row in rows if row.front and (place := placed(row))]
+    front.sort(key=lambda each: -each[1][0])
+    for i in landmarks([place[:2] for _, place in front], _ERRORS):
+        row, (x, y, _) = front[i]
+        yield x, y, row.configuration.label, INK
     for mark in marks:
         yield mark.rtf, min(mark.error, WORST), mark.label, SOFT
 

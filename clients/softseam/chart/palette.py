@@ -5,7 +5,7 @@ from __future__ import annotations
 from softseam.chart.configurations import Method
 
 TONES: dict[Method, str] = {
-    "FEM, quadratic": "#e8794a",
+    "FEM": "#e8794a",
     "FEM, other elements": "#b98bd0",
     "XPBD": "#5f8cc4",
     "hybrid": "#3fb383",

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+
+NEAR = 0.07
+"""points that lie closer in both coordinates are next to each other in a chart [decades]"""
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -17,3 +21,18 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
             front.append(i)
             best = points[i][1]
     return front
+
+
+def landmarks(front: Sequence[tuple[float, float]], limits: Sequence[float]) -> list[int]:
+    """Indices of the points (speed, error) of a front, given by falling speed, that a picture should name.
+
+    Both ends, the fastest within each limit, and of the others those that lie apart from what is named already.
+    """
+    within = [next((i for i, (_, error) in enumerate(front) if error <= limit), None) for limit in limits]
+    first = [i for i in (0, len(front) - 1, *within) if i is not None and front]
+    named: list[int] = []
+    for i in dict.fromkeys((*first, *range(len(front)))):
+        apart = (max(abs(math.log10(a / b)) for a, b in zip(front[i], front[j], strict=True)) for j in named)
+        if i in first or all(distance > NEAR for distance in apart):
+            named.append(i)
+    return sorted(named)

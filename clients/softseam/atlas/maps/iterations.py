@@ -48,7 +48,9 @@ def build(sweeps: tuple[int, ...] = SWEEPS, substeps: tuple[int | str, ...] = SU
         f"within {100 * BOUND:g} % of the closed form (force; stretch of the rope). Classic PBD has no physical "
         f"stiffness: its stretch is compared with its own at {CALIBRATED} sweeps, as if it had been calibrated there. "
         "E A [N]: the rope's stiffness against stretch; k: the share of a constraint's error that a sweep of classic "
-        "PBD takes away.",
+        "PBD takes away. XPBD's ropes take as many substeps as let unfinished sweeps stretch them by 0.5 % of their "
+        "length: by many times what a stiff one stretches by itself (at 5000 N 0.002 %), which the run says; who needs "
+        "that asks for more substeps.",
         (
             Panel(
                 "Block, XPBD", "substeps a step", "Young's modulus",
