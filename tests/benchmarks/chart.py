@@ -24,7 +24,7 @@ from softseam_protocol.facts import machine
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = {"tofu_grasp": 10.0, "cantilever": 1.5, "tofu_pads": 2.0, "tofu_slab": 2.0}
-"""minutes of each; the sweep of tofu_grasp takes some 3 of them"""
+"""minutes of each; the sweep of tofu_grasp takes 3 to 5 of them"""
 FAST, LOCAL = 10.0, 0.05
 """real-time factor at which local stress is asked for, and its error [1]"""
 WHAT = {

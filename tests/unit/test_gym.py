@@ -168,6 +168,11 @@ def test_any_scene_is_an_environment(tmp_path: Path) -> None:
     files = sorted((tmp_path / "episodes").iterdir())
     assert [file.name for file in files] == ["episode-000001.mcap", "episode-000002.mcap"]
     assert all(Recording(file).counts["StepReport"] == 20 for file in files)
+    again = Lift("tofu_push", settings=small, model="fem", record=tmp_path / "episodes")
+    again.reset()
+    again.close()
+    assert (tmp_path / "episodes" / "episode-000003.mcap").is_file(), "another training keeps those that are there"
+    assert Recording(files[0]).counts["StepReport"] == 20
 
 
 def test_a_simulation_that_cannot_go_on_truncates(grasp: TofuGrasp, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,7 +60,7 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
         """Arguments as for `softseam.open`, and:
 
         repeat  steps of the simulation in one step of the environment
-        record  folder for a recording of each episode, to replay (in this process only)
+        record  folder for a recording of each episode, to replay (in this process only); those that are there stay
         """
         if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
             raise BadInput(f"repeat is {repeat!r}: give a whole number of steps, 1 or more")
@@ -74,7 +74,7 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
                 "e.g. settings=['duration=3']"
             )
         self._given, self._settings, self._model, self._connect = scene, tuple(settings), model, connect
-        self._repeat, self._record, self._episodes = repeat, None if record is None else Path(record), 0
+        self._repeat, self._record = repeat, None if record is None else Path(record)
         self._session: Session | None = None
         self._varied: tuple[str, ...] = ()
         self.tools = moved(self.scene)
@@ -124,7 +124,6 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
         varied = tuple(self.vary(self.np_random))
         if self._session is not None and (varied != self._varied or self._record is not None):
             self.close()
-        self._episodes += 1
         if self._session is None:
             self._session, self._varied = self._open(varied), varied
         observation = self._session.reset(int(self.np_random.integers(2**31)))
@@ -166,7 +165,9 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
         record = None
         if self._record is not None:
             self._record.mkdir(parents=True, exist_ok=True)
-            record = self._record / f"episode-{self._episodes:06d}.mcap"
+            there = [path.stem.removeprefix("episode-") for path in self._record.glob("episode-*.mcap")]
+            number = 1 + max((int(text) for text in there if text.isdecimal()), default=0)
+            record = self._record / f"episode-{number:06d}.mcap"
         settings = (*self._settings, *varied)
         return open_session(self._given, self._connect, model=self._model, settings=settings, record=record)
 
