@@ -27,7 +27,7 @@ references: $(VENV)/.dev ## make the references that ship with the scenes anew: 
 	@PYTHONPATH=tests $(PY) tests/benchmarks/truths.py
 
 plans: $(VENV)/.dev ## regenerate docs/plans.md: are plans right, and as cheap as can be?
-	@$(PY) tests/benchmarks/plans.py
+	@PYTHONPATH=tests $(PY) tests/benchmarks/plans.py
 
 atlas: $(VENV)/.dev ## regenerate docs/atlas.md: stability where methods fail
 	@$(PY) tests/benchmarks/atlas.py

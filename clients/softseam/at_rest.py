@@ -7,6 +7,11 @@ from softseam_protocol.messages import Frame
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 
 
+def probed(scene: Scene) -> tuple[str, ...]:
+    """What is observed of a scene's probes."""
+    return tuple(f"{probe}.{what}" for probe in scene.probes for what in ("von_mises", "displacement"))
+
+
 def at_rest(scene: Scene, frame: Frame | None) -> dict[str, float]:
     """Quantities of the start that need no step to be known: a body in cells is at rest.
 
@@ -17,7 +22,7 @@ def at_rest(scene: Scene, frame: Frame | None) -> dict[str, float]:
         return {}
     nothing = ("tip_deflection", *(("compression",) if isinstance(scene.body.shape, BlockShape) else ()))
     known = {name: 0.0 for name in nothing if name in scene.quantities}
-    known |= {f"{name}.{what}": 0.0 for name in scene.probes for what in ("von_mises", "displacement")}
+    known |= dict.fromkeys(probed(scene), 0.0)
     if "peak_von_mises" in scene.quantities and frame is not None and len(frame.cauchy):
         known["peak_von_mises"] = float(von_mises(frame.cauchy).max())
     return known

@@ -61,7 +61,7 @@ _NUMBERS = (
 )
 
 
-def _whole(value: object) -> int | None:
+def whole(value: object) -> int | None:
     """A whole number, numpy's too; None of what is none. True and False are none, though Python counts with them."""
     if isinstance(value, bool | np.bool_):
         return None
@@ -155,7 +155,7 @@ class Session:
     def reset(self, seed: int | None = None) -> Observation:
         """Put the body and the tools where the scene starts; `seed` replaces the scene's."""
         seed = self.scene.seed if seed is None else seed
-        number = _whole(seed)
+        number = whole(seed)
         if number is None or not 0 <= number < 2**31:
             raise BadInput(f"seed is {seed!r}: give a whole number from 0 to 2147483647")
         return self._observe(self._running().reset(number))
@@ -176,7 +176,7 @@ class Session:
         fields           also observe the fields of the whole body at the end
         """
         backend = self._begun()
-        steps = _whole(count)
+        steps = whole(count)
         if steps is None or steps < 1:
             raise BadInput(f"count is {count!r}: give a whole number of steps, 1 or more")
         velocities = None if tool_velocities is None else self._checked(tool_velocities)
@@ -201,7 +201,7 @@ class Session:
         fields     also observe the fields of the whole body after every step
         max_steps  most steps to take; None: as many as the motion has
         """
-        most = None if max_steps is None else _whole(max_steps)
+        most = None if max_steps is None else whole(max_steps)
         if max_steps is not None and (most is None or most < 0):
             raise BadInput(f"max_steps is {max_steps!r}: give a whole number of steps, or None for all")
         observation = self._last if self._last is not None else self.reset()

@@ -18,7 +18,7 @@ from softseam.chart.command import Wishes, chart
 from softseam.chart.errors import Error, not_counted
 from softseam.chart.landmarks import ASKED, Landmark, read_rivals
 from softseam.chart.reference import Reference, in_words, origin
-from softseam.chart.table import Row, busy
+from softseam.chart.table import Row, busy, unrun
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
 
@@ -244,7 +244,7 @@ def section(one: Charted) -> str:
 
 def ran(rows: Sequence[Row]) -> str:
     """How many configurations were run, where some had no time."""
-    late = sum(row.outcome.status in ("left out", "stopped") for row in rows)
+    late = unrun(rows)
     return f"{len(rows) - late} of {len(rows)} configurations were run: the others had no time. " if late else ""
 
 

@@ -23,7 +23,7 @@ from softseam.chart.errors import (
     sure,
     worst,
 )
-from softseam.chart.pareto import landmarks, pareto_front
+from softseam.chart.pareto import pareto_front, worth_naming
 from softseam.chart.reference import Part, Reference
 from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
 from softseam.chart.series import Series
@@ -276,11 +276,11 @@ def test_a_picture_names_ends_and_limits_and_no_neighbours() -> None:
         (140.0, 0.0198),
         (6.0, 0.0197),
     ]
-    assert landmarks(front, (0.05, 0.02)) == [0, 1, 2, 4, 6]
-    assert landmarks(front, ()) == [0, 1, 2, 4, 6]
-    assert landmarks(front, (0.027,)) == [0, 1, 3, 4, 6]
-    assert landmarks(front[:1], (0.5, 0.01)) == [0]
-    assert landmarks([], (0.1,)) == []
+    assert worth_naming(front, (0.05, 0.02)) == [0, 1, 2, 4, 6]
+    assert worth_naming(front, ()) == [0, 1, 2, 4, 6]
+    assert worth_naming(front, (0.027,)) == [0, 1, 3, 4, 6]
+    assert worth_naming(front[:1], (0.5, 0.01)) == [0]
+    assert worth_naming([], (0.1,)) == []
 
 
 @settings(deadline=None, max_examples=100)

@@ -9,7 +9,8 @@ from typing import cast
 import numpy as np
 import pytest
 from benchmarks import plans
-from benchmarks.plans import Checked, Judged, check, page, ran, timed
+from benchmarks.plans import check, ran, timed
+from benchmarks.plans_page import TOLERANCES, Checked, Judged, page
 
 from softseam.chart.configurations import Configuration, Fem
 from softseam.chart.errors import Truth
@@ -67,7 +68,7 @@ def test_a_short_run_has_the_time_of_one_that_nobody_looks_at(tmp_path: Path, mo
 
 
 def test_the_page_says_which_code_it_is_of() -> None:
-    none = tuple(Checked(tolerance, ("*none*", "", "", "", "none", "", "0")) for tolerance in plans.TOLERANCES)
+    none = tuple(Checked(tolerance, ("*none*", "", "", "", "none", "", "0")) for tolerance in TOLERANCES)
     text = page([Judged("cube", none, "ships", "1 of 4, incomplete: 1 had no time", "", 1.0)])
     assert f"; solvers' digest {solver_digest()[:8]}.\n" in text
     assert "| cube | ships | 1 of 4, incomplete: 1 had no time |" in text and "{" not in text

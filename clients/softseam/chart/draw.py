@@ -21,9 +21,9 @@ from softseam.chart.errors import not_counted
 from softseam.chart.landmarks import Landmark
 from softseam.chart.names import Box, Floats, Picture, along, places, together
 from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
-from softseam.chart.pareto import landmarks
+from softseam.chart.pareto import worth_naming
 from softseam.chart.reference import Reference, origin
-from softseam.chart.table import Row, busy
+from softseam.chart.table import Row, busy, unrun
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
 
@@ -78,7 +78,7 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     names = ", ".join(colors.label(name) for name in reference.counted)
     worst = "the worst of " if len(reference.counted) > 1 else ""
     text = f"error: {worst}{names}, relative, L2 norm over time, against refined FEM, which {origin(reference)}\n"
-    late = sum(row.outcome.status in ("left out", "stopped") for row in rows)
+    late = unrun(rows)
     ran = f"; {len(rows) - late} of {len(rows)} configurations were run, the others had no time" if late else ""
     text += f"{machine}, one process; compiling and setting up left out{busy(rows)}{ran}"
     return text + (
@@ -289,7 +289,7 @@ def _wanted(rows: Sequence[Row], marks: Sequence[Landmark]) -> Iterator[tuple[fl
     """Where what is to be named is drawn, its name and that's colour: of the front, fastest first, and landmarks."""
     front = [(row, place) for row in rows if row.front and (place := placed(row))]
     front.sort(key=lambda each: -each[1][0])
-    for i in landmarks([place[:2] for _, place in front], _ERRORS):
+    for i in worth_naming([place[:2] for _, place in front], _ERRORS):
         row, (x, y, _) = front[i]
         yield x, y, row.configuration.label, INK
     for mark in marks:

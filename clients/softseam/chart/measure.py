@@ -9,6 +9,7 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, Literal, get_args
 
+from softseam.at_rest import probed
 from softseam.chart.series import Series, SeriesBuilder
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SceneRefused, SimulationFailed
@@ -80,6 +81,11 @@ class Outcome:
     """what the run itself estimated that forces and displacements are off by, 0 where it could not [1]"""
 
     @property
+    def was_late(self) -> bool:
+        """Whether there was no time for it, or not enough."""
+        return self.status in ("left out", "stopped")
+
+    @property
     def seconds(self) -> float:
         """Time of a run [s]: wall time of the median one, or its processor time; 0 where nothing was timed.
 
@@ -127,8 +133,7 @@ INDICATORS = ("mesh_error", "model_error", "traction_jump")
 def quantity_names(scene: Scene) -> tuple[str, ...]:
     """The quantities to compare: the scene's, and what it asks of its probes; not what a run says of its own errors,
     which is nothing in truth."""
-    probed = [f"{probe}.{what}" for probe in scene.probes for what in ("von_mises", "displacement")]
-    names = (*(name for name in scene.quantities if name not in INDICATORS), *probed)
+    names = (*(name for name in scene.quantities if name not in INDICATORS), *probed(scene))
     if not names:
         raise BadInput(
             f"the scene {scene.name!r} asks for no quantities to compare: add some, e.g. quantities: [grip_force, sag]"

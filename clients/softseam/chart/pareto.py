@@ -23,7 +23,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
     return front
 
 
-def landmarks(front: Sequence[tuple[float, float]], limits: Sequence[float]) -> list[int]:
+def worth_naming(front: Sequence[tuple[float, float]], limits: Sequence[float]) -> list[int]:
     """Indices of the points (speed, error) of a front, given by falling speed, that a picture should name.
 
     Both ends, the fastest within each limit, and of the others those that lie apart from what is named already.

@@ -57,6 +57,11 @@ def rows_of(wanted: Sequence[Configuration], outcomes: Mapping[str, Outcome], re
     ]
 
 
+def unrun(rows: Sequence[Row]) -> int:
+    """How many configurations had no time, or not enough."""
+    return sum(row.outcome.was_late for row in rows)
+
+
 def busy(rows: Sequence[Row]) -> str:
     """What to say of a machine that had other work, which is left out of the speeds; '' where it had none."""
     return busy_by(core_share(rows))

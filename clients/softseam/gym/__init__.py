@@ -20,5 +20,4 @@ from softseam.gym.tofu_grasp import TofuGrasp
 
 __all__ = ["SceneEnv", "TofuGrasp"]
 
-if "softseam/TofuGrasp-v0" not in gymnasium.registry:
-    gymnasium.register(id="softseam/TofuGrasp-v0", entry_point="softseam.gym.tofu_grasp:TofuGrasp")
+gymnasium.register(id="softseam/TofuGrasp-v0", entry_point="softseam.gym.tofu_grasp:TofuGrasp")

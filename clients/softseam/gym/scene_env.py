@@ -9,15 +9,16 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 from numpy.typing import ArrayLike, NDArray
 
+from softseam.at_rest import probed
 from softseam.duration import expected_duration
 from softseam.errors import BadInput, NotReset, SimulationFailed
 from softseam.observation import Observation
 from softseam.opening import open as open_session
 from softseam.scenes import bundle_of
-from softseam.session import Session
+from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_tools import PlaneTool
@@ -28,7 +29,7 @@ _AXES = ("x", "y", "z")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
-class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
+class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
     """A scene whose tools an agent moves, until its duration is over (truncated) or `ended` says so (terminated).
 
     A subclass says what is rewarded (`reward`). It may say what ends an episode (`ended`), how a scene differs from one
@@ -62,7 +63,8 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
         repeat  steps of the simulation in one step of the environment
         record  folder for a recording of each episode, to replay (in this process only); those that are there stay
         """
-        if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
+        steps = whole(repeat)
+        if steps is None or steps < 1:
             raise BadInput(f"repeat is {repeat!r}: give a whole number of steps, 1 or more")
         if record is not None and connect is not None:
             raise BadInput("episodes are recorded in this process only: leave out `record` or `connect`")
@@ -74,17 +76,16 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
                 "e.g. settings=['duration=3']"
             )
         self._given, self._settings, self._model, self._connect = scene, tuple(settings), model, connect
-        self._repeat, self._record = repeat, None if record is None else Path(record)
+        self._repeat, self._record = steps, None if record is None else Path(record)
         self._session: Session | None = None
         self._varied: tuple[str, ...] = ()
         self.tools = moved(self.scene)
         """that actions move"""
-        probed = [f"{probe}.{what}" for probe in self.scene.probes for what in ("von_mises", "displacement")]
-        self._quantities = (*self.scene.quantities, *probed)
+        self._quantities = (*self.scene.quantities, *probed(self.scene))
         each = [f"{tool}.{what}" for tool in self.tools for what in (*_AXES, *_WRENCH)]
         self.names = (*each, *self._quantities)
         """of what `see` returns where it is not overridden"""
-        self.action_space = Box(-1.0, 1.0, (3 * len(self.tools),), np.float32)
+        self.action_space: Space[Any] = Box(-1.0, 1.0, (3 * len(self.tools),), np.float32)
         self.observation_space = Box(-np.inf, np.inf, (len(self.names),), np.float32)
 
     # ---- what a subclass says
@@ -102,7 +103,7 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
         episode opens another session, in some 0.1 s."""
         return ()
 
-    def act(self, action: Numbers) -> Mapping[str, ArrayLike]:
+    def act(self, action: Any) -> Mapping[str, ArrayLike]:
         """Velocities of the tools [m/s], as `Session.step` takes them, from an action within the action space."""
         return dict(zip(self.tools, self.speed * action.reshape(-1, 3).astype(np.float64), strict=True))
 
@@ -130,8 +131,8 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
         self._start = {name: observation.tools[name].position for name in self.tools}
         return self.see(observation), self._told(observation)
 
-    def step(self, action: ArrayLike) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
-        """Move the tools for `repeat` steps. What is beyond the action space is as its border."""
+    def step(self, action: Any) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
+        """Move the tools for `repeat` steps. Numbers beyond the action space are as its border."""
         session, taken = self.session, self._within(action)
         before = session.last
         try:
@@ -175,9 +176,12 @@ class SceneEnv(gymnasium.Env[Numbers, Numbers], ABC):
         """Numbers alone, which environments in other processes send to their agent."""
         return {"time": observation.time, **{name: observation.quantities.get(name, 0.0) for name in self._quantities}}
 
-    def _within(self, action: ArrayLike) -> Numbers:
+    def _within(self, action: Any) -> Any:
         space = self.action_space
-        assert isinstance(space, Box), "a subclass with another action space overrides step, too"
+        if not isinstance(space, Box):
+            if space.contains(action):
+                return action
+            raise BadInput(f"{action!r} is no action of {space}")
         try:
             numbers = np.asarray(action, np.float32)
         except (TypeError, ValueError):

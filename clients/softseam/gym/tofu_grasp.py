@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from softseam.errors import BadInput
 from softseam.gym.scene_env import Numbers, SceneEnv
 from softseam.observation import Observation
+from softseam_protocol.scene import BodySpec
 
 HEIGHT = 0.05
 """to lift the tofu by [m]"""
@@ -20,8 +21,8 @@ LIFTED = 0.9
 """of that height, from which on it counts as lifted [1]"""
 CRUSHED = 0.5
 """compression at which an episode ends; FEM in a rigid box is right up to 0.6"""
-YOUNG, FRICTION = 20.0e3, 0.6
-"""of the scene tofu_grasp [Pa], [1]"""
+STRESS = 20.0e3
+"""that costs as much as the whole height is worth, where it lasts for all of an episode [Pa]"""
 
 
 class TofuGrasp(SceneEnv):
@@ -56,24 +57,25 @@ class TofuGrasp(SceneEnv):
     def vary(self, random: np.random.Generator) -> Sequence[str]:
         if self._spread == 0.0:
             return ()
-        young, friction = np.array([YOUNG, FRICTION]) * random.uniform(1.0 - self._spread, 1.0 + self._spread, 2)
-        tools = [f"tools.{name}.friction={friction:.4g}" for name in self.tools]
-        return (f"body.material.young={young:.5g}", *tools)
+        stiffer, rougher = random.uniform(1.0 - self._spread, 1.0 + self._spread, 2)
+        assert isinstance(self.scene.body, BodySpec)
+        tools = [f"tools.{name}.friction={rougher * self.scene.tools[name].friction:.4g}" for name in self.tools]
+        return (f"body.material.young={stiffer * self.scene.body.material.young:.5g}", *tools)
 
-    def act(self, action: Numbers) -> Mapping[str, ArrayLike]:
+    def act(self, action: Any) -> Mapping[str, ArrayLike]:
         close, rise = self.speed * action.astype(np.float64)
         return {"left": [close, 0.0, rise], "right": [-close, 0.0, rise]}
 
     def reward(self, before: Observation, after: Observation) -> float:
         time = (after.time - before.time) / (self.scene.duration or 1.0)
-        stress = after.quantities.get("peak_von_mises", 0.0) / YOUNG
+        stress = after.quantities.get("peak_von_mises", 0.0) / STRESS
         risen = _part(after.lift_height) - _part(before.lift_height)
         return risen - stress * time - float(self.ended(after))
 
     def ended(self, observation: Observation) -> bool:
         return observation.quantities.get("compression", 0.0) >= CRUSHED
 
-    def step(self, action: ArrayLike) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         seen, reward, terminated, truncated, info = super().step(action)
         info["is_success"] = not terminated and _part(info["lift_height"]) >= LIFTED
         return seen, reward, terminated, truncated, info

@@ -186,7 +186,7 @@ class _Search:
                 return False
             hope, is_good = hoped[one.key], one in good
             outcome = self._run(one)
-            if outcome.status in ("left out", "stopped") and is_good:
+            if outcome.was_late and is_good:
                 self.late = self.late or one
             done, surely = outcome.status == "done", hope.error <= self._goal.tolerance
             error, hoped_for = (
