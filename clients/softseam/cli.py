@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
+from softseam_protocol.extensions import ExtensionError, load_extensions
 
 app = typer.Typer(
     name="softseam",
@@ -344,8 +345,12 @@ def main() -> int:
     """Entry point: turns every error into one message and an exit code."""
     error_console = Console(stderr=True)
     try:
+        load_extensions()
         app()
         return OK
+    except ExtensionError as error:
+        error_console.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return BAD_INPUT
     except SoftseamError as error:
         error_console.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
         return next(EXIT_CODES[kind] for kind in type(error).__mro__ if kind in EXIT_CODES)

@@ -193,7 +193,7 @@ def compile_first(scene: Scene) -> None:
 def compile_clock() -> Iterator[Callable[[], tuple[float, float]]]:
     """How much wall and processor time [s] numba has spent on kernels since the context began, when asked."""
     try:
-        from softseam_services.compile_clock import CompileClock
+        from softseam_services.jit.compile_clock import CompileClock
     except ImportError as error:
         raise missing_extra(error, "simulating in this process") from error
     with CompileClock() as clock:
@@ -240,7 +240,7 @@ _APART = (
 def solver_digest() -> str:
     """Digest of every source that a simulation's numbers may depend on: with another digest, perhaps other numbers."""
     try:
-        from softseam_services.kernel_cache import kernel_packages
+        from softseam_services.jit.kernel_cache import kernel_packages
     except ImportError as error:
         raise missing_extra(error, "simulating in this process") from error
     digest = hashlib.sha256()

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from softseam_protocol.errors import BusError, ProtocolError
+from softseam_protocol.extensions import ExtensionError, load_extensions
 from softseam_services.bus_options import BusOptions
 from softseam_services.child import Service, service_argv
 from softseam_services.lifeline import Lifeline
@@ -54,9 +55,10 @@ def serve(role: str, options: ServeOptions) -> int:
         return _guard(role, options)
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     try:
+        load_extensions()
         with Lifeline() as life:
             _serve(role, options, life)
-    except (BusError, RecordError) as error:
+    except (BusError, ExtensionError, RecordError) as error:
         say(str(error))
         return WRONG_SET_UP
     except ProtocolError as error:

@@ -200,7 +200,7 @@ def steps(run: FemRun) -> dict[str, float]:
 def _size(arrays: object) -> float:
     if isinstance(arrays, np.ndarray):
         return float(arrays.nbytes)
-    if hasattr(arrays, "_declared"):  # a record, see by_reference.py
+    if hasattr(arrays, "_declared"):  # a record, see record.py
         return sum(_size(getattr(arrays, name)) for name in arrays._declared._fields)
     return sum(_size(part) for part in arrays) if isinstance(arrays, tuple) else 0.0
 

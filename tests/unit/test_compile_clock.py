@@ -6,7 +6,7 @@ from time import perf_counter, process_time
 
 from numba import njit
 
-from softseam_services.compile_clock import CompileClock
+from softseam_services.jit.compile_clock import CompileClock
 
 
 def test_what_is_compiled_is_counted_once_in_both_times() -> None:

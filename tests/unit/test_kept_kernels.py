@@ -20,7 +20,7 @@ from {njit} import njit
 def more(x):
     return x + {step}
 """
-BOTH = ["softseam_coupling.kept_kernels", "softseam_services.compiled_once"]
+BOTH = ["softseam_coupling.kept_kernels", "softseam_services.jit.linking"]
 
 
 class Tiny:

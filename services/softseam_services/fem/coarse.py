@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
-from softseam_services.by_reference import by_reference
 from softseam_services.fem.dissection import dissect
 from softseam_services.fem.tree import Factoring, Ints, Tree, scratch
+from softseam_services.jit import record
 
 _CORNERS = np.array([0, 2, 6, 8, 18, 20, 24, 26])
 
 
-@by_reference
+@record
 class Grid(NamedTuple):
     """n_free nodes of the fine grid; P carries a coarse field over to them."""
 

@@ -12,7 +12,6 @@ from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import FUNCTIONS, point_weights
-from softseam_services.by_reference import by_reference
 from softseam_services.fem.dissection import dissect
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.cut import with_cut_cells
@@ -25,6 +24,7 @@ from softseam_services.fem.kernels.multigrid import MULTIGRID, NONE
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.fem.sparse import sparse_tree
 from softseam_services.fem.tree import Tree
+from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
 
 # Contact penalty r = PENALTY E A / h at a surface point, h half an edge of the cells there: softer lets points sink in
@@ -43,7 +43,7 @@ _SPLITS = ("neo_hookean", "linear")
 _NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)
 
 
-@by_reference
+@record
 class FemModel(NamedTuple):
     """n nodes, c cells, p surface points, s seam nodes. A plain tuple of arrays for the kernels."""
 

@@ -9,14 +9,14 @@ import numpy as np
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import LOCAL
 from softseam_services.body.point_materials import point_parameters
-from softseam_services.by_reference import by_reference
 from softseam_services.fem.elements import Table
+from softseam_services.jit import record
 
 # Cells whose nodes are off their box by more than this share of an edge are general hexahedra.
 _BOX = 1e-9
 
 
-@by_reference
+@record
 class Rule(NamedTuple):
     """An element in the region's cells, for the kernels; see `elements.Table` (t shapes, b elements a cell)."""
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages import ToolMotion
 from softseam_services.body.body import Floats, Ints
-from softseam_services.by_reference import by_reference
+from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
 
 
-@by_reference
+@record
 class Tools(NamedTuple):
     """Tools over one step (t tools), for the kernels."""
 

@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.by_reference import by_reference
 from softseam_services.fem.kernels.pair import start_address
 from softseam_services.fem.kernels.panel import STRIP
+from softseam_services.jit import record
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 
-@by_reference
+@record
 class Tree(NamedTuple):
     """Fronts in the order of elimination; children before parents. A plain tuple of arrays for the kernels."""
 
@@ -67,7 +67,7 @@ class Tree(NamedTuple):
     """
 
 
-@by_reference
+@record
 class Factoring(NamedTuple):
     """Scratch of factor and solve; tile, strip and ints have a row for each thread."""
 

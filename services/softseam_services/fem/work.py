@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
-from softseam_services.by_reference import by_reference
 from softseam_services.fem.coarse import Grid, build_grid, no_grid
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import N_COLUMNS
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.tree import Factoring, Tree, scratch
+from softseam_services.jit import record
 
 MEMORY = 12
 """columns of Anderson acceleration"""
 
 
-@by_reference
+@record
 class Work(NamedTuple):
     """Scratch of one solver; nothing in it outlives a step but the factor, which `snapshot` drops, and a look at
     volumes, which goes by places alone."""

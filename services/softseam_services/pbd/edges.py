@@ -12,7 +12,7 @@ from softseam_services.body.lattice import LOCAL
 from softseam_services.body.outer_faces import FACE_NODES, outer_faces
 from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.region import build_region, node_of_point
-from softseam_services.by_reference import by_reference
+from softseam_services.jit import record
 from softseam_services.tools.edged import edged_tools
 from softseam_services.tools.tool_set import ToolSet
 
@@ -25,7 +25,7 @@ _WHOLE = np.array([5, 6, 7, 8])
 """corners -u-v, -u+v, +u-v, +u+v of the faces of blocks, in `FACE_NODES`"""
 
 
-@by_reference
+@record
 class Edges(NamedTuple):
     """f faces of blocks on the surface, p points of the region, t tools."""
 

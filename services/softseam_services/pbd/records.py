@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
-from softseam_services.by_reference import by_reference
+from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks
@@ -21,7 +21,7 @@ from .kernels.pairs import N_ROWS, WIDTH
 from .model import PbdModel
 
 
-@by_reference
+@record
 class BlockArrays(NamedTuple):
     """The blocks of a region, as of `Blocks` and `PbdModel`."""
 
@@ -34,7 +34,7 @@ class BlockArrays(NamedTuple):
     law: int
 
 
-@by_reference
+@record
 class PointArrays(NamedTuple):
     """Surface points and the nodes that they follow, as of `PbdModel`."""
 
@@ -50,7 +50,7 @@ class PointArrays(NamedTuple):
     soft: Floats
 
 
-@by_reference
+@record
 class NodeArrays(NamedTuple):
     """Nodes of a region."""
 
@@ -62,7 +62,7 @@ class NodeArrays(NamedTuple):
     hanging: Hanging
 
 
-@by_reference
+@record
 class ToolArrays(NamedTuple):
     """Tools, as of `ToolSet`."""
 
@@ -72,7 +72,7 @@ class ToolArrays(NamedTuple):
     near: NDArray[np.bool_]
 
 
-@by_reference
+@record
 class Contacts(NamedTuple):
     """Points that may touch tools in a step, t tools, and their places now; see `kernels.pairs` and `kernels.hold`."""
 
@@ -89,7 +89,7 @@ class Contacts(NamedTuple):
     """see `kernels.tool_motion` (2, t, 12)"""
 
 
-@by_reference
+@record
 class Scratch(NamedTuple):
     """Of a step; n nodes, p points."""
 
@@ -105,7 +105,7 @@ class Scratch(NamedTuple):
     """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
 
 
-@by_reference
+@record
 class Leap(NamedTuple):
     """Scratch of the explicit step; n nodes, b batches. The rows after the nodes are the padding's."""
 
@@ -122,7 +122,7 @@ class Leap(NamedTuple):
     hanging: Hanging
 
 
-@by_reference
+@record
 class Solve(NamedTuple):
     """How a substep is solved; b batches."""
 

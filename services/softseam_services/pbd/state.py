@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.by_reference import by_reference
+from softseam_services.jit import record
 
 from .kernels.block import N_STRESS
 from .watch import N_MONITOR
 
 
-@by_reference
+@record
 class PbdState(NamedTuple):
     """n nodes, b batches, p points, t tools; all fields are views of `buffer`, updated in place by the step."""
 

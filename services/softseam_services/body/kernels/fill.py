@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 _MAX_CORNERS = 16
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 N_TERMS = 10
 NEIGHBOUR = 0.05

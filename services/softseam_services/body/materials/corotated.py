@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials.principal import assemble, signed_svd
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 LEAST_SUM = 1e-3
 

@@ -11,7 +11,7 @@ mu > 0, lambda > -2/3 mu [Pa].
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

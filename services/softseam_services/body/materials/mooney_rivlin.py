@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 J_MIN = 0.2
 

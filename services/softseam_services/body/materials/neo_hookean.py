@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 # Soft food that is nearly incompressible keeps J within 0.7 .. 1.3 far beyond its breaking strain, so 0.2 changes no
 # result that means anything; there ds is about 60 times its value at rest, which an implicit step still digests.

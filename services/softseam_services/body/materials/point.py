@@ -19,7 +19,7 @@ from softseam_services.body.materials import (
 )
 from softseam_services.body.materials.invariants import invariants, principal_blocks, write_stress, write_tangent
 from softseam_services.body.materials.principal import assemble, signed_svd
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 NEO_HOOKEAN, LINEAR, COROTATED, ST_VENANT_KIRCHHOFF, STABLE_NEO_HOOKEAN, MOONEY_RIVLIN = 0, 1, 2, 3, 4, 5
 N_PARAMETERS = 3

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 _MOST_SWEEPS = 30
 _ROUNDING = 1e-16

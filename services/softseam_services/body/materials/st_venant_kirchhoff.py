@@ -11,7 +11,7 @@ neo_hookean or stable_neo_hookean where tools squeeze. mu > 0, lambda > -2/3 mu 
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,7 +10,7 @@ C(w) dt^3 times the third derivative,  C(w) = (1 + w)^2/(6 w (1 + 2 w))         
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 N_HISTORY = 2
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 N_HISTORY = 1
 

@@ -5,7 +5,7 @@ M (x1 - x_hat)/dt^2 = F(x1),  x_hat = x0 + dt v0,  v1 = (x1 - x0)/dt            
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,7 +10,7 @@ Contact and the seam are closed at x1, with a force that is constant over the st
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 
 def theta(radius: float) -> float:

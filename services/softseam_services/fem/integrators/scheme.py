@@ -11,14 +11,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from softseam_services.body.body import Floats
-from softseam_services.by_reference import by_reference
-from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators import bdf2, generalised_alpha, implicit_euler, midpoint, static
+from softseam_services.jit import njit, record
 
 IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER, STATIC = 0, 1, 2, 3, 4, 5
 
 
-@by_reference
+@record
 class Scheme(NamedTuple):
     """An integrator for the kernels."""
 

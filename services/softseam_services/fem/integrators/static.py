@@ -8,7 +8,7 @@ it touches something, so a scene without any is refused.
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.kernels.newton import CONVERGED, LEAST_J, NOT_FINITE, WORST_CELL
+from softseam_services.jit import njit
 
 SAFETY = 0.6
 _ROUNDS = 60

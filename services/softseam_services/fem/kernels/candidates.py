@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.contact import ALONE, ANCHOR, OPEN, point_position
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX
 

@@ -16,9 +16,9 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import volumetric
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import add_block_row
 from softseam_services.fem.kernels.lapack import multiply
+from softseam_services.jit import njit
 
 LANES = 32  # nodes of a cell, padded so that loops over them fill vector registers
 

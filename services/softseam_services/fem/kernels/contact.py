@@ -40,8 +40,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import add_block
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.anderson import add_scaled
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, RELAXED, SLIP, TRACTION, TRIAL
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.sparse import dot
+from softseam_services.jit import njit
 
 _TOLERANCE = 0.05
 """of eq. (1), in the length of d [1]"""

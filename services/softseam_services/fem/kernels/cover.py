@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import overlap, rotate_back, side_gap
 
 CARRY_POWER = 8

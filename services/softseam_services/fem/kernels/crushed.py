@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cells import least_square_stretch
+from softseam_services.jit import njit
 
 FIRST, LAST = 0.55, 0.45
 

@@ -6,8 +6,8 @@ of these that are crushed count in part with full quadrature, see kernels/crushe
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels import cells, point_tangents, point_volumes, points
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

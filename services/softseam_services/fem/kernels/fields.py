@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels import elements
 from softseam_services.fem.kernels.contact import point_position
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,9 +9,9 @@ at places that are used again: they stay in the cache, and need a small part of 
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.lapack import product
 from softseam_services.fem.kernels.panel import ascend, descend, factor_panel, inverse_triangle
+from softseam_services.jit import njit
 
 # columns of tree.meta
 FIRST, OWN, ALL, PARENT, VALUES, ROW, REST, CHILD, SIBLING, RUN, RUN_END = range(11)

@@ -16,7 +16,7 @@ from numba.core import config
 from numba.extending import get_cython_function_address
 
 from softseam_services.blas import use_one_thread
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 _ROUTINES = {
     "dsyrk": ("scipy.linalg.cython_blas", 10),

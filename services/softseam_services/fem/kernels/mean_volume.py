@@ -20,7 +20,7 @@ import numpy as np
 
 from softseam_services.body.materials.invariants import cofactor
 from softseam_services.body.materials.neo_hookean import J_MIN
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.contact import ANCHOR, FORCE, SLIP_SO_FAR
 from softseam_services.fem.kernels.step import (
     ANGULAR,
@@ -23,6 +22,7 @@ from softseam_services.fem.kernels.step import (
     STRAIN,
     TOOL_WORK,
 )
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.tool_set import BOX, MESH, PLANE, SPHERE
 

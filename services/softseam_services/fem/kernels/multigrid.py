@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import ALL, ROW, VALUES, add_seam_stiffness, solve
 from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import above, backward, dot, forward, invert_diagonal, product
+from softseam_services.jit import njit
 
 NONE, MULTIGRID, BLOCK_JACOBI, SWEEPS = 0, 1, 2, 3
 """kinds of solution: a factor of the matrix itself, or conjugate gradients with a preconditioner"""

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import begin
 from softseam_services.fem.kernels.anderson import accelerate
 from softseam_services.fem.kernels.candidates import find_candidates
@@ -36,6 +35,7 @@ from softseam_services.fem.kernels.pair import factor
 from softseam_services.fem.kernels.sparse import dot
 from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
 from softseam_services.fem.kernels.viscous_start import resist
+from softseam_services.jit import njit
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values

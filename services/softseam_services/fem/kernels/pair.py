@@ -17,8 +17,8 @@ from numba.core import cgutils, config
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import factor_fronts
+from softseam_services.jit import njit
 
 _N_ARGUMENTS = 16
 _create: Any = types.ExternalFunction("pthread_create", types.int32(*[types.intp] * 4))

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.lapack import apply, minus_square, product
+from softseam_services.jit import njit
 
 STRIP = 24
 """columns of a strip, a multiple of 3"""

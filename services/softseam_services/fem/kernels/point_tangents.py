@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials.point import stress, tangent
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cells import gather
 from softseam_services.fem.kernels.mean_volume import mean_pressure, modify, modify_tangent
 from softseam_services.fem.kernels.points import group_volumes, point_gradients
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

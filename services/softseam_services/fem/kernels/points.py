@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials.point import energy, stress
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cells import gather
 from softseam_services.fem.kernels.mean_volume import (
     mean_pressure,
@@ -19,6 +18,7 @@ from softseam_services.fem.kernels.mean_volume import (
     positive_volume,
     volume_gradient,
 )
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

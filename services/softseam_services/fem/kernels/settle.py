@@ -11,8 +11,8 @@ factor was made to take as touching, as they were near a tool, and that do not t
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import solve_seam
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.fronts import ALL, ROW, VALUES
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})

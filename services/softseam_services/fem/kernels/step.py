@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish
 from softseam_services.fem.integrators.symplectic_euler import march
 from softseam_services.fem.kernels.candidates import find_candidates
@@ -26,6 +25,7 @@ from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED, INDEFINITE, farthest, newton, seam_compliance, seam_pull
 from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, loses_volume, watch_cells
 from softseam_services.fem.kernels.viscous_start import resist
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 # entries of `out`

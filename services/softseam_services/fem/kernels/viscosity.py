@@ -32,11 +32,11 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN
-from softseam_services.compiled_once import njit
 from softseam_services.fem.kernels.cells import gather, least_square_stretch
 from softseam_services.fem.kernels.mean_volume import positive_volume, volume_gradient
 from softseam_services.fem.kernels.point_tangents import add_coupling, scatter
 from softseam_services.fem.kernels.points import point_gradients
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.by_reference import by_reference
+from softseam_services.jit import record
 
 from .form import FORM, N_FORM, bring_forms, from_sums, hourglass_of_form, of_form, to_sums
 from .lanes import LANES, aligned, lane_kernel, move_four, transpose_four
@@ -49,7 +49,7 @@ N_OF_BOX = 30
 """of these before PARAMETERS"""
 
 
-@by_reference
+@record
 class Constants(NamedTuple):
     """Of the blocks, for the kernels; the blocks of a batch are of one material."""
 

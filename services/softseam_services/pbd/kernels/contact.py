@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import box_gap, rotate, rotate_back, side_gap, tool_gap
 from softseam_services.tools.tool_set import BOX, PLANE
 

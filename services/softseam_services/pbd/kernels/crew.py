@@ -19,7 +19,7 @@ from numba import config, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 LINE = 16
 """numbers in two lines of the cache: so far apart, what one thread writes does not stop the other"""

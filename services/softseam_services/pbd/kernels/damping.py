@@ -27,7 +27,7 @@ kappa >= 3/4                                                                    
 from __future__ import annotations
 
 from softseam_services.body.materials.point import LINEAR
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .block import (
     N_STRESS,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials import point
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .block import (
     BOUND,

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.by_reference import by_reference
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit, record
 
 
-@by_reference
+@record
 class Hanging(NamedTuple):
     """Sparse rows: node[i] is the sum of weight * that of master over indptr[i] .. indptr[i + 1] - 1."""
 

@@ -10,7 +10,7 @@ what sticks is held in all directions; what slides is held in one of three by ea
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .lanes import LANES
 from .pairs import EIGHT, HOLD, POINT

@@ -16,7 +16,7 @@ from numba import config, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 LANES = 4
 LINE = 8

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .general import energy_lanes_general, stress_lanes_general
 from .linear import energy_lanes_linear, stress_lanes_linear

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials.point import LINEAR
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .block import MU, STRESS, VOLUME, WANTED, gather, hoisted, load_stress, of_batch, of_lane, shape
 from .lanes import LANES, lane_kernel, move_four

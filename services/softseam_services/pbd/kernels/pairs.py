@@ -27,7 +27,7 @@ then SIDE 8 (side of the tool, -1 where contact is exact). Groups start[t] .. st
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import side_gap, tool_gap, tool_reach
 
 from .lanes import LANES, four, three, transpose_four

@@ -6,7 +6,7 @@ of what lies beyond them, which goes along as one.
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .hanging import follow
 from .summary import STRAIN, summarise_motion

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import tool_gap
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .block import WANTED, gather, of_batch
 from .general import cauchy_lanes_general

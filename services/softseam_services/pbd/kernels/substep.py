@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 from .block import (
     ENERGY,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.tools.kernels.grid import grid_gap
 from softseam_services.tools.kernels.solids import box_gap, capsule_gap, cylinder_gap
 from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, PLANE, SPHERE

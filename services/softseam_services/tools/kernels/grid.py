@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 HALF, ORIGIN, SPACING, COUNTS, VALUES = 0, 3, 6, 7, 10
 """where in the row they start"""

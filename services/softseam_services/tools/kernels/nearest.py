@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 FACE, EDGE, VERTEX = 0, 1, 4
 """features of a triangle a b c: the face; edges ab, bc, ca; vertices a, b, c"""

@@ -3,7 +3,7 @@ one whose outward normal is along +axis."""
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.tools.kernels.gap import rotate
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.pbd.kernels.lanes import four, three
 from softseam_services.pbd.kernels.tool_motion import twelve
 from softseam_services.tools.kernels import tool_gap, tool_reach

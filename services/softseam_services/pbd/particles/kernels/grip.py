@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.pbd.kernels.lanes import four, three
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.pbd.kernels.tool_motion import tool_motions, tool_pose
 from softseam_services.tools.kernels import tool_travel
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.compiled_once import njit
+from softseam_services.jit import njit
 from softseam_services.pbd.kernels.lanes import lane_kernel
 from softseam_services.pbd.kernels.neo_hookean import cofactors
 

@@ -17,7 +17,7 @@ import pytest
 
 import softseam_coupling
 import softseam_services
-from softseam_services.compiled_once import _link, njit
+from softseam_services.jit.linking import _link, njit
 
 SERVICES, COUPLING = (Path(package.__path__[0]) for package in (softseam_services, softseam_coupling))
 
@@ -120,7 +120,7 @@ def _specialisations(kernel) -> int:  # type: ignore[no-untyped-def]
 
 @pytest.mark.parametrize(
     ("package", "instead"),
-    [(SERVICES, "softseam_services.compiled_once"), (COUPLING, "softseam_coupling.kept_kernels")],
+    [(SERVICES, "softseam_services.jit.linking"), (COUPLING, "softseam_coupling.kept_kernels")],
     ids=["services", "coupling"],
 )
 def test_no_kernel_is_numbas_own(package: Path, instead: str) -> None:
@@ -136,7 +136,7 @@ def test_no_kernel_is_numbas_own(package: Path, instead: str) -> None:
 
 COUNT = """
 import gc, json, sys
-from softseam_services.compiled_once import _Kernel
+from softseam_services.jit.linking import _Kernel
 from softseam_services.warm_up import warm_participant
 
 warm_participant(sys.argv[1])

@@ -30,7 +30,7 @@ _T = TypeVar("_T")
 _WORD = ir.IntType(64)
 
 
-def by_reference(declared: type[_T]) -> type[_T]:
+def record(declared: type[_T]) -> type[_T]:
     """Decorates a NamedTuple: its instances are records that kernels take by reference; fields read as before.
 
     Fields are arrays, numbers, truth values, or other records. Raises TypeError for any other value.

@@ -12,15 +12,15 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from softseam_services.by_reference import by_reference
+from softseam_services.jit import record
 
 
-@by_reference
+@record
 class Inner(NamedTuple):
     values: NDArray[np.float64]
 
 
-@by_reference
+@record
 class Outer(NamedTuple):
     matrix: NDArray[np.float64]
     counts: NDArray[np.int32]
@@ -86,9 +86,9 @@ KERNEL = """
 from typing import NamedTuple
 import numpy as np
 from numba import njit
-from softseam_services.by_reference import by_reference
+from softseam_services.jit import record
 
-@by_reference
+@record
 class Pair(NamedTuple):
     a: np.ndarray
     b: float
