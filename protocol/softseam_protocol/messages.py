@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.quickly_made import quickly_made
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 class Array:
@@ -147,6 +147,26 @@ class Configure:
 
 
 @dataclass(frozen=True, slots=True)
+class Capabilities:
+    """What a participant can do for the region that it was configured with; who couples it asks for no more."""
+
+    compliance: bool
+    """tells how its coupling nodes yield to forces"""
+    corrects: bool
+    """moves a tentative step on by its linear answer to a force (`Correct`)"""
+    impedance: bool
+    """takes the parts beyond its coupling nodes into its own solve (`Advance.seam_stiffness`)"""
+    substeps: Count
+    """substeps a step; 1: none"""
+    stress: bool
+    """tells stress in its cells"""
+    error: bool
+    """estimates what its cells err by"""
+    cost: float
+    """expected processor time of a step [s]; 0: not known"""
+
+
+@dataclass(frozen=True, slots=True)
 class Configured:
     header: Header
     n_nodes: Count
@@ -161,6 +181,8 @@ class Configured:
     """its energy in gravity, likewise [J]"""
     seconds: float = 0.0
     """wall time spent [s]; diagnostics only"""
+    capabilities: Capabilities | None = None
+    """None: of a region without coupling nodes none are asked for"""
 
 
 @quickly_made
@@ -201,9 +223,20 @@ class Advance:
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
     seam_force_start: Vectors = field(default_factory=_NO_VECTORS)
     """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
-    seam_settle: Vectors = field(default_factory=_NO_VECTORS)
-    """force on this side's seam nodes (s, 3) [N] by whose linear answer the tentative step before is moved on before it
-    is committed; empty: it is committed as it is"""
+
+
+@quickly_made
+@dataclass(frozen=True, slots=True)
+class Correct:
+    """Move the tentative step on by its linear answer to a force on the seam nodes; it stays tentative."""
+
+    header: Header
+    push: Vectors
+    """by whose answer it is moved on, with the stiffness beyond the seam behind it (s, 3) [N]"""
+    force: Vectors
+    """that acts on the seam nodes from then on (s, 3) [N]"""
+    fields: bool = False
+    """also return the fields"""
 
 
 @quickly_made
@@ -262,12 +295,10 @@ class Advanced:
     seam_v: Vectors = field(default_factory=_NO_VECTORS)
     """seam velocities at the end of the step (s, 3) [m/s]; empty where the seam force was constant"""
     settles: bool = False
-    """whether this tentative step can be settled by a force on the seam without being solved again"""
-    seam_yield: Matrix = field(default_factory=_NO_MATRIX)
-    """beside an anchor: d(seam_x)/d(seam_force) with the stiffness (3s, 3s) [m/N], by which it would be settled; empty:
-    as in the reply before"""
+    """whether this tentative step can be corrected (`Correct`)"""
     seam_yield_root: Matrix = field(default_factory=_NO_MATRIX)
-    """in place of seam_yield R with seam_yield = R R^T, which takes an eighth of the work (3s, 3s) [(m/N)^(1/2)]"""
+    """R with d(seam_x)/d(seam_force) = R R^T by which it would be corrected, beside an anchor with the stiffness
+    (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,8 +326,6 @@ class Commit:
     """Accept the tentative step (done by the next Advance otherwise)."""
 
     header: Header
-    seam_settle: Vectors = field(default_factory=_NO_VECTORS)
-    """as in `Advance`"""
     fields: bool = False
     """also return the fields"""
 
@@ -400,7 +429,7 @@ class Failure:
     """what is wrong and the remedy"""
 
 
-Request = Configure | Advance | Commit | Observe | Snapshot | Restore | Release
+Request = Configure | Advance | Correct | Commit | Observe | Snapshot | Restore | Release
 Worked = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored
 """replies that tell how long the participant worked for them"""
 Reply = Worked | Released | Failure

@@ -10,16 +10,16 @@ import hashlib
 from dataclasses import dataclass, field
 from time import perf_counter
 
-import numpy as np
-
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Advance,
+    Advanced,
     Bundle,
     Commit,
     Committed,
     Configure,
     Configured,
+    Correct,
     Failure,
     Fields,
     Observe,
@@ -31,7 +31,6 @@ from softseam_protocol.messages import (
     Restored,
     Snapshot,
     SnapshotTaken,
-    Vectors,
 )
 from softseam_protocol.quickly_made import altered
 from softseam_protocol.scene import Scene
@@ -45,7 +44,6 @@ from softseam_services.participant import Solver
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.tool_set import ToolSet
 
-_NOTHING = np.zeros((0, 3))
 _BODIES_KEPT = 4
 _SEATS_KEPT = 64
 """of sessions whose orchestrators may have died without a Release"""
@@ -95,7 +93,8 @@ def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver
     else:
         raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
     n_nodes, n_cells = len(region.nodes), len(region.cells)
-    return solver, Configured(request.header, n_nodes, n_cells, substeps, solver.strain, *moving)
+    told = Configured(request.header, n_nodes, n_cells, substeps, solver.strain, *moving, 0.0, solver.capabilities)
+    return solver, told
 
 
 def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tuple[Solver, Configured]:
@@ -209,20 +208,20 @@ class ParticipantServer:
         if isinstance(request, Advance):
             began = perf_counter()
             if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat, request.seam_settle)
+                _commit(seat)
             if header.step != seat.committed or header.exchange <= seat.exchange:
                 return _stale(request, seat)
-            reply = seat.solver.advance(request)
-            fields = seat.solver.fields(header) if request.fields else None
-            if fields is not None or len(request.seam_settle):  # the solver's clock runs while it advances only
-                reply = altered(reply, fields=fields, seconds=perf_counter() - began)
-            seat.exchange = header.exchange
-            return reply
+            return _with_fields(seat, request, seat.solver.advance(request), began)
+        if isinstance(request, Correct):
+            began = perf_counter()
+            if header.step != seat.committed or not 0 <= seat.exchange < header.exchange:
+                return _stale(request, seat)
+            return _with_fields(seat, request, seat.solver.correct(request), began)
         if isinstance(request, Observe):
             return seat.solver.fields(header, request.indicators, request.own)
         if isinstance(request, Commit | Snapshot):
             if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat, request.seam_settle if isinstance(request, Commit) else _NOTHING)
+                _commit(seat)
             if header.step != seat.committed:
                 return _stale(request, seat)
             if seat.exchange >= 0:  # a step that failed on the other side
@@ -239,10 +238,16 @@ class ParticipantServer:
         return Failure("invalid", f"a participant does not answer {type(request).__name__}")
 
 
-def _commit(seat: _Seat, settle: Vectors) -> None:
-    """Commit the tentative step, settled by this force on the seam (s, 3) [N] where there is one."""
-    if len(settle):
-        seat.solver.settle(settle)
+def _with_fields(seat: _Seat, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
+    """The reply to a tentative step, with the fields where they are asked for."""
+    if request.fields:  # the solver's clock runs while it advances only
+        reply = altered(reply, fields=seat.solver.fields(request.header), seconds=perf_counter() - began)
+    seat.exchange = request.header.exchange
+    return reply
+
+
+def _commit(seat: _Seat) -> None:
+    """Commit the tentative step."""
     seat.solver.commit()
     seat.committed += 1
     seat.exchange = -1

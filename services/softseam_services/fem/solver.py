@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
+from softseam_protocol.messages import Advance, Advanced, BodyState, Capabilities, Correct, Fields, Header
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.fem.face_forces import taken_over
@@ -53,7 +54,7 @@ class FemSolver:
         self._steppers: dict[bool, Stepper] = {}
         self._tentative = False
         self._step: tuple[int, int] | None = None
-        self._dt = 0.0  # of the last advance [s]
+        self._request: Advance  # the last
         self._tools = at_rest(tools)
         if state is None:
             fold = self.tables.fold
@@ -141,7 +142,7 @@ class FemSolver:
         again = self._tentative and self._step == key
         if not again:
             self.commit()
-        self._step, self._dt = key, request.dt
+        self._step, self._request = key, request
         problem = problem_of(request, self._n_tools, len(self._region.seam))
         problem = problem or problem_of_anchor(request, len(self._region.seam), self._stepper.knows_stiffness)
         if problem:
@@ -156,7 +157,7 @@ class FemSolver:
             end.x += now.x
         stepper.couple(request.seam_anchor, request.seam_stiffness)
         status = stepper.take(now, end, request, tools)
-        if status == CONVERGED and request.compliance and not stepper.by_error:
+        if status == CONVERGED and request.compliance and not (stepper.by_error or stepper.settles):
             status = stepper.derive(now, end, request, tools)
         if status != CONVERGED:
             region = self._region if self._fold is None else self._fold.region
@@ -189,8 +190,8 @@ class FemSolver:
         if fold is not None and status == "converged":
             fold.add_up(self._next, self._tools, out, wrench)
         numbers = out.tolist()
-        whole = request.compliance and status == "converged"
         settles = status == "converged" and stepper.settles
+        whole = request.compliance and status == "converged" and not settles
         return Advanced(
             request.header,
             status,
@@ -219,16 +220,26 @@ class FemSolver:
             alarm=stepper.alarm(self._next, int(self.folded)) if status == "converged" else "",
             seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
             settles=settles,
-            seam_yield_root=stepper.news_of_yield() if settles else _NONE,
+            seam_yield_root=stepper.news_of_yield(request.compliance) if settles else _NONE,
         )
 
-    def settle(self, force: Floats) -> None:
-        """Move the tentative step on by its linear answer to a force (s, 3) [N] on the seam; see `kernels.settle`."""
-        if not (self._tentative and self._stepper.settles) or force.shape != (len(self._region.seam), 3):
-            raise ValueError(
-                "this step cannot be settled: only one that was solved with a seam anchor, and at once, can"
-            )
-        self._stepper.settle(force, self._dt, self._next)
+    def correct(self, request: Correct) -> Advanced:
+        """Move the tentative step on by its linear answer to a force on the seam; see `kernels.linear_answer`."""
+        began, stepper, shape = time.perf_counter(), self._stepper, (len(self._region.seam), 3)
+        if not (self._tentative and stepper.settles):
+            raise ValueError("this step cannot be corrected: only one that implicit Euler solved at once can")
+        if request.push.shape != shape or request.force.shape != shape:
+            raise ValueError(f"a correction of this region's seam has shape {shape}")
+        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
+            raise ValueError("the correction is not finite: the coupling must send finite forces")
+        stepper.correct(self._committed, self._next, self._request.dt, request, moved(self._tools, self._request.tools))
+        return self._reply(replace(self._request, header=request.header), "converged", began)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do for its region."""
+        at_once = self._stepper.at_once
+        return Capabilities(True, at_once, at_once, 1, True, True, 0.0)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""

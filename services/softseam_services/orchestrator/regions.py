@@ -202,8 +202,7 @@ class Regions:
         first = None
         if state is not None and cauchy is not None:
             first = first_multiplier(body, sides, state, cauchy, tie, functions)
-        begun = None if state is None else (state.x[sides.seam], self._clock.dt * state.v[sides.seam])
-        return build_scheme(scene.seam, self._solver, body, sides, tie, first, begun)
+        return build_scheme(scene.seam, self._solver, body, sides, tie, first)
 
     def frame(
         self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats, indicators: bool = False

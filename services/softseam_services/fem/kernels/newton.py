@@ -39,8 +39,10 @@ from softseam_services.jit import njit
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
-FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, FACTOR_KEEPS = 0, 1, 2, 3, 4, 5, 6
-N_MEMO = 7
+FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, FACTOR_KEEPS, N_CANDIDATES = (
+    0, 1, 2, 3, 4, 5, 6, 7,
+)  # fmt: skip
+N_MEMO = 8
 
 # A kept factor costs iterations, a new one about as much as twelve of them; its rate shows after a few.
 _PATIENCE = 12.0

@@ -8,7 +8,17 @@ from enum import Enum
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ParticleReport, ToolMotion
+from softseam_protocol.messages import (
+    Advance,
+    Advanced,
+    BodyState,
+    Capabilities,
+    Correct,
+    Fields,
+    Header,
+    ParticleReport,
+    ToolMotion,
+)
 from softseam_protocol.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.kernels.lanes import aligned
@@ -305,9 +315,14 @@ class ParticleSolver:
         n = len(x)
         self._xw[:n, :3], self._xw[:n, 3] = x, self.model.weight
 
-    def settle(self, force: np.ndarray) -> None:
+    def correct(self, request: Correct) -> Advanced:
         """Particles have no seam."""
-        raise ValueError("a body of particles has no seam whose force could settle a step")
+        raise ValueError("a body of particles has no seam whose force could correct a step")
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do for its body."""
+        return Capabilities(False, False, False, self.substeps, False, False, 0.0)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""

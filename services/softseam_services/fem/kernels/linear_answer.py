@@ -15,8 +15,8 @@ from softseam_services.fem.kernels.fronts import solve_seam
 from softseam_services.jit import njit
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def settle(model, tree, work, force, dt, x, v):
+@njit(cache=True, error_model="numpy")
+def move_on(model, tree, work, force, dt, x, v):
     """x and v (n, 3) <- eq. (1) for f = force (s, 3) [N], with the factor at hand; updated in place."""
     step = work.d
     step[:] = 0.0
