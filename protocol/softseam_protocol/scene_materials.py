@@ -12,8 +12,10 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     SerializationInfo,
+    SerializerFunctionWrapHandler,
     ValidationError,
     ValidationInfo,
+    model_serializer,
     model_validator,
 )
 from pydantic.json_schema import JsonSchemaValue
@@ -99,13 +101,17 @@ def material_spec(values: Mapping[str, Any], json_mode: bool = False) -> Materia
     if not isinstance(kind, str) or kind not in MATERIALS:
         raise not_among(f"{json.dumps(kind)} is not in the table of {MATERIALS.title}", list(MATERIALS), "kind")
     spec = MATERIALS[kind]
-    # a key that says nothing is none: scenes in recordings of old say `ratio: null` of every kind
-    values = {key: value for key, value in values.items() if value is not None or key in spec.model_fields}
+    values = _that_say(values, spec)
     for key in values:
         if key not in spec.model_fields:
             raise _unknown_key(kind, key)
     # strict JSON, as of scene files: a list becomes a tuple and 1 a float, but "1" and true are not numbers
     return spec.model_validate_json(json.dumps(values), strict=True) if json_mode else spec.model_validate(values)
+
+
+def _that_say(values: Mapping[str, Any], spec: type[Spec]) -> dict[str, Any]:
+    """Without unknown keys that say nothing: `ratio: null`, as every material is written with."""
+    return {key: value for key, value in values.items() if value is not None or key in spec.model_fields}
 
 
 def _unknown_key(kind: str, key: str, *at: str | int) -> PydanticCustomError:
@@ -140,7 +146,13 @@ class _ByKind:
 
 
 def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
-    return spec.model_dump(mode=info.mode, exclude_none=info.exclude_none, exclude_defaults=info.exclude_defaults)
+    said = spec.model_dump(mode=info.mode, exclude_none=info.exclude_none, exclude_defaults=info.exclude_defaults)
+    return said if info.exclude_none or info.exclude_defaults else _as_hashed(said)
+
+
+def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
+    """In version 1 of the scene format every material says its ratio: hashes of what ships with scenes hold it."""
+    return {"ratio": None} | said
 
 
 AnyMaterial = Annotated[MaterialSpec, _ByKind()]
@@ -200,6 +212,16 @@ class InclusionMaterial(Spec):
         default=None, gt=-1.0, lt=0.5, description="Poisson's ratio, below 0.5; default: the body's [1]"
     )
     density: Positive | None = Field(default=None, description="mass density at rest; default: the body's [kg/m^3]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _said(cls, values: Any) -> Any:
+        return _that_say(values, cls) if isinstance(values, Mapping) else values
+
+    @model_serializer(mode="wrap")
+    def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
+        said = handler(self)
+        return said if info.exclude_none or info.exclude_defaults else _as_hashed(said)
 
     @model_validator(mode="after")
     def _differs(self) -> InclusionMaterial:
