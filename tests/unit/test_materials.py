@@ -11,10 +11,10 @@ from softseam_protocol.kinds import MaterialKind
 from softseam_protocol.scene_materials import MATERIALS, MooneyRivlinMaterial, material_spec
 from softseam_services.body.body import Material
 from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.errors import LawError
 from softseam_services.body.materials import LAWS, build_material, mooney_rivlin, neo_hookean, point
 from softseam_services.body.materials.invariants import invariants
 from softseam_services.body.materials.law import Law as TableRow
-from softseam_services.body.materials.law import LawError
 from softseam_services.body.materials.principal import raise_to_zero, signed_svd
 from softseam_services.body.materials.prototype import MAX_PARAMETERS
 

@@ -6,8 +6,9 @@ from softseam_protocol.scene_materials import MaterialSpec, MooneyRivlinMaterial
 from softseam_protocol.table import Table
 from softseam_services.body.body import Material
 from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.errors import LawError
 from softseam_services.body.materials import point
-from softseam_services.body.materials.law import Law, LawError
+from softseam_services.body.materials.law import Law
 
 __all__ = ["LAWS", "Law", "LawError", "build_material"]
 
@@ -37,7 +38,7 @@ LAWS: Table[Law] = Table(
 
 
 def build_material(spec: MaterialSpec) -> Material:
-    """Elastic constants and the kernels' view of a scene's material. Raises MissingRow, LawError and PrototypeError."""
+    """Elastic constants and the kernels' view of a scene's material. Raises MissingRow and LawError."""
     elastic = ElasticConstants.from_young_poisson(spec.young, spec.poisson)
     law = LAWS[spec.kind]
     return Material(

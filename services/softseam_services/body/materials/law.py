@@ -16,14 +16,12 @@ import numpy as np
 
 from softseam_services.body.body import Floats
 from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.errors import LawError
 from softseam_services.body.materials import point
 from softseam_services.body.materials.prototype import MAX_PARAMETERS, RESPONSE
+from softseam_services.jit import PrototypeError
 
 __all__ = ["Law", "LawError"]
-
-
-class LawError(ValueError):
-    """A law cannot be used; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +42,21 @@ class Law:
     def __post_init__(self) -> None:
         if self.inline and self.inline not in point.BRANCHES:
             raise LawError(f"a law says that it is branch {self.inline} of materials.point, which has no such branch")
-        if not self.inline and self.response is None:
-            raise LawError("a law needs a response(i1, i2, j, parameters), or a branch of its own in materials.point")
+        if bool(self.inline) == (self.response is not None):
+            raise LawError("a law needs a response(i1, i2, j, parameters) or a branch in materials.point, and not both")
 
     @cached_property
     def number(self) -> int:
-        """By which kernels know the law: its branch in `point`, or the address of its compiled response. Raises
-        PrototypeError."""
-        return self.inline or RESPONSE.compile(self.response)  # type: ignore[arg-type]  # one of them is there
+        """By which kernels know the law: its branch in `point`, or the address of its compiled response.
+
+        Raises LawError where the response does not compile.
+        """
+        if self.response is None:
+            return self.inline
+        try:
+            return RESPONSE.compile(self.response)
+        except PrototypeError as error:
+            raise LawError(str(error)) from error
 
     def packed(self, spec: Any, elastic: ElasticConstants) -> Floats:
         """Parameters as kernels take them (MAX_PARAMETERS,). Raises LawError."""
