@@ -43,6 +43,7 @@ class EmbeddedBackend:
             from softseam_services.orchestrator import client_view
             from softseam_services.orchestrator.embedded import EmbeddedTransport
             from softseam_services.orchestrator.simulation import Simulation
+            from softseam_services.tables import check_tables
         except ImportError as error:
             raise missing_extra(error, "simulating in this process") from error
         self._view = client_view  # of steps: to import it in each would take as long as a message
@@ -54,6 +55,7 @@ class EmbeddedBackend:
         self.recorded: Recorded | None = None
         self.unrecorded = ""
         with translated(opening=True):
+            check_tables()
             compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
@@ -271,7 +273,8 @@ class translated:  # reads as the function that it is used as
 
 def _translate(error: BaseException, opening: bool) -> None:
     """Raise the client's error for one of the services; return for any other."""
-    from softseam_services.body.errors import MeshError, SettingError
+    from softseam_protocol.table import MissingRow
+    from softseam_services.body.errors import LawError, MeshError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.participants import StepFailed
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
@@ -281,6 +284,8 @@ def _translate(error: BaseException, opening: bool) -> None:
     refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == "invalid"
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
+    if isinstance(error, MissingRow | LawError):
+        raise BadInput(str(error)) from error
     if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error
     if isinstance(error, RecordError):

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.kinds import integrator_problem
 from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
-from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
+from softseam_protocol.scene_materials import AnyMaterial, InclusionSpec, MaterialSpec
 from softseam_protocol.scene_models import DampingSpec, ModelsSpec
 from softseam_protocol.scene_motion import (
     LARGEST_TURN,
@@ -148,7 +148,7 @@ class BodySpec(Spec):
         ]
         | None
     ) = Field(default=None, description="cell edge, or edges along x, y, z [m]; default: a third of the least extent")
-    material: MaterialSpec
+    material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(
         default=(), description="parts of another material; an octant of a cell is of the last that holds its centre"
     )
@@ -167,16 +167,13 @@ class BodySpec(Spec):
     @model_validator(mode="after")
     def _one_law(self) -> BodySpec:
         for i, inclusion in enumerate(self.inclusions):
-            if inclusion.material.ratio is not None and self.material.kind != "mooney_rivlin":
-                at = ("inclusions", i, "material", "ratio")
-                raise wrong(f"the body's law, {self.material.kind}, has no ratio: only mooney_rivlin does", *at)
+            inclusion.material.within(self.material, "inclusions", i, "material")
         return self
 
     @property
     def materials(self) -> tuple[MaterialSpec, ...]:
         """The body's own, then one for each inclusion."""
-        changes = (inclusion.material.model_dump(exclude_none=True) for inclusion in self.inclusions)
-        return (self.material, *(self.material.model_copy(update=change) for change in changes))
+        return (self.material, *(inclusion.material.within(self.material) for inclusion in self.inclusions))
 
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.interpolate import FUNCTIONS
 from softseam_services.body.mirrors import Mirror, find_mirrors, match, mirrored
 from softseam_services.body.region import build_region, node_of_point
 from softseam_services.fem.face_forces import point_positions
@@ -183,7 +183,7 @@ def find_fold(body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> Fold
 
 def can_fold(spec: FemSpec) -> bool:
     """Whether these settings let FEM fold anything: octants are not divided alike into tetrahedra on both sides."""
-    alike = not FUNCTIONS[spec.element].startswith("tet")
+    alike = not FACTS[spec.element].functions.startswith("tet")
     return spec.mirrored and alike and spec.integrator != "symplectic_euler"
 
 
