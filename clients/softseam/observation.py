@@ -14,7 +14,6 @@ from softseam.errors import FieldsNotObserved
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol import messages
 from softseam_protocol.messages import ErrorEstimate, Event, Frame, Indicators, RegionReport, SeamReport, StepReport
-from softseam_protocol.quickly_made import quickly_made
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +32,6 @@ class ToolView:
     """angular velocity about the position that was applied in the step (3,) [rad/s]"""
 
 
-@quickly_made
 @dataclass(frozen=True, eq=False)
 class Observation:
     """State and error indicators of the simulation at the end of a step.

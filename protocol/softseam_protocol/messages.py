@@ -15,8 +15,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.quickly_made import quickly_made
-
 SCHEMA_VERSION = 1
 
 
@@ -89,7 +87,6 @@ def _no_labels() -> NDArray[np.int8]:
     return np.zeros(0, dtype=np.int8)
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Header:
     """Names a message: a request with the same header and kind is the same request."""
@@ -163,7 +160,6 @@ class Configured:
     """wall time spent [s]; diagnostics only"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class ToolMotion:
     """Poses of all tools at the start and the end of the step, in the scene's order (t tools)."""
@@ -177,7 +173,6 @@ class ToolMotion:
     """1 for tools that hold the particles that they found within reach as they began to grip (t,); empty: none does"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Advance:
     """Advance tentatively by one step; a new step number commits the tentative step before it.
@@ -206,7 +201,6 @@ class Advance:
     is committed; empty: it is committed as it is"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Advanced:
     header: Header
@@ -320,7 +314,6 @@ class Observe:
     """of these only what the region's own model errs, at a bounded cost: what is looked at as a run ends"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Fields:
     """Fields of one region: its nodes, cells and surface points in ascending global order."""
@@ -409,7 +402,6 @@ Reply = Worked | Released | Failure
 # ---- orchestrator to clients and recorders ---------------------------------------------------------------
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamReport:
     """How well the two sides agree."""
@@ -424,7 +416,6 @@ class SeamReport:
     """work of the seam, both sides together, in this step [J]"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class RegionReport:
     """One region's size and energies [J]."""
@@ -469,7 +460,6 @@ class ErrorEstimate:
     """by how much of itself the goal ought to be larger, with its sign [1]; of a probe, by FEM on the same cells"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class StepReport:
     """What happened in one committed step; one is published for every step."""
@@ -516,7 +506,6 @@ class Indicators:
     """largest distance between the two sides at a cell's seam nodes, 0 elsewhere [m]"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Frame:
     """The whole body at the end of a step: what a replay draws."""
@@ -633,7 +622,6 @@ class Closed:
     header: Header
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Observation:
     """The answer to Open, Reset, Step and Load: the last step's report, its frame if asked for, and events since."""

@@ -52,13 +52,6 @@ def _array_writer(where: str, array: Array) -> Callable[[Any, Any], None]:
     return write
 
 
-def suspicious(parts: list[bytes]) -> bool:
-    """Whether float64 arrays, as bytes, may hold something that is not finite; huge numbers are suspected, too."""
-    values = np.frombuffer(b"".join(parts), "<f8")
-    # the squares' sum is finite only if every entry is; vdot, for dot warns when it overflows
-    return not math.isfinite(np.vdot(values, values))
-
-
 def _array_reader(where: str, array: Array) -> Callable[[Any], Any]:
     """Take an array from a Tensor message, refusing what the field does not declare."""
     name, dtype, rank = array.name, array.dtype, len(array.shape)

@@ -7,7 +7,7 @@ nothing. See `participant` for the states.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
@@ -33,7 +33,6 @@ from softseam_protocol.messages import (
     SnapshotTaken,
     Vectors,
 )
-from softseam_protocol.quickly_made import altered
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
 from softseam_services.blas import use_one_thread
@@ -175,7 +174,7 @@ class ParticipantServer:
         began = perf_counter()
         reply = self._answer(seat, request)
         if isinstance(reply, _TIMED_HERE):
-            reply = altered(reply, seconds=perf_counter() - began)
+            reply = replace(reply, seconds=perf_counter() - began)
         if not isinstance(reply, _NOT_KEPT):
             seat.replies[type(request)] = (request, reply)
         return reply
@@ -195,7 +194,7 @@ class ParticipantServer:
             self._setups.pop(next(iter(self._setups)))
         self._setups[digest] = setup
         solver, reply = build_solver(setup, request, self._built)
-        reply = altered(reply, seconds=perf_counter() - began)
+        reply = replace(reply, seconds=perf_counter() - began)
         self._seats.pop(key, None)
         while len(self._seats) >= _SEATS_KEPT:
             self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again
@@ -215,7 +214,7 @@ class ParticipantServer:
             reply = seat.solver.advance(request)
             fields = seat.solver.fields(header) if request.fields else None
             if fields is not None or len(request.seam_settle):  # the solver's clock runs while it advances only
-                reply = altered(reply, fields=fields, seconds=perf_counter() - began)
+                reply = replace(reply, fields=fields, seconds=perf_counter() - began)
             seat.exchange = header.exchange
             return reply
         if isinstance(request, Observe):

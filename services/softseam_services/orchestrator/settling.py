@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from softseam_coupling.kernels.link import settled
 from softseam_coupling.kernels.push import push_far
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.messages import Advanced
-from softseam_protocol.quickly_made import altered
 from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
@@ -147,7 +147,7 @@ def _settled(reply: Advanced, x: Floats, moved: Floats, force: Floats, final: Fl
     """
     seam_x, momentum, angular = reply.seam_x.copy(), reply.momentum.copy(), reply.angular_momentum.copy()
     work, kinetic, strain = settled(seam_x, moved, x[0], x[1], force, final, dt, momentum, angular)
-    return altered(
+    return replace(
         reply,
         seam_x=seam_x,
         seam_force=final,
