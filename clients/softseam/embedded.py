@@ -24,6 +24,7 @@ from softseam_protocol.messages import (
     StepReport,
     Vector3,
 )
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_file import SceneError, scene_from_bundle
 from softseam_protocol.scene_tools import MeshTool
@@ -132,7 +133,7 @@ class EmbeddedBackend:
     def _tell_loss(self, reason: str) -> None:
         """A recording that loses messages is an event of the next observation; the run goes on."""
         header = Header(SCHEMA_VERSION, "local", "", 0, 0, 0, self.simulation.time)
-        self._events.append(Event(header, "record", reason))
+        self._events.append(Event(header, EventKind.RECORDING, reason))
 
 
 class Resimulation:

@@ -15,6 +15,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.outcomes import Detail, EventKind, Status
+
 SCHEMA_VERSION = 1
 
 
@@ -204,8 +206,7 @@ class Advance:
 @dataclass(frozen=True, slots=True)
 class Advanced:
     header: Header
-    status: str
-    """'converged', or the text of a failure that names the remedy"""
+    status: Status
     seam_x: Vectors
     """seam positions at the end of the step (s, 3) [m]"""
     compliance: Matrix
@@ -262,6 +263,10 @@ class Advanced:
     as in the reply before"""
     seam_yield_root: Matrix = field(default_factory=_NO_MATRIX)
     """in place of seam_yield R with seam_yield = R R^T, which takes an eighth of the work (3s, 3s) [(m/N)^(1/2)]"""
+    why: str = ""
+    """what went wrong and the remedy, where the status is not `converged`"""
+    alarm_details: list[Detail] = field(default_factory=list)
+    """what the alarm says, for programs"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -539,8 +544,12 @@ class Event:
     """Something worth telling: a region switch, a phase, a fallback, an alarm, a recovery."""
 
     header: Header
-    kind: str
+    kind: EventKind
     message: str
+    """for people; programs read the rest"""
+    details: list[Detail] = field(default_factory=list)
+    count: Count = 0
+    """of what the kind counts: the parts of a cut step"""
 
 
 # ---- client to orchestrator, and back --------------------------------------------------------------------

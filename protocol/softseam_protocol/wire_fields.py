@@ -118,6 +118,16 @@ def _scalar_check(where: str, field: Field) -> Callable[[Any], Any] | None:
             return value
 
         return check_least
+    if field.is_enum:
+        members = {str(member): member for member in field.of}
+
+        def check_member(value: str) -> Any:
+            member = members.get(value)
+            if member is None:
+                raise Wrong(f"{where}: {value[:80]!r} is none of {', '.join(members)}")
+            return member
+
+        return check_member
     if field.named:
 
         def check_name(value: str) -> str:

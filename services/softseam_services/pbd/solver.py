@@ -110,7 +110,7 @@ class PbdSolver:
             refused = watch.Fault.ANCHOR.value
         if refused:
             stepper.fail(self._committed, work)
-            taken = Taken(watch.Fault.INPUT, False, 0, "")
+            taken = Taken(watch.Fault.INPUT, False, 0, {})
         else:
             taken = stepper.take(self._committed, work, request)
         self._tentative, self._to_plan = True, taken.to_plan
@@ -120,7 +120,7 @@ class PbdSolver:
         result, numbers = stepper.result, stepper.result.tolist()
         return Advanced(
             request.header,
-            refused or taken.fault.value,
+            taken.fault.status,
             work.x.take(self.model.region.seam, axis=0),
             compliance,
             stepper.wrench.copy(),
@@ -140,9 +140,11 @@ class PbdSolver:
             result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
             n_substeps=stepper.n_substeps,
             residual=numbers[k.RESIDUAL],
-            alarm=taken.notice,
+            alarm="; ".join(taken.notice.values()),
             seam_v=work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES,
             settles=self._settles(),
+            why=refused or taken.why,
+            alarm_details=list(taken.notice),
         )
 
     def _compliance(self, request: Advance) -> Floats:
