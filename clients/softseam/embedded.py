@@ -228,7 +228,6 @@ def mirror_axes(scene: Scene) -> tuple[int, ...]:
 
 _APART = (
     *(f"softseam_protocol/{name}.py" for name in ("bus*", "declared", "inbox", "live_tokens", "peer_links", "publish")),
-    "softseam_protocol/watched_asker.py",
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
     *(f"softseam_services/orchestrator/{name}.py" for name in ("alone", "attendance", "bus_transport", "desk")),
