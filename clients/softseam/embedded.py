@@ -24,6 +24,7 @@ from softseam_protocol.messages import (
     StepReport,
     Vector3,
 )
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import BlockShape, BodySpec, Scene
 from softseam_protocol.scene_file import SceneError, scene_from_bundle
 from softseam_protocol.scene_tools import MeshTool
@@ -134,7 +135,7 @@ class EmbeddedBackend:
     def _tell_loss(self, reason: str) -> None:
         """A recording that loses messages is an event of the next observation; the run goes on."""
         header = Header(SCHEMA_VERSION, "local", "", 0, 0, 0, self.simulation.time)
-        self._events.append(Event(header, "record", reason))
+        self._events.append(Event(header, EventKind.RECORDING, reason))
 
 
 class Resimulation:
@@ -229,7 +230,6 @@ def mirror_axes(scene: Scene) -> tuple[int, ...]:
 
 _APART = (
     *(f"softseam_protocol/{name}.py" for name in ("bus*", "declared", "inbox", "live_tokens", "peer_links", "publish")),
-    "softseam_protocol/watched_asker.py",
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
     *(f"softseam_services/orchestrator/{name}.py" for name in ("alone", "attendance", "bus_transport", "desk")),

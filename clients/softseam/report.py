@@ -23,6 +23,7 @@ from softseam.columns import SPENT, Columns, unit_of
 from softseam.outputs import cannot_write
 from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_hash
 
@@ -49,7 +50,7 @@ class ReportBuilder:
     @property
     def verdict(self) -> Verdict:
         """What became of the body so far."""
-        failed = {event.header.step for event in self._events if event.kind == "solver"}
+        failed = {event.header.step for event in self._events if event.kind is EventKind.SOLVER}
         return with_failures(judge(self._scene, self.columns, self._done), len(failed), len(self.columns))
 
     def add(self, message: StepReport | Event | Frame) -> None:

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.quickly_made import quickly_made
+from softseam_protocol.outcomes import Detail, EventKind, Status
 
 SCHEMA_VERSION = 2
 
@@ -89,7 +89,6 @@ def _no_labels() -> NDArray[np.int8]:
     return np.zeros(0, dtype=np.int8)
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Header:
     """Names a message: a request with the same header and kind is the same request."""
@@ -185,7 +184,6 @@ class Configured:
     """None: of a region without coupling nodes none are asked for"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class ToolMotion:
     """Poses of all tools at the start and the end of the step, in the scene's order (t tools)."""
@@ -199,7 +197,6 @@ class ToolMotion:
     """1 for tools that hold the particles that they found within reach as they began to grip (t,); empty: none does"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Advance:
     """Advance tentatively by one step; a new step number commits the tentative step before it.
@@ -225,7 +222,6 @@ class Advance:
     """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Correct:
     """Move the tentative step on by its linear answer to a force on the seam nodes; it stays tentative."""
@@ -239,12 +235,10 @@ class Correct:
     """also return the fields"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Advanced:
     header: Header
-    status: str
-    """'converged', or the text of a failure that names the remedy"""
+    status: Status
     seam_x: Vectors
     """seam positions at the end of the step (s, 3) [m]"""
     compliance: Matrix
@@ -299,6 +293,10 @@ class Advanced:
     seam_yield_root: Matrix = field(default_factory=_NO_MATRIX)
     """R with d(seam_x)/d(seam_force) = R R^T by which it would be corrected, beside an anchor with the stiffness
     (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
+    why: str = ""
+    """what went wrong and the remedy, where the status is not `converged`"""
+    alarm_details: list[Detail] = field(default_factory=list)
+    """what the alarm says, for programs"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,7 +347,6 @@ class Observe:
     """of these only what the region's own model errs, at a bounded cost: what is looked at as a run ends"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Fields:
     """Fields of one region: its nodes, cells and surface points in ascending global order."""
@@ -438,7 +435,6 @@ Reply = Worked | Released | Failure
 # ---- orchestrator to clients and recorders ---------------------------------------------------------------
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamReport:
     """How well the two sides agree."""
@@ -453,7 +449,6 @@ class SeamReport:
     """work of the seam, both sides together, in this step [J]"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class RegionReport:
     """One region's size and energies [J]."""
@@ -498,7 +493,6 @@ class ErrorEstimate:
     """by how much of itself the goal ought to be larger, with its sign [1]; of a probe, by FEM on the same cells"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class StepReport:
     """What happened in one committed step; one is published for every step."""
@@ -545,7 +539,6 @@ class Indicators:
     """largest distance between the two sides at a cell's seam nodes, 0 elsewhere [m]"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Frame:
     """The whole body at the end of a step: what a replay draws."""
@@ -579,8 +572,12 @@ class Event:
     """Something worth telling: a region switch, a phase, a fallback, an alarm, a recovery."""
 
     header: Header
-    kind: str
+    kind: EventKind
     message: str
+    """for people; programs read the rest"""
+    details: list[Detail] = field(default_factory=list)
+    count: Count = 0
+    """of what the kind counts: the parts of a cut step"""
 
 
 # ---- client to orchestrator, and back --------------------------------------------------------------------
@@ -662,7 +659,6 @@ class Closed:
     header: Header
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Observation:
     """The answer to Open, Reset, Step and Load: the last step's report, its frame if asked for, and events since."""

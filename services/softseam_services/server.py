@@ -7,7 +7,7 @@ nothing. See `participant` for the states.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 from softseam_protocol.messages import (
@@ -32,7 +32,6 @@ from softseam_protocol.messages import (
     Snapshot,
     SnapshotTaken,
 )
-from softseam_protocol.quickly_made import altered
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
 from softseam_services.blas import use_one_thread
@@ -174,7 +173,7 @@ class ParticipantServer:
         began = perf_counter()
         reply = self._answer(seat, request)
         if isinstance(reply, _TIMED_HERE):
-            reply = altered(reply, seconds=perf_counter() - began)
+            reply = replace(reply, seconds=perf_counter() - began)
         if not isinstance(reply, _NOT_KEPT):
             seat.replies[type(request)] = (request, reply)
         return reply
@@ -194,7 +193,7 @@ class ParticipantServer:
             self._setups.pop(next(iter(self._setups)))
         self._setups[digest] = setup
         solver, reply = build_solver(setup, request, self._built)
-        reply = altered(reply, seconds=perf_counter() - began)
+        reply = replace(reply, seconds=perf_counter() - began)
         self._seats.pop(key, None)
         while len(self._seats) >= _SEATS_KEPT:
             self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again
@@ -241,7 +240,7 @@ class ParticipantServer:
 def _with_fields(seat: _Seat, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
     """The reply to a tentative step, with the fields where they are asked for."""
     if request.fields:  # the solver's clock runs while it advances only
-        reply = altered(reply, fields=seat.solver.fields(request.header), seconds=perf_counter() - began)
+        reply = replace(reply, fields=seat.solver.fields(request.header), seconds=perf_counter() - began)
     seat.exchange = request.header.exchange
     return reply
 

@@ -46,7 +46,7 @@ class Failing(EmbeddedTransport):
 
 
 def falling(transport: EmbeddedTransport, quantities: tuple[str, ...] = ()) -> Simulation:
-    """A beam under its weight, whose every step is corrected; some quantities are asked for in a request of their own."""
+    """A beam under its weight, whose every step is corrected; quantities that ask for errors take a request more."""
     scene = with_model(load_scene(CANTILEVER).scene, "hybrid")
     simulation = Simulation(bundle_scene(scene.model_copy(update={"quantities": quantities})), transport)
     for _ in range(12):

@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from softseam_protocol.messages import Advance, Advanced, BodyState, Capabilities, Correct, Fields, Header
+from softseam_protocol.outcomes import Detail, Status
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.fem.face_forces import taken_over
+from softseam_services.fem.failures import STATUS
 from softseam_services.fem.field_reader import FieldReader
 from softseam_services.fem.fold import Fold
 from softseam_services.fem.kernels import step as kernel
@@ -146,7 +148,7 @@ class FemSolver:
         problem = problem_of(request, self._n_tools, len(self._region.seam))
         problem = problem or problem_of_anchor(request, len(self._region.seam), self._stepper.knows_stiffness)
         if problem:
-            return self._failed(request, problem, began)
+            return self._failed(request, Status.REFUSED, problem, began)
         tools = moved(self._tools, request.tools)
         if self._fold is not None and not self._fold.agrees(tools):
             self._go_on(self._unfolded(self._committed), None)
@@ -161,18 +163,18 @@ class FemSolver:
             status = stepper.derive(now, end, request, tools)
         if status != CONVERGED:
             region = self._region if self._fold is None else self._fold.region
-            return self._failed(request, stepper.why(status, region.cells), began)
+            return self._failed(request, STATUS[status], stepper.why(status, region.cells), began)
         self._tentative = True
-        return self._reply(request, "converged", began)
+        return self._reply(request, Status.CONVERGED, "", began)
 
-    def _failed(self, request: Advance, text: str, began: float) -> Advanced:
+    def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         now, end = self._committed, self._next
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
         end.history[:], end.past, end.level = now.history, now.past, now.level
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)
-        return self._reply(request, text, began)
+        return self._reply(request, status, why, began)
 
     def _stand(self, now: FemState) -> None:
         """What a step that failed reports: the whole region where it stands."""
@@ -184,14 +186,16 @@ class FemSolver:
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = standing.angular
         out[kernel.LOWEST : kernel.LOWEST + 6] = standing.bounds.ravel()
 
-    def _reply(self, request: Advance, status: str, began: float) -> Advanced:
+    def _reply(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         stepper, fold = self._stepper, self._fold
         out, wrench, taken = stepper.out.copy(), stepper.wrench.copy(), stepper.taken
-        if fold is not None and status == "converged":
+        converged = status is Status.CONVERGED
+        if fold is not None and converged:
             fold.add_up(self._next, self._tools, out, wrench)
         numbers = out.tolist()
-        settles = status == "converged" and stepper.settles
-        whole = request.compliance and status == "converged" and not settles
+        settles = converged and stepper.settles
+        whole = request.compliance and converged and not settles
+        alarm = stepper.alarm(self._next, int(self.folded)) if converged else ""
         return Advanced(
             request.header,
             status,
@@ -217,10 +221,12 @@ class FemSolver:
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
-            alarm=stepper.alarm(self._next, int(self.folded)) if status == "converged" else "",
+            alarm=alarm,
             seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
             settles=settles,
             seam_yield_root=stepper.news_of_yield(request.compliance) if settles else _NONE,
+            why=why,
+            alarm_details=[Detail.INSIDE_OUT] if alarm else [],
         )
 
     def correct(self, request: Correct) -> Advanced:
@@ -233,7 +239,7 @@ class FemSolver:
         if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
             raise ValueError("the correction is not finite: the coupling must send finite forces")
         stepper.correct(self._committed, self._next, self._request.dt, request, moved(self._tools, self._request.tools))
-        return self._reply(replace(self._request, header=request.header), "converged", began)
+        return self._reply(replace(self._request, header=request.header), Status.CONVERGED, "", began)
 
     @property
     def capabilities(self) -> Capabilities:

@@ -37,9 +37,11 @@ from softseam_protocol.messages import (
     ToolMotion,
     Worked,
 )
+from softseam_protocol.outcomes import Detail, Status
 from softseam_protocol.scene import Scene
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.parts import CutStep
 from softseam_services.orchestrator.seam_answers import (
     SeamDiverged,
@@ -96,7 +98,7 @@ class Participants:
         transport: Transport,
         clock: Clock,
         accounts: Accounts,
-        tell: Callable[[str, str], None],
+        tell: Tell,
         tie: Callable[[Sides], SeamScheme | None],
     ) -> None:
         self._bundle, self._scene, self._transport = bundle, scene, transport
@@ -158,7 +160,7 @@ class Participants:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
         if solution.note:
             gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
-            self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}")
+            self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}", Detail.GAP_KEPT)
         self._tell_cuts(solution)
         return solution
 
@@ -167,7 +169,8 @@ class Participants:
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
             if reply.n_substeps > solution.parts and self.sides.models[name] == "fem" and not asked_for:
-                self._tell("step", f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts")
+                taken = f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts"
+                self._tell("step", taken, count=reply.n_substeps)
 
     def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> SeamSolution:
         def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
@@ -227,7 +230,8 @@ class Participants:
         solution = step.solution()
         if step.n_parts > 1 and (solution.note or pace.parts != before):
             taken = f"taken in {step.n_parts} parts, {solution.exchanges} exchanges, gap {1e6 * solution.gap:.3g} um"
-            self._tell("seam", f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}")
+            text = f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}"
+            self._tell("seam", text, Detail.PARTS, *([Detail.GAP_KEPT] if solution.note else []))
             solution = replace(solution, note="")
         return solution
 
@@ -260,8 +264,8 @@ class Participants:
         for name, reply in replies.items():
             assert isinstance(reply, Advanced)
             model = self.sides.models[name]
-            if reply.status != "converged":
-                text = f"step {self._clock.step}, {name} ({model}): {reply.status}"
+            if reply.status is not Status.CONVERGED:
+                text = f"step {self._clock.step}, {name} ({model}): {reply.why}"
                 if not math.isfinite(reply.kinetic):
                     raise StepFailed(text)
                 self._tell("solver", text)

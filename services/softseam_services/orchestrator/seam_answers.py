@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from softseam_coupling.kernels.quasi_newton import largest_node
 from softseam_coupling.loops.one_way import Correct
 from softseam_protocol.messages import Advanced, Capabilities
-from softseam_protocol.quickly_made import quickly_made
 from softseam_services.orchestrator.pace import Pace
 
 Floats = NDArray[np.float64]
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class SideRequest:
     """What one side is asked for in one exchange."""
@@ -36,7 +34,6 @@ class SideRequest:
 Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamSolution:
     """A step as it is to be committed."""

@@ -21,6 +21,7 @@ from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import Outcome, SeamSolver
 from softseam_coupling.seam_state import SeamState
 from softseam_protocol.messages import Capabilities
+from softseam_protocol.outcomes import Status
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import Ask, SeamDiverged, SeamSolution, SideRequest, largest
 from softseam_services.orchestrator.sides import FAR, NEAR
@@ -70,7 +71,7 @@ class StaggeredSeam:
                 self._solver.commit(self.state, lambda_)
                 gap = largest(self._tie.gap(near.seam_x, far.seam_x))
                 return SeamSolution({NEAR: near, FAR: far}, lambda_, gap, exchange, "")
-            if answer.outcome is Outcome.NOT_FINITE or near.status != "converged":
+            if answer.outcome is Outcome.NOT_FINITE or near.status is not Status.CONVERGED:
                 break
             self._fresh = answer.outcome is Outcome.REBUILD and not compliance
             lambda_ = answer.lambda_

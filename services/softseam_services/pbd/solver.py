@@ -113,7 +113,7 @@ class PbdSolver:
             refused = watch.Fault.ANCHOR.value
         if refused:
             stepper.fail(self._committed, work)
-            taken = Taken(watch.Fault.INPUT, False, 0, "")
+            taken = Taken(watch.Fault.INPUT, False, 0, {})
         else:
             taken = stepper.take(self._committed, work, request)
         self._tentative, self._to_plan = True, taken.to_plan
@@ -121,15 +121,15 @@ class PbdSolver:
         if request.compliance and not refused:
             compliance = self._compliance(request)
         self._request, self._taken = request, taken
-        return self._reply(refused or taken.fault.value, compliance, start)
+        return self._reply(refused or taken.why, compliance, start)
 
-    def _reply(self, status: str, compliance: Floats, start: float) -> Advanced:
+    def _reply(self, why: str, compliance: Floats, start: float) -> Advanced:
         """What became of the last request."""
         stepper, work, request, taken = self._stepper, self._work, self._request, self._taken
         result, numbers = stepper.result, stepper.result.tolist()
         return Advanced(
             request.header,
-            status,
+            taken.fault.status,
             work.x.take(self.model.region.seam, axis=0),
             compliance,
             stepper.wrench.copy(),
@@ -149,9 +149,11 @@ class PbdSolver:
             result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
             n_substeps=stepper.n_substeps,
             residual=numbers[k.RESIDUAL],
-            alarm=taken.notice,
+            alarm="; ".join(taken.notice.values()),
             seam_v=work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES,
             settles=self._settles(),
+            why=why,
+            alarm_details=list(taken.notice),
         )
 
     def _compliance(self, request: Advance) -> Floats:
@@ -209,7 +211,7 @@ class PbdSolver:
         moved = work.x.take(self.model.region.seam, axis=0) - self._committed.x.take(self.model.region.seam, axis=0)
         stepper.result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
         self._request = replace(self._request, header=request.header, seam_force=request.force)
-        return self._reply(self._taken.fault.value, np.zeros((0, 0)), began)
+        return self._reply(self._taken.why, np.zeros((0, 0)), began)
 
     @property
     def capabilities(self) -> Capabilities:
