@@ -17,6 +17,7 @@ from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
 from softseam.odd_motion import odd_motion
 from softseam.scenes import bundle_of, located
+from softseam.symmetric import symmetric
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
@@ -91,9 +92,8 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     table.add_row(
         "wave speed", f"{body.wave_speed:.3g} m/s: crosses a cell in {_crossing(body.edges, body.wave_speed)}"
     )
-    folded = _folded(scene, built, setup.tools)
-    if folded:
-        table.add_row("mirrors", folded)
+    if scene.symmetry:
+        table.add_row("symmetry", symmetric(scene))
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
@@ -148,18 +148,6 @@ def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
         f"waves in an inclusion are {fast.max():.0f} times as fast as around it: where PBD has it, a step takes about "
         "as many times more substeps; give it to fem by regions.near.boxes, or all cells by regions.default"
     ]
-
-
-def _folded(scene: Scene, body: Body, tools: ToolSet) -> str:
-    """What FEM solves for where body and tools mirror each other; '' where they do not."""
-    from softseam_services.fem.fold import can_fold, common_mirrors
-
-    mirrors = common_mirrors(body, tools)[0] if can_fold(scene.models.fem) else []
-    if not mirrors:
-        return ""
-    axes = " and ".join("xyz"[mirror.axis] for mirror in mirrors)
-    part = {1: "a half", 2: "a quarter", 3: "an eighth"}[len(mirrors)]
-    return f"across {axes}: where all cells are FEM's, {part} of the unknowns is solved for while the tools mirror, too"
 
 
 def _locks(scene: Scene) -> list[str]:

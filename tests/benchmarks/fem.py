@@ -19,7 +19,7 @@ from numba import njit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from fem_run import CLOSE, FemRun, tofu, unfolded
+from fem_run import CLOSE, FemRun, tofu
 from timing import least
 
 from softseam_services.fem import model as fem_model
@@ -91,7 +91,7 @@ class Row:
 def measure(counts: tuple[int, int, int], kind: int) -> Row:
     began = time.process_time()
     fem_model.MOST_FACTORED = 10**9 if kind == NONE else 0
-    run = FemRun(unfolded(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2]))))
+    run = FemRun(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2])))
     build = time.process_time() - began
     solver, stepper = run.solver, run.solver._stepper
     model, tree, work, memo = solver._model, stepper._tree._replace(kind=kind), stepper.work, stepper.memo

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from fem_run import FemRun, tofu, unfolded
+from fem_run import FemRun, tofu
 from timing import least
 
 from softseam_services.fem import model as fem_model
@@ -99,7 +99,7 @@ class Case:
 
     def __init__(self, n: int, step: float, factored: bool) -> None:
         fem_model.MOST_FACTORED = 10**9 if factored else 0
-        self.run = FemRun(unfolded(tofu(cell=0.05 / n, step=step)))
+        self.run = FemRun(tofu(cell=0.05 / n, step=step))
         solver = self.run.solver
         self.step = step
         stepper = solver._stepper

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fem_run import CLOSE, FemRun, block, tofu, unfolded
+from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 
 from softseam_services.body.build import build_body
@@ -143,7 +143,7 @@ def test_a_squeeze_is_the_same_either_way(seam: bool, monkeypatch: pytest.Monkey
             parts["seam"] = lambda body, own: shared_nodes(
                 body, own, np.setdiff1d(np.arange(body.n_cells, dtype=np.int32), own)
             )
-        run = FemRun(unfolded(tofu(models={"fem": {"tolerance": 1e-7}})), **parts)
+        run = FemRun(tofu(models={"fem": {"tolerance": 1e-7}}), **parts)
         run.run(0.1, CLOSE)
         return run, run.step(CLOSE, compliance=seam)
 

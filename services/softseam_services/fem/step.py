@@ -125,12 +125,12 @@ class Stepper:
             self.compliance *= at * velocity_gain(self.scheme, request.dt, now.past)
         return status
 
-    def alarm(self, end: FemState, folded: int) -> str:
+    def alarm(self, end: FemState, times: int) -> str:
         """What is wrong with the step that was taken, and was not noticed within it; '' where nothing is.
 
         Only a step that was hard, so that it was cut, is doubted.
         """
-        return "" if self._parts is None else alarm(end.x, self._model, self.work, folded)
+        return "" if self._parts is None else alarm(end.x, self._model, self.work, times)
 
     def why(self, status: int, cells: Ints) -> str:
         """What to say of a step that failed; cells (c,) are global ids."""
