@@ -26,6 +26,8 @@ from softseam_protocol.scene_file import bundle_scene, scene_hash
 from softseam_protocol.scene_materials import SpherePart
 from softseam_protocol.spec import BoxRegion
 
+_MANY = 100_000
+"""unknowns whose factor takes 1.5 GB, and seconds"""
 _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
 
@@ -98,6 +100,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
     doubts = [*body.warnings, *_locks(scene), *_stiff_for_pbd(scene, built), *_leaps(scene, built, setup.tools)]
+    doubts += _large(scene, 3 * (body.n_nodes - body.n_fixed))
     doubts += [*_in_vain(scene, built), *_stiffened_by_time(scene), *odd_motion(scene, max(body.size))]
     try:
         doubts += _few_substeps(scene, built, setup.tools)
@@ -147,6 +150,17 @@ def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
     return [
         f"waves in an inclusion are {fast.max():.0f} times as fast as around it: where PBD has it, a step takes about "
         "as many times more substeps; give it to fem by regions.near.boxes, or all cells by regions.default"
+    ]
+
+
+def _large(scene: Scene, n_unknowns: int) -> list[str]:
+    """That FEM's factor takes much memory, which grows with the power 1.35 of the unknowns."""
+    n = n_unknowns / 2 ** len(scene.symmetry)
+    if scene.regions.default != "fem" or n <= _MANY:
+        return []
+    return [
+        f"body.cell: fem factors a matrix of {n:,.0f} unknowns, which takes about {1.5 * (n / _MANY) ** 1.35:.2g} GB, "
+        "and a step many seconds: give a longer edge, or `symmetry` where the scene has one"
     ]
 
 

@@ -19,7 +19,6 @@ from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.fronts import seam_root
-from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, N_MEMO, STALLED
 from softseam_services.fem.kernels.settle import settle
 from softseam_services.fem.model import FemModel
@@ -158,7 +157,7 @@ class Stepper:
     @property
     def settles(self) -> bool:
         """Whether the last step has a factor that says how it would answer the seam beside the other side."""
-        at_once = self._parts is None and self.scheme.kind == IMPLICIT_EULER and self._tree.kind == NONE
+        at_once = self._parts is None and self.scheme.kind == IMPLICIT_EULER
         return bool(at_once and self.work.seam_coupled[0] and self.memo[FACTORED])
 
     def news_of_yield(self) -> Floats:
