@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from softseam.chart.configurations import configurations
 from softseam.chart.frame import frame_of
 from softseam.errors import SceneRefused, SimulationFailed
+from softseam.report import ReportBuilder
 from softseam.scenes import load_scene
 from softseam.session import open_as_given
 from softseam.variants import with_model, with_settings
 from softseam_protocol.messages import Advanced, BodyState, Header
 from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import SceneError, parse_scene
+from softseam_protocol.scene_file import SceneError, bundle_scene, parse_scene
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import SettingError
 from softseam_services.tools.build import build_tools
@@ -320,7 +321,9 @@ def test_a_session_refuses_it_and_names_the_tool() -> None:
         pass
     with open_as_given(scene) as session:
         session.reset()
-        session.step()
+        report = ReportBuilder(bundle_scene(scene))
+        report.add(session.step().report)
+        assert report.build()["symmetry"].startswith("in y: where fem has all cells it solves for a half of them")
         with pytest.raises(SimulationFailed, match="tool 'left' leaves the plane"):
             session.step({"left": (0.0, 0.01, 0.0)})
 
