@@ -94,16 +94,18 @@ class Reduction:
         """The part's of a state of the whole: the mean of a node's images, which keeps momentum where another solver
         led to the state and is symmetric up to its own errors; contact as on the side that is kept."""
         model = self.tables[0]
-        history = state.history.copy()
-        if self.keeps_places and state.past > 0.0:
+        history, of_place = state.history.copy(), self.keeps_places and state.past > 0.0
+        if of_place:
             history[0] -= self.shift
-        part = [self._mean(values) for values in (state.x - self.shift, state.v, *history)]
-        node, axis = model.rollers.T
-        part[0][node, axis], part[1][node, axis] = model.x_rest[node, axis], 0.0
+        x, v, *before = (self._mean(values) for values in (state.x - self.shift, state.v, *history))
+        node, axis = model.rollers.T  # these stay where they are, in what was before, too: else they would drift
+        for values in (v, *before):
+            values[node, axis] = 0.0
+        for values in (x, *before[:of_place]):
+            values[node, axis] = model.x_rest[node, axis]
         contact = np.ascontiguousarray(state.contact[points.of_image[0]])
         contact[..., FORCE : FORCE + 3] /= 2.0 ** self.on.sum(axis=0)[:, None, None]
-        steps_before = np.array(part[2:]).reshape(len(history), *part[0].shape)
-        return FemState(part[0], part[1], contact, steps_before, state.past, state.level)
+        return FemState(x, v, contact, np.array(before).reshape(len(before), *x.shape), state.past, state.level)
 
     def _mean(self, values: Floats) -> Floats:
         """Of the images of each node of the part (n', 3), of vectors of the whole (n, 3)."""
