@@ -25,9 +25,8 @@ from softseam_protocol.messages import (
     Vector3,
 )
 from softseam_protocol.outcomes import EventKind
-from softseam_protocol.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import SceneError, scene_from_bundle
-from softseam_protocol.scene_tools import MeshTool
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
@@ -201,31 +200,6 @@ def compile_clock() -> Iterator[Callable[[], tuple[float, float]]]:
         raise missing_extra(error, "simulating in this process") from error
     with CompileClock() as clock:
         yield lambda: (clock.wall, clock.cpu)
-
-
-def mirror_axes(scene: Scene) -> tuple[int, ...]:
-    """Axes across which a block and its tools mirror each other, so that FEM solves for one side of it where an even
-    number of cells lies along them; none of what is no block or meets a mesh, or where the scene does without."""
-    body, meshes = scene.body, any(isinstance(tool, MeshTool) for tool in scene.tools.values())
-    if meshes or not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
-        return ()
-    try:
-        from softseam_services.body.build import build_body
-        from softseam_services.body.errors import MeshError
-        from softseam_services.fem.fold import can_fold, common_mirrors
-        from softseam_services.tools.build import build_tools
-    except ImportError as error:
-        raise missing_extra(error, "simulating in this process") from error
-    if not can_fold(scene.models.fem):
-        return ()
-    even = body.shape.model_copy(update={"borders": "even", "grading": 1.0, "towards": ()})
-    cell = [0.5 * edge for edge in even.size]
-    eight = scene.model_copy(update={"body": body.model_copy(update={"shape": even, "cell": cell})})
-    try:
-        mirrors, _ = common_mirrors(build_body(eight, {}), build_tools(scene))
-    except MeshError:  # an inclusion that none of eight cells sees: what it does to mirrors is not foreseen
-        return ()
-    return tuple(mirror.axis for mirror in mirrors)
 
 
 _APART = (

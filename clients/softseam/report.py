@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from softseam.columns import SPENT, Columns, unit_of
 from softseam.outputs import cannot_write
+from softseam.symmetric import symmetric
 from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.outcomes import EventKind
@@ -84,6 +85,7 @@ class ReportBuilder:
             "model": self._model or self._found_model(),
             "verdict": {"outcome": verdict.outcome, "text": verdict.text, "done": self._done},
             "estimated_error": None if self._estimate is None else asdict(self._estimate),
+            "symmetry": symmetric(self._scene),
             "steps": len(c),
             "simulated_seconds": len(c) * self._scene.step,
             "regions": self._regions(),

@@ -229,6 +229,11 @@ class Scene(Spec):
     regions: RegionsSpec = RegionsSpec()
     models: ModelsSpec = ModelsSpec()
     seam: SeamSpec = SeamSpec()
+    symmetry: tuple[Literal["x", "y", "z"], ...] = Field(
+        default=(),
+        description="axes across which the scene is symmetric, about planes through the middle of the body: where fem "
+        "has all cells it solves for a half, a quarter or an eighth; refused where the scene is not symmetric",
+    )
     quantities: tuple[Quantity, ...] = Field(default=(), description="reported for every step")
     probes: dict[ProbeName, Vector] = Field(
         default={}, description="points of the body at rest [m]; von Mises stress and displacement are reported there"
@@ -253,6 +258,7 @@ class Scene(Spec):
                 self._known(phase.tools, "motion", i, "tools")
         if self.regions.near is not None:
             self._known(self.regions.near.tools or (), "regions", "near", "tools")
+        self._symmetry_is_used()
         if isinstance(self.body, BodySpec):
             self._kinds_meet(self.body)
         else:
@@ -262,6 +268,20 @@ class Scene(Spec):
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
             raise wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
+
+    def _symmetry_is_used(self) -> None:
+        """Raise if `symmetry` names an axis twice, or asks what no solver of this scene can do."""
+        if not self.symmetry:
+            return
+        if len({*self.symmetry}) < len(self.symmetry):
+            raise wrong("an axis is named twice: name each once", "symmetry")
+        near, fem = self.regions.near, self.models.fem
+        if "fem" not in (self.regions.default, near.model if near else ""):
+            raise wrong("only fem solves for one side, and no region is fem's: leave it out", "symmetry")
+        if fem.element.startswith("tet"):
+            raise wrong(f"{fem.element} divides cells otherwise on either side: leave it out, or use hex27", "symmetry")
+        if fem.integrator == "symplectic_euler":
+            raise wrong("symplectic_euler solves no equations: leave it out", "symmetry")
 
     def _particles_alone(self, body: ParticleBodySpec) -> None:
         """Raise if the scene asks something of a body of particles that only one in cells can do."""

@@ -39,11 +39,17 @@ class FemSpec(Spec):
         description="largest error in position that a substep may make in time, relative to a cell edge; substeps are "
         "as long as it allows; default: the step is one [1]",
     )
-    mirrored: bool = Field(
-        default=True,
-        description="where body and tools mirror each other solve for one side only, as long as they do; false: it may "
-        "give way to one side, as a column does that buckles",
-    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_old_key(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "mirrored" in given:
+            raise wrong(
+                "fem solves for all of a body, unless the scene says where it is symmetric: leave this key out; to "
+                "solve for one side write e.g. `symmetry: [x, y]` at the top of the scene",
+                "mirrored",
+            )
+        return given
 
     @model_validator(mode="after")
     def _substeps(self) -> FemSpec:

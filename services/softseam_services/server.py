@@ -35,12 +35,14 @@ from softseam_protocol.messages import (
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
 from softseam_services.blas import use_one_thread
+from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody, build_any_body
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
 from softseam_services.participant import Solver
 from softseam_services.tools.build import build_tools
+from softseam_services.tools.symmetry import check_symmetry
 from softseam_services.tools.tool_set import ToolSet
 
 _BODIES_KEPT = 4
@@ -64,10 +66,13 @@ class Setup:
 
 
 def build_setup(bundle: Bundle) -> Setup:
-    """Scene, body and tools of a bundle. Raises SceneError, MeshError or ToolError."""
+    """Scene, body and tools of a bundle. Raises SceneError, MeshError, ToolError or SettingError."""
     scene = scene_from_bundle(bundle)
     body = build_any_body(scene, bundle.files)
-    return Setup(scene, body, build_tools(scene, body, bundle.files))
+    tools = build_tools(scene, body, bundle.files)
+    if isinstance(body, Body):
+        check_symmetry(scene, body, tools)
+    return Setup(scene, body, tools)
 
 
 def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:

@@ -87,7 +87,7 @@ def warm_participant(model: str, mesh: bool = False) -> None:
     with compiling(model):
         _ask_everything(model, mesh)
         if model == "fem":
-            _fold()
+            _solve_one_side()
 
 
 def _asked(server: ParticipantServer, request: Request) -> object:
@@ -101,10 +101,15 @@ def _header(step: int, exchange: int = 0) -> Header:
     return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
 
 
-def _fold() -> None:
-    """What mirrors itself: the same block on the ground, whole."""
+def _solve_one_side() -> None:
+    """Of the same block on the ground, which is symmetric."""
     scene = warm_scene("fem")
-    ground = {"tools": {"ground": scene.tools["ground"]}, "motion": (), "regions": RegionsSpec(default="fem")}
+    ground = {
+        "tools": {"ground": scene.tools["ground"]},
+        "motion": (),
+        "regions": RegionsSpec(default="fem"),
+        "symmetry": ("x",),
+    }
     bundle = Bundle(scene.model_copy(update=ground).model_dump_json(), {})
     setup = build_setup(bundle)
     server = ParticipantServer()

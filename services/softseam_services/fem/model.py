@@ -21,9 +21,7 @@ from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, 
 from softseam_services.fem.face_points import SOFT, face_points, point_edges
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE
-from softseam_services.fem.kernels.multigrid import MULTIGRID, NONE
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
-from softseam_services.fem.sparse import sparse_tree
 from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
@@ -36,9 +34,6 @@ PENALTY = 20.0
 # (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces
 # move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/0144).
 FIRM, FIRM_INSIDE = 20.0, 24.0
-# Unknowns beyond which a matrix is not factored: then a factor takes 1.6 GB, and no step less time without one
-# (docs/decisions/0145).
-MOST_FACTORED = 100_000
 _NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)
 
 
@@ -151,21 +146,14 @@ def build_model(
     region: Region,
     tools: ToolSet | None = None,
     spec: FemSpec | None = None,
-    solution: int | None = None,
     rollers: Ints = _NO_ROLLERS,
 ) -> Tables:
-    """Tables, matrix and point weights of a region; spec: which element, the default's where it is None; solution: how
-    the matrix is solved with (kernels/multigrid.py), by size where it is None; rollers: as of the model, of a matrix
-    that is factored."""
+    """Tables, matrix and point weights of a region; spec: which element, the default's where it is None; rollers:
+    as of the model."""
     element = (FemSpec() if spec is None else spec).element
     n_nodes = len(region.nodes)
     cell_grid = body.cell_grid[region.cells]
-    if solution is None:
-        solution = MULTIGRID if 3 * np.count_nonzero(~region.fixed) > MOST_FACTORED else NONE
-    if solution == NONE:
-        tree = dissect(region.cell_nodes, cell_grid, n_nodes, region.fixed, region.seam)
-    else:
-        tree = sparse_tree(solution, region.cell_nodes, region.fixed)
+    tree = dissect(region.cell_nodes, cell_grid, n_nodes, region.fixed, region.seam)
     share = SHARES.get(element, 1.0)
     tables = cell_tables(body.edges, share)
     mu = body.material.mu

@@ -19,7 +19,6 @@ from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.fronts import seam_root
-from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, N_MEMO, STALLED
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.state import FemState
@@ -125,12 +124,12 @@ class Stepper:
             self.compliance *= at * velocity_gain(self.scheme, request.dt, now.past)
         return status
 
-    def alarm(self, end: FemState, folded: int) -> str:
+    def alarm(self, end: FemState, times: int) -> str:
         """What is wrong with the step that was taken, and was not noticed within it; '' where nothing is.
 
         Only a step that was hard, so that it was cut, is doubted.
         """
-        return "" if self._parts is None else alarm(end.x, self._model, self.work, folded)
+        return "" if self._parts is None else alarm(end.x, self._model, self.work, times)
 
     def why(self, status: int, cells: Ints) -> str:
         """What to say of a step that failed; cells (c,) are global ids."""
@@ -158,7 +157,7 @@ class Stepper:
     @property
     def at_once(self) -> bool:
         """Whether steps are taken by implicit Euler, in one, with a factor: their linear answers are known then."""
-        return bool(self.scheme.kind == IMPLICIT_EULER and self._tree.kind == NONE and not self.by_error)
+        return bool(self.scheme.kind == IMPLICIT_EULER and not self.by_error)
 
     @property
     def settles(self) -> bool:

@@ -38,7 +38,6 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.region import build_region
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.mesh_error import MeshError as MeshIndicator
-from softseam_services.fem.model import MOST_FACTORED
 from softseam_services.orchestrator.adjoint import Adjoint
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.grip import grips_by_phase
@@ -55,6 +54,8 @@ _STRAIN = 1e-5
 """of the adjoint where its errors are measured, so that every law is Hooke's [1]"""
 _SEEN = 1e-9
 """least stress of a probe, over the shear modulus, that has a direction [1]"""
+MOST_FACTORED = 100_000
+"""unknowns of the adjoint: its factor then takes 1.6 GB, besides that of the solver"""
 
 
 class Goal:

@@ -1,7 +1,7 @@
-"""What the part of a body on one side of its mirrors says of all of it, and whether its tools still mirror each other.
+"""What the part of a body on one side of its planes of symmetry says of all of it.
 
-A mirror is a plane at c across an axis e. It takes a place x to S x + 2 c e, S = 1 - 2 e e^T, a force to S f, and what
-turns, a torque or an angular momentum l about the origin, with the force or momentum p that is with it, to
+A plane at c across an axis e takes a place x to S x + 2 c e, S = 1 - 2 e e^T, a force to S f, and what turns, a torque
+or an angular momentum l about the origin, with the force or momentum p that is with it, to
   -S l + 2 c e x S p                                                                                            (1)
 """
 
@@ -23,79 +23,6 @@ from softseam_services.fem.kernels.step import (
     TOOL_WORK,
 )
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import rotate, rotate_back
-from softseam_services.tools.tool_set import BOX, MESH, PLANE, SPHERE
-
-_SAME = 1e-9
-"""of a turn [1]; of a way, of the shortest edge"""
-
-
-@njit(cache=True, error_model="numpy")
-def _look(orientation, image_of, axis, look):
-    """look (3, 3) <- R'^T S R: the axes of a tool, mirrored, as another one sees them."""
-    for column in range(3):
-        ux = 1.0 if column == 0 else 0.0
-        uy = 1.0 if column == 1 else 0.0
-        uz = 1.0 if column == 2 else 0.0
-        vx, vy, vz = rotate(orientation, ux, uy, uz)
-        if axis == 0:
-            vx = -vx
-        elif axis == 1:
-            vy = -vy
-        else:
-            vz = -vz
-        look[0, column], look[1, column], look[2, column] = rotate_back(image_of, vx, vy, vz)
-
-
-@njit(cache=True, error_model="numpy")
-def _fits(kind, shape, look):
-    """Whether a tool looks the same after `look` (3, 3)."""
-    if kind == SPHERE:
-        return True
-    if kind == PLANE:
-        away = 0.0
-        for i in range(3):
-            away += abs(look[i, 0] * shape[0] + look[i, 1] * shape[1] + look[i, 2] * shape[2] - shape[i])
-        return away <= _SAME
-    if kind == BOX:
-        for i in range(3):
-            if abs(abs(look[i, i]) - 1.0) > _SAME:
-                return False
-        return True
-    return kind != MESH and abs(abs(look[2, 2]) - 1.0) <= _SAME  # a capsule or a cylinder along z
-
-
-@njit(cache=True, error_model="numpy")
-def tools_agree(kind, shape, axis, plane, image, near, position, orientation, position_next, orientation_next):
-    """Whether tools mirror each other from the start of a step to its end.
-
-    axis (k,), plane (k,) of each mirror, image (k, t) each tool's; near: as close as places must be [m]
-    """
-    start, end = np.empty((3, 3)), np.empty((3, 3))
-    for m in range(len(axis)):
-        e = axis[m]
-        for t in range(len(kind)):
-            other = image[m, t]
-            _look(orientation[t], orientation[other], e, start)
-            _look(orientation_next[t], orientation_next[other], e, end)
-            if not _fits(kind[t], shape[t], start):
-                return False
-            for i in range(3):
-                for j in range(3):
-                    if abs(end[i, j] - start[i, j]) > _SAME:
-                        return False
-            across = 0.0
-            nx, ny, nz = rotate(orientation[other], shape[t, 0], shape[t, 1], shape[t, 2])  # of a plane
-            for i in range(3):
-                sign, shift = (-1.0, 2.0 * plane[m]) if i == e else (1.0, 0.0)
-                away = sign * position[t, i] + shift - position[other, i]
-                across += away * (nx if i == 0 else (ny if i == 1 else nz))
-                way, ways = position_next[t, i] - position[t, i], position_next[other, i] - position[other, i]
-                if abs(sign * way - ways) > near or (kind[t] != PLANE and abs(away) > near):
-                    return False
-            if kind[t] == PLANE and abs(across) > near:
-                return False
-    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -121,18 +48,18 @@ def _add_image(force, turn, e, shift, other_force, other_turn):
 
 
 @njit(cache=True, error_model="numpy")
-def add_images(axis, plane, image, on, contact, about, out, wrench):
+def add_images(axis, place, image, on, contact, about, out, wrench):
     """Make what a part's step came to what the whole's came to: out, as of kernels/step.py, and wrench (t, 6), force
     and torque about each tool's place `about` (t, 3) [m], in place.
 
-    axis (k,), plane (k,) of each mirror, image (k, t) each tool's, on (k, p): points on its plane, contact (p, t, 9)
+    axis (k,), place (k,) of each plane, image (k, t) each tool's, on (k, p): points in it, contact (p, t, 9)
     """
     momentum, angular = out[MOMENTUM : MOMENTUM + 3], out[ANGULAR : ANGULAR + 3]
     low, high = out[LOWEST : LOWEST + 3], out[HIGHEST : HIGHEST + 3]
     force, turn = np.empty(3), np.empty(3)
     before = np.empty_like(wrench)  # about the origin
     for m in range(len(axis)):
-        e, shift = axis[m], 2.0 * plane[m]
+        e, shift = axis[m], 2.0 * place[m]
         for entry in (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK):
             out[entry] *= 2.0
         force[:], turn[:] = momentum, angular
@@ -182,10 +109,10 @@ def unfold_nodes(source, sign, shift, x, v, history, whole_x, whole_v, whole_his
 
 
 @njit(cache=True, error_model="numpy")
-def unfold_contact(axis, plane, image, on, of_image, part, whole):
+def unfold_contact(axis, place, image, on, of_image, part, whole):
     """Contact of the whole's points (p, t, 9), zero where nothing touches, from the part's (p', t, 9); whole updated.
 
-    of_image (2^k, p'): the whole's point at each of the part's, mirrored in the mirrors whose bits are set. A point on
+    of_image (2^k, p'): the whole's point at each of the part's, mirrored in the planes whose bits are set. A point in
     a plane (`on`) bears what both of its sides do.
     """
     n_tools, row = part.shape[1], np.empty(part.shape[2])
@@ -219,6 +146,6 @@ def unfold_contact(axis, plane, image, on, of_image, part, whole):
                         e = axis[m]
                         row[FORCE + e] = -row[FORCE + e]
                         row[SLIP_SO_FAR + e] = -row[SLIP_SO_FAR + e]
-                        row[ANCHOR + e] = 2.0 * plane[m] - row[ANCHOR + e]
+                        row[ANCHOR + e] = 2.0 * place[m] - row[ANCHOR + e]
                         other = image[m, other]
                 whole[to, other] = row

@@ -1,4 +1,4 @@
-"""Planes in which a body mirrors itself: its cells, masses, materials and surface, what clamps it and how it starts.
+"""Planes of symmetry of a body, through its middle: cells, masses, materials, surface, clamps and initial velocities.
 
 Only planes across an axis that no cell is cut by: then one side of it is a body of whole cells. Gravity lies in them.
 """
@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.errors import SettingError
 from softseam_services.body.region import node_of_point
 
-_SAME = 1e-9
+SAME = 1e-9
 """of the shortest edge, of a mass, of a velocity: what differs by less is the same"""
 _BOX = np.sqrt(7.0) / 2**21
 """of the longest extent: boxes that hold one point, with borders where points of no grid are likely to be"""
@@ -23,11 +24,11 @@ _OCTANT[_CORNERS] = np.arange(8)
 
 
 @dataclass(frozen=True)
-class Mirror:
+class SymmetryPlane:
     """A plane across an axis, and what is where something's image is."""
 
     axis: int
-    plane: float
+    place: float
     """where it crosses the axis [m]"""
     nodes: Ints
     """(N,)"""
@@ -35,44 +36,47 @@ class Mirror:
     """(C,)"""
 
 
-def find_mirrors(body: Body) -> tuple[Mirror, ...]:
-    """All mirrors of a body; none of one that cells fill in part, or whose surface's points are no nodes."""
-    if len(body.moments) or (node_of_point(body) < 0).any():
-        return ()
-    found = (_mirror(body, axis) for axis in range(3))
-    return tuple(mirror for mirror in found if mirror is not None)
+def asymmetric(axis: int, why: str) -> SettingError:
+    """The refusal of a scene that is not symmetric across an axis."""
+    name = "xyz"[axis]
+    return SettingError(f"symmetry: the scene is not symmetric in {name}: {why}; or leave {name} out of `symmetry`")
 
 
-def _mirror(body: Body, axis: int) -> Mirror | None:
+def symmetry_plane(body: Body, axis: int) -> SymmetryPlane:
+    """The plane across an axis through the middle of a body. Raises SettingError where the body is not symmetric."""
     x = body.x_rest
-    near = _SAME * body.resolution
-    plane = 0.5 * float(x[:, axis].min() + x[:, axis].max())
-    beyond = x[body.cell_nodes, axis] - plane
-    if abs(body.gravity[axis]) > 0.0 or ((beyond > near).any(axis=1) & (beyond < -near).any(axis=1)).any():
-        return None
-    nodes = _images(x, axis, plane, near)
-    if nodes is None:
-        return None
+    near = SAME * body.resolution
+    place = 0.5 * float(x[:, axis].min() + x[:, axis].max())
+    if len(body.moments) or (node_of_point(body) < 0).any():
+        raise asymmetric(axis, "cells that a mesh fills in part have no images: use a block, or `cells: own`")
+    if abs(body.gravity[axis]) > 0.0:
+        raise asymmetric(axis, "gravity crosses the plane: give it no component there")
+    beyond = x[body.cell_nodes, axis] - place
+    if ((beyond > near).any(axis=1) & (beyond < -near).any(axis=1)).any():
+        raise asymmetric(axis, "the plane cuts cells: choose body.cell such that their number is even there")
+    nodes = match(x, mirrored(x, axis, place), near)
+    if (nodes < 0).any():
+        raise asymmetric(axis, "a cell's node has no image: give cells that are images of each other")
     at = np.full(body.n_nodes, -1, dtype=np.int32)
     at[body.cell_nodes[:, 13]] = np.arange(body.n_cells)
     cells = at[nodes[body.cell_nodes[:, 13]]]
-    if (cells < 0).any():
-        return None
-    same = _cells_agree(body, nodes, cells) and _surface_agrees(body, nodes) and _starts_alike(body, axis, nodes)
-    return Mirror(axis, plane, nodes, cells) if same else None
+    if (cells < 0).any() or not _surface_agrees(body, nodes):
+        raise asymmetric(axis, "a cell has no image: give cells that are images of each other")
+    if not _cells_agree(body, nodes, cells):
+        raise asymmetric(axis, "an inclusion is not its own image: move it into the plane, or add its image")
+    if not np.array_equal(body.fixed[nodes], body.fixed):
+        raise asymmetric(axis, "body.fixed clamps one side: clamp its image, too")
+    v = mirrored(body.v_initial, axis, 0.0)
+    if np.abs(body.v_initial[nodes] - v).max(initial=0.0) > SAME * np.abs(v).max(initial=0.0):
+        raise asymmetric(axis, "body.velocity or body.spin crosses the plane: leave it out")
+    return SymmetryPlane(axis, place, nodes, cells)
 
 
-def mirrored(x: Floats, axis: int, plane: float) -> Floats:
+def mirrored(x: Floats, axis: int, place: float) -> Floats:
     """Places (..., 3) mirrored in a plane across an axis [m]."""
     image = x.copy()
-    image[..., axis] = 2.0 * plane - x[..., axis]
+    image[..., axis] = 2.0 * place - x[..., axis]
     return image
-
-
-def _images(x: Floats, axis: int, plane: float, near: float) -> Ints | None:
-    """Which node is where each one's image is (N,), None where one has none."""
-    nodes = match(x, mirrored(x, axis, plane), near)
-    return None if (nodes < 0).any() else nodes
 
 
 def match(x: Floats, places: Floats, near: float) -> Ints:
@@ -99,9 +103,9 @@ def _cells_agree(body: Body, nodes: Ints, cells: Ints) -> bool:
         return False
     mass = np.take_along_axis(body.cell_mass[cells], local, axis=1)
     return bool(
-        np.allclose(mass, body.cell_mass, rtol=_SAME, atol=0.0)
+        np.allclose(mass, body.cell_mass, rtol=SAME, atol=0.0)
         and np.array_equal(np.take_along_axis(body.octant_material[cells], octant, axis=1), body.octant_material)
-        and np.allclose(np.take_along_axis(body.fill[cells], octant, axis=1), body.fill, rtol=_SAME, atol=0.0)
+        and np.allclose(np.take_along_axis(body.fill[cells], octant, axis=1), body.fill, rtol=SAME, atol=0.0)
     )
 
 
@@ -111,11 +115,4 @@ def _surface_agrees(body: Body, nodes: Ints) -> bool:
     point = np.full(body.n_nodes, -1)
     point[at] = np.arange(len(at))
     there = point[nodes[at]]
-    return bool((there >= 0).all() and np.allclose(body.surface.area[there], body.surface.area, rtol=_SAME, atol=0.0))
-
-
-def _starts_alike(body: Body, axis: int, nodes: Ints) -> bool:
-    """Whether the same nodes are clamped, and start with the same velocities."""
-    v = mirrored(body.v_initial, axis, 0.0)
-    close = np.abs(body.v_initial[nodes] - v).max(initial=0.0) <= _SAME * np.abs(v).max(initial=0.0)
-    return bool(close and np.array_equal(body.fixed[nodes], body.fixed))
+    return bool((there >= 0).all() and np.allclose(body.surface.area[there], body.surface.area, rtol=SAME, atol=0.0))
