@@ -68,8 +68,8 @@ Each with a control that was seen to fail in this very run and the remedy that h
   schemes step.
 - Messages fare badly between orchestrator and participants in one process; real processes that are killed, stall and
   come back are in tests/system.
-- [Decision 0090](decisions/0090-verdicts-by-what-a-run-says.md) says what each verdict means, and why;
-  [decision 0105](decisions/0105-runs-say-how-far-they-are-off.md) how runs on coarse cells know that they are off.
+- [Decision 39](decisions/39-atlas-verdicts.md) says what each verdict means, and why;
+  [decision 07](decisions/07-runs-estimate-their-error.md) how runs on coarse cells know that they are off.
 """
 LONG = """
 ## A hundred thousand steps

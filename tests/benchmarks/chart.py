@@ -52,15 +52,14 @@ PROBES = {
 HELD = {
     "tofu_pads": (
         "What holds it is how well the truth is known: stress beside a sharp edge hardly converges "
-        "([0127](decisions/0127-few-cells-for-stress-at-an-edge.md), "
-        "[0175](decisions/0175-cells-thin-across-one-edge.md))."
+        "([decision 16](decisions/16-cells-of-any-shape.md))."
     ),
     "tofu_slab": (
         "Not met, by far: 5 % at both takes cells thin across the edges and steps of 20 ms, at .17 times real "
         "time, sixty times too slow. Three things hold it, each enough alone: long steps lose the swing of the "
         "slab, cells of 2 mm are wanted, and how it rests on the edge goes by single points of contact, by which "
         "the finest runs differ by 10 to 19 % "
-        "([0176](decisions/0176-what-stress-beside-an-edge-of-tofu_slab-takes.md)). Few coarse cells are nearer "
+        "([decision 16](decisions/16-cells-of-any-shape.md)). Few coarse cells are nearer "
         "than more of them by accident. The reference of *upper* is itself some 20 % high: cells thin across the "
         "edge, finer there than its own, lead lower."
     ),
@@ -125,8 +124,8 @@ What the names of configurations say:
   are fewer than ours. *Times faster* is how much sooner the fastest of ours is done whose error is no larger.
 - Kept runs are used again; `--fresh` forgets them. Other settings, other code and another machine have runs of their
   own.
-- Decisions [0064](decisions/0064-what-the-chart-compares-with.md) and
-  [0065](decisions/0065-what-a-configuration-costs.md) say why it is measured this way.
+- [Decision 36](decisions/36-references.md) and
+  [decision 37](decisions/37-measuring-speed.md) say why it is measured this way.
 """
 SECTION = """
 ## {scene}
