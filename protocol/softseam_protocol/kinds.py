@@ -31,7 +31,7 @@ SEAM_INTEGRATORS: dict[SeamScheme, tuple[IntegratorKind, ...]] = {
     "ph": ("implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha"),
     "staggered": ("implicit_euler",),
 }
-"""those that a scheme gives no energy (docs/results/verification.md); of staggered, no more than the scheme itself does"""
+"""those that a scheme gives no energy (docs/results/verification.md); of staggered, no more than the scheme does"""
 _GIVES_ENERGY: dict[SeamScheme, str] = {
     "position": "a multiplier that is constant over the step gives it energy",
     "ph": "it is not among those that were found stable",
