@@ -8,6 +8,7 @@ import textwrap
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import iter_modules
 
 
 @dataclass
@@ -58,16 +59,26 @@ def _decorators(node: ast.FunctionDef) -> set[str]:
     return {ast.unparse(one).rpartition(".")[2] for one in node.decorator_list}
 
 
+def _text_after(node: ast.ClassDef, place: int) -> str:
+    """The docstring that follows a field."""
+    after = node.body[place + 1] if place + 1 < len(node.body) else None
+    said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+    return " ".join(str(after.value.value).split()) if said else ""  # type: ignore[union-attr]
+
+
+def _is_enum(found: Class) -> bool:
+    return any(base.endswith("Enum") for base in found.bases)
+
+
 def _class(node: ast.ClassDef) -> Class:
     found = Class(node.name, _text(node), [ast.unparse(base) for base in node.bases])
     for place, one in enumerate(node.body):
         if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name) and not one.target.id.startswith("_"):
-            after = node.body[place + 1] if place + 1 < len(node.body) else None
-            said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-            text = str(after.value.value) if said else ""  # type: ignore[union-attr]
             default = "" if one.value is None else ast.unparse(one.value)
             annotation = ast.unparse(one.annotation)
-            found.attributes.append(Attribute(one.target.id, annotation, " ".join(text.split()), default))
+            found.attributes.append(Attribute(one.target.id, annotation, _text_after(node, place), default))
+        elif isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Name) and _is_enum(found):
+            found.attributes.append(Attribute(one.targets[0].id, ast.unparse(one.value), _text_after(node, place)))
         elif isinstance(one, ast.FunctionDef) and not one.name.startswith("_"):
             if _decorators(one) & {"property", "cached_property"}:
                 annotation = ast.unparse(one.returns) if one.returns is not None else ""
@@ -89,11 +100,18 @@ def class_of(module: str, name: str) -> Class:
     return _class(next(one for one in tree_of(module).body if isinstance(one, ast.ClassDef) and one.name == name))
 
 
+def modules_of(name: str) -> list[str]:
+    """A module, or a package and its modules in the order of the alphabet."""
+    found = find_spec(name)
+    assert found is not None, name
+    inside = sorted(one.name for one in iter_modules(found.submodule_search_locations or []))
+    return [name, *(f"{name}.{one}" for one in inside)]
+
+
 def classes_of(module: str) -> list[Class]:
-    """The public classes of a module, in their order."""
-    return [
-        _class(one) for one in tree_of(module).body if isinstance(one, ast.ClassDef) and not one.name.startswith("_")
-    ]
+    """The public classes of a module, or of a package's modules, in their order."""
+    bodies = (one for name in modules_of(module) for one in tree_of(name).body)
+    return [_class(one) for one in bodies if isinstance(one, ast.ClassDef) and not one.name.startswith("_")]
 
 
 def function_of(module: str, name: str) -> Callable:

@@ -64,18 +64,18 @@ def cell() -> Figure:
     eight.plot(*points.T, "s", color=XPBD, ms=6)
     for axes in (one, eight):
         axes.plot(*nodes.T, "o", color=INK, ms=5)
-    one.set_title("FEM: one element, 27 nodes (9 in this section)", fontsize=9)
-    eight.set_title("XPBD: eight blocks, same nodes", fontsize=9)
+    one.set_title("FEM: one element\n27 nodes, 9 in this section", fontsize=9)
+    eight.set_title("XPBD: eight blocks\nthe same nodes", fontsize=9)
     one.text(1, -0.4, "x  a stress an octant", ha="center", fontsize=9, color=FEM)
     eight.text(1, -0.4, "■  a block an octant, with its stress", ha="center", fontsize=9, color=XPBD)
-    cut.set_title("a cell that the surface cuts", fontsize=9)
+    cut.set_title("a cell that\nthe surface cuts", fontsize=9)
     body = np.array([(-0.1, -0.05), (1.35, -0.05), (1.5, 0.7), (1.1, 1.35), (0.35, 1.75), (-0.1, 1.8)])
     cut.add_patch(Polygon(body, fc="#d9c7a0", ec="#9a7b3c", lw=1.5, alpha=0.8))
     cut.add_patch(Rectangle((0, 0), 2, 2, fc="none", ec=INK, lw=1.2))
     cut.plot([1, 1], [0, 2], color=INK, lw=0.7, ls=":")
     cut.plot([0, 2], [1, 1], color=INK, lw=0.7, ls=":")
     for (x, y), fill in zip(points, ("1.00", "0.62", "0.44", "0.03"), strict=True):
-        cut.text(x, y, f"fill {fill}", ha="center", va="center", fontsize=8)
+        cut.text(x - (0.18 if fill == "0.44" else 0.0), y - 0.1, f"fill\n{fill}", ha="center", va="center", fontsize=8)
     surface = body[1:5]
     cut.plot(*surface.T, "o", color="#9a7b3c", ms=5)
     cut.text(1, -0.4, "●  surface points: contact and display", ha="center", fontsize=9, color="#7a5f2a")
@@ -126,7 +126,7 @@ def step() -> Figure:
     client, boss, near, far = lanes.values()
 
     def note(y: float, text: str) -> None:
-        _box(axes, boss - 1.75, y - 0.27, 3.5, 0.54, text, "#fff7d6", size=8.5)
+        _box(axes, boss - 1.95, y - 0.25, 3.9, 0.5, text, "#fff7d6", size=8.5)
 
     def send(y: float, a: float, b: float, text: str) -> None:
         _arrow(axes, (a, y), (b, y))
@@ -140,29 +140,31 @@ def step() -> Figure:
             bbox={"fc": "white", "ec": "none", "pad": 0.6},
         )
 
-    send(8.8, client, boss, "Step (tool velocities)")
-    note(8.2, "motion; predict the multiplier λ")
-    send(7.5, boss, near, "Advance (+λ, tool poses)")
-    send(6.95, boss, far, "Advance (-λ, tool poses)")
+    send(8.85, client, boss, "Step (tool velocities)")
+    note(8.3, "move the tools; predict the multiplier λ")
+    send(7.65, boss, near, "Advance (+λ, tool poses)")
+    send(7.15, boss, far, "Advance (-λ, tool poses)")
     for x, color, what in ((near, FEM, "Newton"), (far, XPBD, "substeps")):
-        axes.add_patch(Rectangle((x - 0.12, 5.65), 0.24, 1.2, fc=color, alpha=0.85))
-        axes.text(x + 0.22, 6.25, what, fontsize=8.5, va="center")
-    send(5.5, near, boss, "Advanced (seam x, compliance, wrench)")
-    send(4.95, far, boss, "Advanced")
-    note(4.2, "gap = x_near - x_far; solve for Δλ")
+        axes.add_patch(Rectangle((x - 0.12, 6.12), 0.24, 0.93, fc=color, alpha=0.85))
+        axes.text(x + 0.22, 6.55, what, fontsize=8.5, va="center")
+    send(5.9, near, boss, "Advanced (nodes' positions, compliance)")
+    send(5.4, far, boss, "Advanced")
+    note(4.75, "one solve: the λ that closes all gaps")
     axes.text(
-        boss + 1.95,
-        4.2,
-        "small doubt: accept, correct linearly\nelse: another coupling iteration\nno convergence: subdivide the step",
+        boss + 2.15,
+        4.75,
+        "in doubt: another coupling iteration, with this λ\nno agreement: subdivide the step",
         fontsize=8.5,
         va="center",
         bbox={"fc": "white", "ec": "none", "pad": 0.6},
     )
-    note(3.35, "quantities, energy balance, probes")
-    note(2.65, "regions: which cells become FEM's")
-    send(1.9, boss, client, "Observation (report, fields, events)")
-    send(1.15, boss, near, "with the next Advance: correction, commit")
-    send(0.6, boss, far, "the same")
+    send(4.0, boss, near, "Correct (by its linear answer)")
+    send(3.5, boss, far, "Correct")
+    send(3.0, near, boss, "Advanced (energies, wrenches, then)")
+    send(2.5, far, boss, "Advanced")
+    note(1.9, "measure; adapt the regions; report")
+    send(1.2, boss, client, "Observation (report, fields, events)")
+    send(0.6, boss, far, "the next Advance commits the step")
     axes.set_xlim(-0.3, 12.1)
     axes.set_ylim(0, 10.1)
     return figure
@@ -258,7 +260,7 @@ def contact() -> Figure:
     slip.text(1.9, 1.04, "μ p", fontsize=9, ha="right")
     slip.text(0.14, 0.1, "sticks: held at its anchor", fontsize=8, color=FEM)
     slip.text(1.0, 0.72, "slips: the anchor\ngoes along", fontsize=8)
-    slip.set_xlabel("way from the anchor within a step")
+    slip.set_xlabel("displacement from the anchor")
     slip.set_ylabel("friction force |τ|")
     slip.set_ylim(0, 1.3)
     cone.axis("off")
@@ -267,7 +269,7 @@ def contact() -> Figure:
     cone.add_patch(Polygon([(0, 0), (-0.7, 1.5), (0.7, 1.5)], fc=FEM, alpha=0.25))
     cone.plot([-0.7, 0, 0.7], [1.5, 0, 1.5], color=FEM)
     _arrow(cone, (0, 0), (0.35, 1.25), INK, 2)
-    cone.text(0.42, 1.0, "contact_force\n(tool on body)", fontsize=8, va="center")
+    cone.text(0.66, 0.95, "contact_force\n(tool on body)", fontsize=8, va="center")
     _arrow(cone, (0, 0), (-0.14, -0.42), "white", 2)
     cone.text(-0.24, -0.27, "in wrench\n(body on tool)", fontsize=7.5, ha="right", color="white", va="center")
     cone.text(0, 1.58, "cone |τ| ≤ μ p", fontsize=9, ha="center", color=FEM)
@@ -318,7 +320,7 @@ def time() -> Figure:
             _oscillator(kind, dt, steps),
             color=color,
             lw=1.4,
-            label=kind.replace("bdf2", "BDF2").replace("midpoint", "midpoint"),
+            label=kind.replace("bdf2", "BDF2"),
         )
     axes.set_xlabel("periods (20 steps each)")
     axes.set_ylabel("displacement")
@@ -334,7 +336,7 @@ def error() -> Figure:
     axes.loglog(1 / h, e, "o-", color="#b3202c", label="e: energy norm; local stress errs like this")
     axes.loglog(1 / h, 0.6 * e**2, "s-", color=FEM, label="c e²: forces and displacements")
     axes.axhline(0.05, color=INK, lw=0.8, ls=":")
-    axes.text(8.0, 0.053, "5 %: beyond it a run says what to do", fontsize=8, va="bottom", ha="right")
+    axes.text(1.7, 0.053, "5 %: beyond it a run says what to do", fontsize=8, va="bottom", ha="left")
     axes.set_xticks(1 / h, ["1", "2", "4", "8"])
     axes.minorticks_off()
     axes.set_xlabel("cells across (a sketch, c = 0.6 of hex27)")

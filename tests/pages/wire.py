@@ -7,7 +7,7 @@ from softseam_protocol import messages, topics
 
 HEAD = """# Topics and messages
 
-Made from `protocol/softseam_protocol/messages.py` and `protocol/softseam_protocol/topics.py` by `make pages`. On the
+Made from `protocol/softseam_protocol/messages*` and `protocol/softseam_protocol/topics.py` by `make pages`. On the
 wire a message is protobuf; a field's number is its place here plus one. Arrays are named by what they hold: `Vectors`
 (n, 3), `Scalars` (n,), `Vector3` (3,), `Matrix` (n, m), `Wrenches` (n, 6), `Quaternions` (n, 4) as w, x, y, z,
 `Stresses` (n, 8, 6) by cell and octant as xx, yy, zz, yz, xz, xy, `Octants` (n, 8), all float64; `Ids`, `ToolIds`,
