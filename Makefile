@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo chart rivals references plans atlas results bus pbd test lint types lock clean
+.PHONY: help demo dev chart rivals references plans atlas results pages figures bus pbd test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -17,23 +17,32 @@ help: ## list the targets
 demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recording, report and pictures in out/
 	@$(VENV)/bin/softseam demo
 
-chart: $(VENV)/.dev ## regenerate docs/chart.md: accuracy against speed on this machine
+dev: $(VENV)/.dev ## install what contributors need: solvers, viewers, pytest, ruff, mypy
+	@echo "try: $(VENV)/bin/pytest tests/unit -m 'not slow'; every gate: make test"
+
+chart: $(VENV)/.dev ## regenerate docs/results/chart.md: accuracy against speed on this machine
 	@$(PY) tests/benchmarks/chart.py
 
-rivals: $(VENV)/.dev ## measure other simulators, installed in out/, for the marks in docs/chart.md
+rivals: $(VENV)/.dev ## measure other simulators, installed in out/, for the marks in docs/results/chart.md
 	@PYTHONPATH=tests $(PY) tests/benchmarks/rivals.py
 
 references: $(VENV)/.dev ## make the references that ship with the scenes anew: hours
 	@PYTHONPATH=tests $(PY) tests/benchmarks/truths.py
 
-plans: $(VENV)/.dev ## regenerate docs/plans.md: are plans right, and as cheap as can be?
+plans: $(VENV)/.dev ## regenerate docs/results/plans.md: are plans right, and as cheap as can be?
 	@PYTHONPATH=tests $(PY) tests/benchmarks/plans.py
 
-atlas: $(VENV)/.dev ## regenerate docs/atlas.md: stability where methods fail
+atlas: $(VENV)/.dev ## regenerate docs/results/atlas.md: stability where methods fail
 	@$(PY) tests/benchmarks/atlas.py
 
-results: chart atlas ## regenerate docs/results.md, with charts and atlas: accuracy, speed and stability on this machine
+results: chart atlas ## regenerate docs/results/results.md, with charts and atlas: accuracy, speed and stability on this machine
 	@PYTHONPATH=tests $(PY) tests/benchmarks/results.py
+
+pages: $(VENV)/.dev ## write docs/reference/ from the code: Python, command line, messages
+	@PYTHONPATH=tests $(PY) -m pages
+
+figures: $(VENV)/.dev ## draw the pictures of docs/concepts/
+	@PYTHONPATH=tests $(PY) -m pages.figures
 
 bus: $(VENV)/.dev ## measure what the bus costs on this machine
 	@$(PY) tests/benchmarks/bus.py

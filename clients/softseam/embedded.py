@@ -216,7 +216,7 @@ _APART = (
 def solver_digest() -> str:
     """Digest of every source that a simulation's numbers may depend on: with another digest, perhaps other numbers."""
     try:
-        from softseam_services.jit.kernel_cache import kernel_packages
+        from softseam_services.kernel_cache import kernel_packages
     except ImportError as error:
         raise missing_extra(error, "simulating in this process") from error
     digest = hashlib.sha256()

@@ -52,7 +52,7 @@ ELEMENTS: Table[ElementFacts] = Table(
 class IntegratorFacts:
     """What an integrator of FEM can meet.
 
-    seams         coupling schemes that give it no energy (docs/verification.md); of staggered, no more than the scheme
+    seams         coupling schemes that give it no energy (docs/results/verification.md); of staggered, no more than the scheme
                   itself does
     meets_tools   a point that hits a tool comes to rest
     viscous       it takes up the viscosity of a material, or has no use for it

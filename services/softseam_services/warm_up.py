@@ -37,7 +37,7 @@ from softseam_protocol.messages import (
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_regions import RegionsSpec
 from softseam_services.body.body import Body
-from softseam_services.jit.kernel_cache import compiling
+from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup
 from softseam_services.tools.motion import tool_motion
 

@@ -1,4 +1,4 @@
-"""Regenerates docs/chart.md: `make chart`, or `python tests/benchmarks/chart.py [--rivals FILE] [--fresh]`.
+"""Regenerates docs/results/chart.md: `make chart`, or `python tests/benchmarks/chart.py [--rivals FILE] [--fresh]`.
 
 The charts of the headline scenes on this machine, their pictures, and the tables of their fronts.
 """
@@ -52,15 +52,14 @@ PROBES = {
 HELD = {
     "tofu_pads": (
         "What holds it is how well the truth is known: stress beside a sharp edge hardly converges "
-        "([0127](decisions/0127-few-cells-for-stress-at-an-edge.md), "
-        "[0175](decisions/0175-cells-thin-across-one-edge.md))."
+        "([decision 16](../decisions/16-cells-of-any-shape.md))."
     ),
     "tofu_slab": (
         "Not met, by far: 5 % at both takes cells thin across the edges and steps of 20 ms, at .17 times real "
         "time, sixty times too slow. Three things hold it, each enough alone: long steps lose the swing of the "
         "slab, cells of 2 mm are wanted, and how it rests on the edge goes by single points of contact, by which "
         "the finest runs differ by 10 to 19 % "
-        "([0176](decisions/0176-what-stress-beside-an-edge-of-tofu_slab-takes.md)). Few coarse cells are nearer "
+        "([decision 16](../decisions/16-cells-of-any-shape.md)). Few coarse cells are nearer "
         "than more of them by accident. The reference of *upper* is itself some 20 % high: cells thin across the "
         "edge, finer there than its own, lead lower."
     ),
@@ -105,11 +104,11 @@ What the names of configurations say:
 | to edges | cells end at the edges of tools that press a face |
 | to edges graded 4 | and are 4 times thinner there, and at the faces pressed, than in the middle |
 | graded 1x1x4 | 4 times thinner along z, and along x and y equal |
-| hex27_reduced, hex8, tet10 ... | the element of FEM ([which there are](elements.md)); without one it is hex27 |
+| hex27_reduced, hex8, tet10 ... | FEM's element ([all](../reference/elements.md)); without one it is hex27 |
 | midpoint, bdf2 | FEM's integrator, of second order; without one it is implicit Euler |
 | substeps 4 | XPBD divides each step into 4; without it, into as many as its stiffest block needs |
 | sweeps 2 | XPBD solves each substep in 2 sweeps over its blocks; without it, in one |
-| hourglass fitted | XPBD's blocks are softer in bending ([pbd.md](pbd.md)); without it as stiff as the material |
+| hourglass fitted | [blocks](../concepts/xpbd.md) softer in bending; without it as stiff as the material |
 | one block a cell | XPBD has one block in a cell; without it, eight |
 {sections}
 ## How to read it, and what it leaves out
@@ -125,15 +124,15 @@ What the names of configurations say:
   are fewer than ours. *Times faster* is how much sooner the fastest of ours is done whose error is no larger.
 - Kept runs are used again; `--fresh` forgets them. Other settings, other code and another machine have runs of their
   own.
-- Decisions [0064](decisions/0064-what-the-chart-compares-with.md) and
-  [0065](decisions/0065-what-a-configuration-costs.md) say why it is measured this way.
+- [Decision 36](../decisions/36-references.md) and
+  [decision 37](../decisions/37-measuring-speed.md) say why it is measured this way.
 """
 SECTION = """
 ## {scene}
 
 {what}
 
-![every configuration of {scene}: error against real-time factor](pictures/chart_{scene}.png)
+![every configuration of {scene}: error against real-time factor](../pictures/chart_{scene}.png)
 
 Error: {counted}. The reference {origin}. {left_out}{ran}Nothing is both faster and
 more accurate than:
@@ -201,7 +200,7 @@ def main() -> None:
         rivals = [] if rivals_from is None else read_rivals(rivals_from, scene)
         charts.append(Charted(scene, rows, reference, rivals))
     told = busy([row for one in charts for row in one.rows])
-    (ROOT / "docs" / "chart.md").write_text(
+    (ROOT / "docs" / "results" / "chart.md").write_text(
         PAGE.format(machine=machine() + told, sections="".join(section(one) for one in charts))
     )
 

@@ -1,7 +1,7 @@
 """Which time integrator may meet which coupling scheme: `python tests/benchmarks/coupling_scan.py`.
 
 The spectral radius of an oscillator split in two, scanned over mass and stiffness ratio, step and substeps; draws
-docs/pictures/coupling_stability.png and prints the table of docs/verification.md. The far side is implicit Euler, as
+docs/pictures/coupling_stability.png and the table of docs/results/verification.md. The far side is implicit Euler, as
 XPBD is.
 """
 

@@ -1,6 +1,6 @@
 """What a seam at 1:4 reflects, sharp or spread over an overlap: `python tests/benchmarks/overlap.py`.
 
-Draws docs/pictures/overlap.png and prints the table of docs/verification.md; bars are endless, so there is no noise.
+Draws docs/pictures/overlap.png, prints the table of docs/results/verification.md; bars are endless: there is no noise.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Is a plan right? Regenerates docs/plans.md: `make plans`, or
+"""Is a plan right? Regenerates docs/results/plans.md: `make plans`, or
 `PYTHONPATH=tests python tests/benchmarks/plans.py [SCENE ...]`.
 
 Each scene is swept once, and planned for several tolerances from the sweep's own runs. The planner stops refining its
@@ -288,9 +288,9 @@ def main() -> None:
     if given.scenes:
         Console(width=200).print(text, markup=False, highlight=False, soft_wrap=True)
     else:
-        (ROOT / "docs" / "plans.md").write_text(text)
+        (ROOT / "docs" / "results" / "plans.md").write_text(text)
     if failed:
-        raise SystemExit(f"docs/plans.md is written without {', '.join(failed)}: see why above")
+        raise SystemExit(f"docs/results/plans.md is written without {', '.join(failed)}: see why above")
 
 
 if __name__ == "__main__":

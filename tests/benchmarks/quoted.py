@@ -1,10 +1,10 @@
-"""Tables of one page of docs/ for another, as they are."""
+"""Tables of one page of docs/results/ for another, as they are."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "results"
 
 
 def machine_of(page: str) -> str:
@@ -21,6 +21,6 @@ def table(page: str, section: str, begins: str = "|") -> str:
     first = next((i for i, line in enumerate(lines) if line.startswith(begins)), None)
     rows = [i for i, line in enumerate(lines) if first is not None and i >= first and line.startswith("|")]
     if not rows or any(line.startswith("## ") for line in lines[: rows[0]]):
-        raise SystemExit(f"docs/{page} has no table in {section!r} after {begins!r}: make that page first")
+        raise SystemExit(f"docs/results/{page} has no table in {section!r} after {begins!r}: make that page first")
     end = next((i for i in range(rows[0], len(lines)) if not lines[i].startswith("|")), len(lines))
     return "\n".join(lines[rows[0] : end])

@@ -1,8 +1,8 @@
-"""Regenerates docs/results.md: `make results`, which first makes the charts and the atlas it takes tables from.
+"""Regenerates docs/results/results.md: `make results`, which first makes the charts and the atlas it takes tables from.
 
 Every scene is run embedded as FEM only, PBD only and hybrid, same cells and step, in one process on this machine. The
-first seconds of a run compile and are left out of the real-time factors (RTF). What docs/chart.md, docs/atlas.md and
-docs/plans.md say in short is quoted from them as they are.
+first seconds of a run compile left out of real-time factors (RTF). What the pages of charts, atlas and plans
+beside it say in short is quoted from them as they are.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ told in full on the page that it names.
 
 ## What was asked for
 
-![error against real-time factor of many ways to simulate tofu_grasp](pictures/chart_tofu_grasp.png)
+![error against real-time factor of many ways to simulate tofu_grasp](../pictures/chart_tofu_grasp.png)
 
 The textbook that the project began with has five rows of speed and error, its estimates; each is to be beaten in both,
 on tofu_grasp, in one run ([chart.md](chart.md#tofu_grasp)):
@@ -51,7 +51,7 @@ On tofu_grasp and cantilever, on the same machine ([chart.md](chart.md#cantileve
 
 {grasp_rivals}
 
-![error against real-time factor of many ways to simulate cantilever](pictures/chart_cantilever.png)
+![error against real-time factor of many ways to simulate cantilever](../pictures/chart_cantilever.png)
 
 {cantilever_rivals}
 
@@ -74,7 +74,7 @@ What `softseam plan` chooses for twelve scenes, held against the truth ([plans.m
 
 ## Stability
 
-![all maps of the atlas, small](pictures/atlas_overview.png)
+![all maps of the atlas, small](../pictures/atlas_overview.png)
 
 Short runs where methods fail ([atlas.md](atlas.md); controls included, which are there to be seen to fail):
 
@@ -99,7 +99,7 @@ runs: two that do the same work differ by up to 30 %.
 {rows}
 
 [^1]: where a box's edge lies inside faces of cells, as in tofu_pads and tofu_slab, the surface sinks into
-the box beside that edge, by up to a sixth of a cell ([tools.md](tools.md#edges)).
+the box beside that edge, by up to a sixth of a cell ([Gripping](../guide/gripping.md#edges)).
 """
 
 
@@ -184,7 +184,7 @@ def main() -> None:
         long=table("atlas.md", "A hundred thousand steps"),
         rows="\n".join(lines),
     )
-    (ROOT / "docs" / "results.md").write_text(text)
+    (ROOT / "docs" / "results" / "results.md").write_text(text)
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ DURATION, SAMPLE = 0.6, 0.01
 PEAK, SETTLED = -0.1504, -0.08575
 """of scene A by independent codes [m]"""
 HOLD, AFTER_LIFT = 13.147, 10.178
-"""limits of scene B's forces, +- 0.032 and 0.047 (docs/verification.md) [N]"""
+"""limits of scene B's forces, +- 0.032 and 0.047 (docs/results/verification.md) [N]"""
 HELD, LIFTED = 2, 4
 """phases of tofu_grasp at whose ends they are"""
 TIGHT, LOOSE = 3e-5, 1e-2

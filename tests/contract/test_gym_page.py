@@ -1,4 +1,4 @@
-"""docs/gym.md tells the truth: its programs run, and its table has every method that a subclass may override."""
+"""docs/start/training.md and docs/guide/own-task.md: their programs run, and a table has every method to override."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ import pytest
 
 from softseam.gym import SceneEnv
 
-PAGE = (Path(__file__).parents[2] / "docs" / "gym.md").read_text(encoding="utf-8")
-PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "guide" / "own-task.md").read_text(encoding="utf-8")
+TRAINING = (DOCS / "start" / "training.md").read_text(encoding="utf-8")
+PROGRAMS = re.findall(r"```python\n(.*?)```", TRAINING + PAGE, re.DOTALL)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("number", range(4))
 def test_a_program_runs(
     number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": "gym_page"}
-    exec(compile(PROGRAMS[number], "gym.md", "exec"), names)
+    exec(compile(PROGRAMS[number], "own-task.md", "exec"), names)
     printed = capsys.readouterr().out
     if number == 0:
         assert printed.startswith("True 0.8")
@@ -32,7 +34,7 @@ def test_a_program_runs(
 
 
 def test_there_is_no_other_program() -> None:
-    assert len(PROGRAMS) == 3
+    assert len(PROGRAMS) == 4
 
 
 def test_what_a_subclass_may_say_is_in_the_table() -> None:

@@ -1,4 +1,4 @@
-"""docs/runs.md tells the truth: its program reads a recording, and its outcomes are those that there are."""
+"""docs/guide/run-outputs.md: its program reads a recording, and its outcomes are those that there are."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from softseam.pictures import draw_pictures
 from softseam.verdict import Verdict
 from softseam_services.recorder.recorder import McapRecorder
 
-PAGE = (Path(__file__).parents[2] / "docs" / "runs.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "guide" / "run-outputs.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture

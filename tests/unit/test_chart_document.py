@@ -1,4 +1,4 @@
-"""The page of charts, docs/chart.md: what its tables and sentences say."""
+"""The page of charts, docs/results/chart.md: what its tables and sentences say."""
 
 from __future__ import annotations
 
@@ -77,5 +77,5 @@ def test_every_word_in_a_configuration_s_name_is_explained() -> None:
             assert one.method in METHODS
     elements = {word for word in words if word.startswith(("hex", "tet"))}
     assert not {word for word in words - elements if word not in key}
-    listed = (Path(document.ROOT) / "docs" / "elements.md").read_text()
+    listed = (Path(document.ROOT) / "docs" / "reference" / "elements.md").read_text()
     assert not {element for element in elements if f"`{element}`" not in listed}

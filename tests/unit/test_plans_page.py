@@ -1,4 +1,4 @@
-"""docs/plans.md: what counts as run, what its speeds are of, and which code it is of."""
+"""docs/results/plans.md: what counts as run, what its speeds are of, and which code it is of."""
 
 from __future__ import annotations
 

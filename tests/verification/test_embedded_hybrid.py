@@ -59,7 +59,7 @@ def loaf() -> bytes:
 
 
 def loaf_scene() -> Bundle:
-    """As docs/import.md grips a loaf of bread."""
+    """As docs/reference/meshes.md grips a loaf of bread."""
     finger = {"kind": "box", "size": [0.03, 0.01, 0.02], "friction": 0.6}
     fingers = ["left", "right"]
     scene = {

@@ -336,7 +336,7 @@ def test_grading_helps_pbd_and_a_hybrid_as_it_helps_fem(near: str, most: float) 
 
 
 def test_grading_takes_half_the_error_of_a_grip() -> None:
-    """Limit 10.178 +- 0.047 N (docs/verification.md): 27 equal cells are off by 2.4 %, graded ones by 1.2 %."""
+    """Limit 10.178 +- 0.047 N (docs/results/verification.md): 27 equal cells are off by 2.4 %, graded ones by 1.2 %."""
     off = {}
     for grading in (1.0, 4.0):
         settings = ("step=0.04", "regions={default: fem}", "body.cell=0.0167", f"body.shape.grading={grading}")

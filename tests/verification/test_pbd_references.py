@@ -1,6 +1,6 @@
 """PBD against independent codes and closed forms: small errors, and the right rates under refinement of cells.
 
-The whole table is docs/pbd.md, by tests/benchmarks/pbd_errors.py.
+The whole table is docs/results/xpbd.md, by tests/benchmarks/pbd_errors.py.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class TofuGrasp(SceneEnv):
         """Other arguments as for `SceneEnv`."""
         if not 0.0 <= spread < 1.0:
             raise BadInput(f"spread is {spread!r}: give a number from 0 to below 1")
-        # FEM on 2x2x2 cells of 27 nodes: within 5 % of the truth (docs/chart.md), the fastest that is
+        # FEM on 2x2x2 cells of 27 nodes: within 5 % of the truth (docs/results/chart.md), the fastest that is
         own = ("step=0.04", "body.cell=0.025", "duration=3")
         super().__init__("tofu_grasp", model="fem", settings=(*own, *settings), connect=connect, record=record)
         self._spread = spread

@@ -45,7 +45,7 @@ def build(ratios: tuple[float, ...] = RATIOS, elements: tuple[ElementKind, ...] 
         "x 1 cells under its own weight, and a cube of 2 x 2 x 2 bonded to plates and squeezed by 5 %. Accurate: tip "
         f"or force within {100 * BOUND:g} % of hex27 on cells a third (tip) or half (force) as long. "
         "Where tet10 is 100 % off it found no force: held to the plates by friction, the corners of its faces come to "
-        "no rest at ratios near 1/2 (decision 0084).",
+        "no rest at ratios near 1/2 (decision 19).",
         (
             Panel("Cantilever: deflection of the tip", "Poisson's ratio", "element", columns, rows),
             Panel("Bonded squeeze: force", "Poisson's ratio", "", columns, rows),

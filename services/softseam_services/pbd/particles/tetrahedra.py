@@ -1,7 +1,7 @@
 """Constraints on the tetrahedra of a mesh: shapes at rest, and compliances from a material's constants.
 
-The textbook's mapping, with units (docs/particles.md): a spring has 1/k [m/N]; volume, as V - V_0, V_0/K [m^3/Pa]; a
-strain, which has no unit, 1/(modulus times volume) [1/J].
+The textbook's mapping, with units (docs/guide/sheets-and-ropes.md): a spring has 1/k [m/N]; volume, as V - V_0,
+V_0/K [m^3/Pa]; a strain, which has no unit, 1/(modulus times volume) [1/J].
 """
 
 from __future__ import annotations
