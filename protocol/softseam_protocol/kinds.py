@@ -52,8 +52,8 @@ ELEMENTS: Table[ElementFacts] = Table(
 class IntegratorFacts:
     """What an integrator of FEM can meet.
 
-    seams         coupling schemes that give it no energy (docs/results/verification.md); of staggered, no more than the scheme
-                  itself does
+    seams         coupling schemes that give it no energy (docs/results/verification.md); of staggered, no more
+                  than the scheme itself does
     meets_tools   a point that hits a tool comes to rest
     viscous       it takes up the viscosity of a material, or has no use for it
     radius        scenes may say how much it keeps of the fastest oscillations

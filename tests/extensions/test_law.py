@@ -65,14 +65,14 @@ def force(stretch: float, limit: float = LIMIT) -> float:
 
     def stress(along: float, across: float) -> float:
         chains = limit / (limit + 3 - stretch**2 - 2 * across**2)
-        return mu * (chains * along - 1 / along) + lam * np.log(stretch * across**2) / along
+        return float(mu * (chains * along - 1 / along) + lam * np.log(stretch * across**2) / along)
 
     across = brentq(lambda b: stress(b, b), 0.9, 1.25, xtol=1e-14)
     return float(-stress(stretch, across) * EDGE**2)
 
 
 @pytest.mark.parametrize("model", ["fem", "pbd"])
-def test_a_law_from_outside_meets_its_closed_form(model: str) -> None:
+def test_a_law_from_outside_meets_its_closed_form(model: Literal["fem", "pbd"]) -> None:
     """A cube squeezed by 30 % between smooth plates; chains that straighten make it a sixth stiffer."""
     with softseam.open(softseam.with_model(Scene.model_validate(SCENE), model)) as sim:
         sim.reset(seed=0)

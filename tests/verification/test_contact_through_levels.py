@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pbd_run import PbdRun, block_scene
 
-from softseam_protocol.messages import BodyState, Bundle
+from softseam_protocol.messages import BodyState, Bundle, Correct
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.body.region import shared_nodes
@@ -114,7 +114,7 @@ def test_bounds_are_of_nodes_where_they_are(method: str) -> None:
         np.testing.assert_array_equal(run.step().bounds, [run.x.min(axis=0), run.x.max(axis=0)])
 
 
-def test_bounds_of_a_step_that_is_settled() -> None:
+def test_bounds_of_a_step_that_is_corrected() -> None:
     """The seam's middle is pushed inwards by 5 mm and more: so are the nodes that hang there."""
     scene = block_scene((0.06, 0.04, 0.04), 0.02, step=0.01, pbd={"coarse": ALL["coarse"]})
     whole = PbdRun(scene).body
@@ -123,7 +123,8 @@ def test_bounds_of_a_step_that_is_settled() -> None:
     )
     run = PbdRun(scene, cells=far, seam=shared_nodes(whole, near, far))
     run.solver.advance(run.request(compliance=True))
-    run.solver.settle(np.tile([0.3, 0.0, 0.0], (len(run.region.seam), 1)))
+    push = np.tile([0.3, 0.0, 0.0], (len(run.region.seam), 1))
+    run.solver.correct(Correct(run.request(exchange=1).header, push, push))
     bounds = run.solver._stepper.result[BOUNDS : BOUNDS + 6].reshape(2, 3)
     run.solver.commit()
     x = run.solver.positions

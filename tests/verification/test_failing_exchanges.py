@@ -13,6 +13,7 @@ import softseam
 from softseam.atlas.scenes import press
 from softseam.variants import with_model
 from softseam_protocol.messages import Advance, Advanced, Configure, Correct, Observe, Reply, Request, Snapshot
+from softseam_protocol.outcomes import EventKind, Status
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -143,7 +144,7 @@ def test_a_step_after_which_a_side_is_lost_is_taken_once() -> None:
     transport.kind = Observe
     for simulation in (failed, whole):
         simulation.step(fields=True)
-    assert [event.kind for event in failed.events].count("lost") == 1
+    assert [event.kind for event in failed.events].count(EventKind.LOST) == 1
     assert failed.time == whole.time and failed.report is not None
     assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
     assert failed.save() == whole.save()
@@ -158,7 +159,7 @@ def test_a_client_is_told_of_steps_that_were_taken(monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(Failing, "kind", Observe)
         seen = session.step()
         assert seen.step == 13 and seen.frame is None
-        assert [event.kind for event in seen.events].count("lost") == 1
+        assert [event.kind for event in seen.events].count(EventKind.LOST) == 1
         with pytest.raises(softseam.FieldsNotObserved, match=r"step 12 is taken, but .* come back"):
             assert seen.positions
         seen = session.step()
@@ -214,7 +215,7 @@ class Breaking(EmbeddedTransport):
         self.part = None
         if self.lost:
             raise ParticipantLost("near", "the cable was cut")
-        return replies | {"near": replace(near, status="inverted", kinetic=float("nan"))}
+        return replies | {"near": replace(near, status=Status.UNCONVERGED, kinetic=float("nan"))}
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
         return False

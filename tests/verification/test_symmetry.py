@@ -245,8 +245,8 @@ def test_a_state_put_back_goes_on_to_the_last_bit() -> None:
     np.testing.assert_array_equal(second.x, first.x)
     np.testing.assert_allclose(third.x, first.x, rtol=0.0, atol=1e-15)
     for _ in range(5):
-        one, other, whole = first.step(DOWN), second.step(DOWN), third.step(DOWN)
-        np.testing.assert_array_equal(one.wrench, other.wrench)
+        one, two, whole = first.step(DOWN), second.step(DOWN), third.step(DOWN)
+        np.testing.assert_array_equal(one.wrench, two.wrench)
         told_the_same(one, whole, 1.3, 0.05)
     np.testing.assert_array_equal(first.x, second.x)
 

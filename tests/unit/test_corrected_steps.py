@@ -1,4 +1,4 @@
-"""A step that is moved on by its linear answer to a force on the seam: how near it comes to being solved again."""
+"""A step that is corrected, moved on by its linear answer to a force on the seam: how near to being solved again."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
-from softseam_protocol.messages import Advance, Advanced, Bundle, Commit, Committed, Configure, Failure
+from softseam_protocol.messages import Advance, Advanced, Bundle, Commit, Configure, Correct, Failure
 from softseam_services.body.body import Body
 from softseam_services.body.region import shared_nodes
 from softseam_services.fem.face_forces import point_positions
-from softseam_services.fem.solver import FemSolver
-from softseam_services.pbd.solver import PbdSolver
 from softseam_services.server import ParticipantServer
 
 Floats = NDArray[np.float64]
@@ -28,6 +26,12 @@ def _left(body: Body) -> Ints:
 
 def _seam(body: Body, cells: Ints) -> Ints:
     return shared_nodes(body, cells, np.setdiff1d(np.arange(body.n_cells), cells).astype(np.int32))
+
+
+def _correct(run: FemRun | PbdRun, push: Floats, force: Floats, exchange: int) -> Advanced:
+    """Move the tentative step on by its answer to a push; `force` acts then."""
+    header = dataclasses.replace(run.request(exchange=exchange).header)
+    return run.solver.correct(Correct(header, push, force))
 
 
 def _coupled(run: FemRun, force: Floats, exchange: int, velocities: dict[str, tuple[float, float, float]]) -> Advance:
@@ -55,6 +59,12 @@ def _fem_squeezed() -> FemRun:
     return run
 
 
+def known_move(reply: Advanced, force: Floats) -> Floats:
+    """What the seam moves by where it is pushed by `force`, as the reply tells (s, 3) [m]."""
+    known = reply.seam_yield_root @ reply.seam_yield_root.T
+    return (known @ force.ravel()).reshape(-1, 3)
+
+
 def test_fem_settled_is_nearly_fem_solved_again() -> None:
     """What is left is of second order: a quarter where the force is half. The seam moves as the yield told says."""
     run = _fem_squeezed()
@@ -65,16 +75,24 @@ def test_fem_settled_is_nearly_fem_solved_again() -> None:
     for n, size in enumerate((2e-3, 1e-3)):
         run.solver.restore(state)  # so that the factor is this step's
         force = size * direction
-        reply = run.solver.advance(_coupled(run, np.zeros_like(force), 2 * n, {}))
+        reply = run.solver.advance(_coupled(run, np.zeros_like(force), 3 * n, {}))
         assert reply.settles
-        known = reply.seam_yield_root @ reply.seam_yield_root.T
         before = run.x.copy(), run.solver.state.v.copy()
-        run.solver.settle(force)
+        acted = reply.seam_force - 40.0 * known_move(reply, force) + force
+        corrected = _correct(run, force, acted, 3 * n + 1)
         x, v = run.x.copy(), run.solver.state.v.copy()
         moved = (x - before[0])[run.region.seam]
-        np.testing.assert_allclose(moved.ravel(), known @ force.ravel(), atol=1e-9 * np.abs(moved).max())
+        np.testing.assert_allclose(moved, known_move(reply, force), atol=1e-9 * np.abs(moved).max())
         np.testing.assert_allclose(v - before[1], (x - before[0]) / run.scene.step, atol=1e-12)
-        run.solver.advance(_coupled(run, force, 2 * n + 1, {}))
+        again = run.solver.advance(_coupled(run, force, 3 * n + 2, {}))
+        for name in ("kinetic", "strain", "gravity"):
+            assert getattr(corrected, name) == pytest.approx(getattr(again, name), rel=2e-3, abs=1e-9), name
+        np.testing.assert_allclose(corrected.seam_force, again.seam_force, atol=2e-3 * np.abs(again.seam_force).max())
+        balance = (corrected.momentum - reply.momentum) / run.scene.step - (
+            corrected.seam_force - reply.seam_force
+        ).sum(0)
+        tools = (corrected.wrench - reply.wrench)[:, :3].sum(axis=0)
+        np.testing.assert_allclose(balance, -tools, atol=1e-9 * np.abs(acted).max())
         left.append(np.abs(x - run.x).max() / np.abs(x - before[0]).max())
     assert left[0] < 2e-3
     assert left[1] < 0.6 * left[0]
@@ -87,7 +105,7 @@ def test_what_sticks_comes_back_to_where_it_stuck_before_a_settled_step() -> Non
     force = 5e-3 * np.random.default_rng(1).standard_normal(still.shape)
     run.solver.advance(_coupled(run, still, 0, {}))
     before = run.x.copy()
-    run.solver.settle(force)
+    _correct(run, force, force, 1)
     moved = np.abs(run.x - before).max()
     for _ in range(40):
         run.n_steps += 1
@@ -108,7 +126,7 @@ def test_fem_tells_its_yield_once_a_factor_and_anew_after_a_snapshot() -> None:
     run.n_steps += 1
     after = run.solver.advance(_coupled(run, force, 0, {}))
     assert after.seam_yield_root.shape == first.seam_yield_root.shape
-    assert not run.solver.advance(run.request(exchange=1)).settles, "without a stiffness beside it there is no line"
+    assert run.solver.advance(run.request(exchange=1)).settles, "by a factor without a stiffness beside it, too"
 
 
 def test_fem_tells_the_yield_of_the_factor_after_a_hard_step_however_many_came_before() -> None:
@@ -150,12 +168,12 @@ def test_pbd_settled_is_nearly_pbd_advanced_again(length: int) -> None:
     reply = run.solver.advance(run.request(force))
     assert reply.settles
     before = run.solver.fields(run.header())
-    run.solver.settle(more)
+    _correct(run, more, force + more, 1)
     settled = run.solver.fields(run.header())
     monitor = run.solver._work.monitor.copy()
     impulse = run.region.mass @ (settled.v - before.v)
     np.testing.assert_allclose(impulse, run.scene.step * more.sum(axis=0), rtol=2e-5)  # the probes' rounding
-    again = run.solver.advance(run.request(force + more, exchange=1))
+    again = run.solver.advance(run.request(force + more, exchange=2))
     solved = run.solver.fields(run.header())
     moved = np.abs(solved.x - before.x).max()
     assert np.abs(settled.x - solved.x).max() < 0.05 * moved
@@ -172,26 +190,33 @@ def test_a_restored_pbd_settles_to_the_same_bits() -> None:
     for run in (one, other):
         run.n_steps += 1
         assert run.solver.advance(run.request(force)).settles
-        run.solver.settle(0.1 * force)
+        _correct(run, 0.1 * force, 1.1 * force, 1)
         found.append(run.solver.snapshot())
     assert found[0] == found[1]
 
 
 @pytest.mark.parametrize("model", ["fem", "pbd"])
-def test_what_cannot_be_settled_is_refused(model: str) -> None:
+def test_what_cannot_be_corrected_is_refused(model: str) -> None:
     run: FemRun | PbdRun = FemRun(block(), cells=_left, seam=_seam) if model == "fem" else _pbd(2)
-    solver: FemSolver | PbdSolver = run.solver
-    with pytest.raises(ValueError, match="cannot be settled"):
-        solver.settle(np.zeros((len(run.region.seam), 3)))
-    assert not solver.advance(run.request()).settles
-    with pytest.raises(ValueError, match="cannot be settled"):
-        solver.settle(np.zeros((len(run.region.seam), 3)))
+    none = np.zeros((len(run.region.seam), 3))
+    with pytest.raises(ValueError, match="cannot be corrected"):
+        _correct(run, none, none, 1)
+    reply = run.solver.advance(run.request())
+    assert reply.settles == (model == "fem"), "PBD's answers are not known before they were probed"
+    if model == "pbd":
+        with pytest.raises(ValueError, match="cannot be corrected"):
+            _correct(run, none, none, 1)
+        return
+    with pytest.raises(ValueError, match="has shape"):
+        _correct(run, none[1:], none, 1)
+    with pytest.raises(ValueError, match="not finite"):
+        _correct(run, none, none + np.nan, 1)
 
 
-def test_a_commit_that_comes_again_settles_once() -> None:
-    """And the step that follows begins from the settled state, which a Commit made or the next Advance."""
+def test_a_correction_that_comes_again_is_made_once() -> None:
+    """And the step that follows begins from the corrected state."""
     ends = []
-    for by_commit in (1, 2, 0, -1):  # -1: not at all
+    for times in (1, 2, 0):
         run = _pbd(2)
         server = ParticipantServer()
         bundle = Bundle(run.scene.model_dump_json(), {})
@@ -201,14 +226,29 @@ def test_a_commit_that_comes_again_settles_once() -> None:
         force = np.full((len(nodes), 3), 1e-3)
         first = server.handle(run.request(force, compliance=True))
         assert not isinstance(first, Failure)
+        again = run.request(exchange=1).header
+        for _ in range(times):
+            corrected = server.handle(Correct(again, 0.1 * force, 1.1 * force, fields=True))
+            assert isinstance(corrected, Advanced) and corrected.fields is not None
         run.n_steps += 1
-        for _ in range(by_commit):
-            committed = server.handle(Commit(run.header(), 0.1 * force, fields=True))
-            assert isinstance(committed, Committed) and committed.fields is not None
-        settle = 0.1 * force if by_commit == 0 else np.zeros((0, 3))
-        second = server.handle(dataclasses.replace(run.request(force), seam_settle=settle))
+        second = server.handle(run.request(force))
         assert isinstance(second, Advanced) and 0.0 < second.seconds < 10.0
         ends.append(second.seam_x)
     np.testing.assert_array_equal(ends[0], ends[1])
-    np.testing.assert_array_equal(ends[0], ends[2])
-    assert np.abs(ends[0] - ends[3]).max() > 1e-9
+    assert np.abs(ends[0] - ends[2]).max() > 1e-9
+
+
+def test_a_correction_needs_a_tentative_step_and_a_later_exchange() -> None:
+    run = _pbd(2)
+    server = ParticipantServer()
+    nodes = run.region.nodes[run.region.seam].astype(np.int32)
+    server.handle(Configure(run.header(), Bundle(run.scene.model_dump_json(), {}), "pbd", run.region.cells, nodes))
+    none = np.zeros((len(nodes), 3))
+    early = server.handle(Correct(run.request(exchange=1).header, none, none))
+    assert isinstance(early, Failure) and early.kind == "stale"
+    server.handle(run.request(compliance=True, exchange=1))
+    late = server.handle(Correct(run.request(exchange=1).header, none, none))
+    assert isinstance(late, Failure) and late.kind == "stale"
+    server.handle(Commit(dataclasses.replace(run.header(), step=1)))
+    gone = server.handle(Correct(run.request(exchange=2).header, none, none))
+    assert isinstance(gone, Failure) and gone.kind == "stale"
