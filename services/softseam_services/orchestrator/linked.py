@@ -10,10 +10,10 @@ line, x = c - H lambda: c, where its image would be without the seam's force, is
     lambda = lambda' + S (m - dx)                                                                               (2)
     far moves on by -H' (lambda - lambda^)            pushed by H^-1 of that move (`settling`)                  (3)
 
-H' is H with what earlier rounds have taught (`learned_line`, decision 0124); they add to m, dx and lambda what H alone
+H' is H with what earlier rounds have taught (`learned_line`, decision 03); they add to m, dx and lambda what H alone
 misses (`kernels.link`, eqs. (4) and (5)). After (2) and (3) both sides feel the same force, but for what the ground
 took of it in (3), and x_near = c - H' lambda: the gap is closed in the states themselves, so that no miss comes back
-(0099). What is not exact is that a state so moved answers that force. By how much was measured when a step last took
+(decision 03). What is not exact is that a state so moved answers that force. By how much was measured when a step took
 another round, as shares kappa of the moves (2) and (3); where these times the moves exceed the tolerance, both sides
 are asked again, each with what the other has answered.
 """

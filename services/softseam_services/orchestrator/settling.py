@@ -42,7 +42,7 @@ class Settling:
     def know(self, compliance: Floats, stiffness: Floats) -> Floats:
         """Keep the far side's compliance and its inverse; its symmetric part as the near side sees it.
 
-        Nodes that follow others (coarse cells, decision 0116) make it singular: it then yields a millionth more
+        Nodes that follow others (coarse cells, decision 26) make it singular: it then yields a millionth more
         everywhere, and what that is off by is asked for again.
         """
         h = self._tie.far_compliance(compliance)
