@@ -59,12 +59,6 @@ def tofu(
     return block(cell=cell, tools=tools, gravity=(0.0, 0.0, gravity), motion=motion, step=step, **scene)
 
 
-def unfolded(scene: Scene) -> Scene:
-    """The same where FEM solves for all of the body, though it mirrors itself: the solver's arrays are the region's."""
-    fem = scene.models.fem.model_copy(update={"mirrored": False})
-    return scene.model_copy(update={"models": scene.models.model_copy(update={"fem": fem})})
-
-
 CLOSE: dict[str, Vector] = {"left": (0.02, 0.0, 0.0), "right": (-0.02, 0.0, 0.0)}
 
 

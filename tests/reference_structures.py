@@ -8,8 +8,8 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import eigsh
 
 from softseam_coupling.mortar import TRACES
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
-from softseam_services.body.interpolate import FUNCTIONS
 
 # Cook's membrane, plane strain, nu 0.4999, a quarter of the full load: tip uy [m], dolfinx Q2/Q1 mixed, case 03_cook.
 COOK = 1.94546e-3
@@ -48,7 +48,7 @@ def cook(element: ElementKind, n: int) -> float:
     faces = body.cell_nodes.reshape(-1, 3, 3, 3)[:, :, :, 2].reshape(-1, 9)
     faces = faces[x[faces[:, 4], 0] > width - 1e-9]
     total = 0.25 * 6250.0 * right * thick
-    load[:, 1] = np.bincount(faces.ravel(), np.tile(total / n * _uniform_face(FUNCTIONS[element]), n), len(x))
+    load[:, 1] = np.bincount(faces.ravel(), np.tile(total / n * _uniform_face(FACTS[element].functions), n), len(x))
     x = case.solve(x, held, load)
     tip = np.argmin(np.abs(case.x_rest - [width, bottom + right, 0.0]).sum(axis=1))
     return float(x[tip, 1] - case.x_rest[tip, 1])

@@ -21,6 +21,7 @@ from softseam_protocol.messages import (
     SeamReport,
     StepReport,
 )
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
@@ -69,14 +70,14 @@ class Squeeze:
         self.seam = np.intersect1d(nodes_near, nodes_far).astype(np.int32)
 
     def messages(self) -> Iterator[StepReport | Frame | Event]:
-        yield Event(self._header(0), "phase", "phase 0: left and right close")
+        yield Event(self._header(0), EventKind.TOOLS, "phase 0: left and right close")
         for k in range(1, self.n_steps + 1):
             s = k / self.n_steps
             grip, lift = min(1.0, 2.5 * s), 0.05 * max(0.0, (s - 0.45) / 0.55)
             if k == round(0.45 * self.n_steps):
-                yield Event(self._header(k), "phase", "phase 1: left and right move by (0, 0, 50) mm")
+                yield Event(self._header(k), EventKind.TOOLS, "phase 1: left and right move by (0, 0, 50) mm")
             if k == round(0.2 * self.n_steps):
-                yield Event(self._header(k), "switch", "32 cells are near now: left and right touch")
+                yield Event(self._header(k), EventKind.REGIONS, "32 cells are near now: left and right touch")
             yield self._report(k, grip, lift)
             yield self._frame(k, grip, lift)
 

@@ -17,6 +17,7 @@ from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
 from softseam.odd_motion import odd_motion
 from softseam.scenes import bundle_of, located
+from softseam.symmetric import symmetric
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
@@ -25,6 +26,8 @@ from softseam_protocol.scene_file import bundle_scene, scene_hash
 from softseam_protocol.scene_materials import SpherePart
 from softseam_protocol.spec import BoxRegion
 
+_MANY = 100_000
+"""unknowns whose factor takes 1.5 GB, and seconds"""
 _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
 
@@ -91,13 +94,13 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     table.add_row(
         "wave speed", f"{body.wave_speed:.3g} m/s: crosses a cell in {_crossing(body.edges, body.wave_speed)}"
     )
-    folded = _folded(scene, built, setup.tools)
-    if folded:
-        table.add_row("mirrors", folded)
+    if scene.symmetry:
+        table.add_row("symmetry", symmetric(scene))
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
     doubts = [*body.warnings, *_locks(scene), *_stiff_for_pbd(scene, built), *_leaps(scene, built, setup.tools)]
+    doubts += _large(scene, 3 * (body.n_nodes - body.n_fixed))
     doubts += [*_in_vain(scene, built), *_stiffened_by_time(scene), *odd_motion(scene, max(body.size))]
     try:
         doubts += _few_substeps(scene, built, setup.tools)
@@ -150,16 +153,15 @@ def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
     ]
 
 
-def _folded(scene: Scene, body: Body, tools: ToolSet) -> str:
-    """What FEM solves for where body and tools mirror each other; '' where they do not."""
-    from softseam_services.fem.fold import can_fold, common_mirrors
-
-    mirrors = common_mirrors(body, tools)[0] if can_fold(scene.models.fem) else []
-    if not mirrors:
-        return ""
-    axes = " and ".join("xyz"[mirror.axis] for mirror in mirrors)
-    part = {1: "a half", 2: "a quarter", 3: "an eighth"}[len(mirrors)]
-    return f"across {axes}: where all cells are FEM's, {part} of the unknowns is solved for while the tools mirror, too"
+def _large(scene: Scene, n_unknowns: int) -> list[str]:
+    """That FEM's factor takes much memory, which grows with the power 1.35 of the unknowns."""
+    n = n_unknowns / 2 ** len(scene.symmetry)
+    if scene.regions.default != "fem" or n <= _MANY:
+        return []
+    return [
+        f"body.cell: fem factors a matrix of {n:,.0f} unknowns, which takes about {1.5 * (n / _MANY) ** 1.35:.2g} GB, "
+        "and a step many seconds: give a longer edge, or `symmetry` where the scene has one"
+    ]
 
 
 def _locks(scene: Scene) -> list[str]:

@@ -24,6 +24,8 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     verdict = report["verdict"]
     console.print()
     console.print(Text(verdict["text"], style=f"bold {_COLOR.get(verdict['outcome'], 'red')}"))
+    if report["symmetry"]:
+        console.print(Text(f"symmetric {report['symmetry']}", style="dim"))
     _print_trust(console, report["estimated_error"])
     _print_damping(console, report["energy"])
     table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")

@@ -81,7 +81,7 @@ class ConnectedBackend:
             raise NoConnection(str(error)) from None
         try:
             self._bus.declare_live(self._keys.live("client", CLIENT, self.session))
-            self._asker = self._bus.watched_asker(self._key, timeout, self._keys.every_live("orchestrator"))
+            self._asker = self._bus.asker(self._key, timeout)
             self._first: Observation | None = self._ask(Open(self._header(), bundle, record), Observation, SceneRefused)
         except BaseException:  # nothing is kept back: whoever interrupts leaves no bus behind
             self._bus.close()
@@ -160,8 +160,11 @@ class ConnectedBackend:
         lost = NoConnection if isinstance(request, Open) else ServicesFailed
         while True:
             try:
-                left = max(0.1, end - time.monotonic()) if repeated or isinstance(request, Close) else None
-                reply: Reply = self._asker.call(request, kind, left)
+                reply: Reply
+                if repeated or isinstance(request, Close):
+                    reply = self._bus.call(self._key, request, kind, max(0.1, end - time.monotonic()))
+                else:
+                    reply = self._asker.call(request, kind)
                 return reply
             except errors.Refused as error:
                 raise _refusal(error.failure, invalid) from None

@@ -24,9 +24,9 @@ from softseam_protocol.messages import (
     StepReport,
     Vector3,
 )
-from softseam_protocol.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.outcomes import EventKind
+from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import SceneError, scene_from_bundle
-from softseam_protocol.scene_tools import MeshTool
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
@@ -43,6 +43,7 @@ class EmbeddedBackend:
             from softseam_services.orchestrator import client_view
             from softseam_services.orchestrator.embedded import EmbeddedTransport
             from softseam_services.orchestrator.simulation import Simulation
+            from softseam_services.tables import check_tables
         except ImportError as error:
             raise missing_extra(error, "simulating in this process") from error
         self._view = client_view  # of steps: to import it in each would take as long as a message
@@ -54,6 +55,7 @@ class EmbeddedBackend:
         self.recorded: Recorded | None = None
         self.unrecorded = ""
         with translated(opening=True):
+            check_tables()
             compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
@@ -132,7 +134,7 @@ class EmbeddedBackend:
     def _tell_loss(self, reason: str) -> None:
         """A recording that loses messages is an event of the next observation; the run goes on."""
         header = Header(SCHEMA_VERSION, "local", "", 0, 0, 0, self.simulation.time)
-        self._events.append(Event(header, "record", reason))
+        self._events.append(Event(header, EventKind.RECORDING, reason))
 
 
 class Resimulation:
@@ -200,34 +202,8 @@ def compile_clock() -> Iterator[Callable[[], tuple[float, float]]]:
         yield lambda: (clock.wall, clock.cpu)
 
 
-def mirror_axes(scene: Scene) -> tuple[int, ...]:
-    """Axes across which a block and its tools mirror each other, so that FEM solves for one side of it where an even
-    number of cells lies along them; none of what is no block or meets a mesh, or where the scene does without."""
-    body, meshes = scene.body, any(isinstance(tool, MeshTool) for tool in scene.tools.values())
-    if meshes or not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
-        return ()
-    try:
-        from softseam_services.body.build import build_body
-        from softseam_services.body.errors import MeshError
-        from softseam_services.fem.fold import can_fold, common_mirrors
-        from softseam_services.tools.build import build_tools
-    except ImportError as error:
-        raise missing_extra(error, "simulating in this process") from error
-    if not can_fold(scene.models.fem):
-        return ()
-    even = body.shape.model_copy(update={"borders": "even", "grading": 1.0, "towards": ()})
-    cell = [0.5 * edge for edge in even.size]
-    eight = scene.model_copy(update={"body": body.model_copy(update={"shape": even, "cell": cell})})
-    try:
-        mirrors, _ = common_mirrors(build_body(eight, {}), build_tools(scene))
-    except MeshError:  # an inclusion that none of eight cells sees: what it does to mirrors is not foreseen
-        return ()
-    return tuple(mirror.axis for mirror in mirrors)
-
-
 _APART = (
     *(f"softseam_protocol/{name}.py" for name in ("bus*", "declared", "inbox", "live_tokens", "peer_links", "publish")),
-    "softseam_protocol/watched_asker.py",
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
     *(f"softseam_services/orchestrator/{name}.py" for name in ("alone", "attendance", "bus_transport", "desk")),
@@ -240,7 +216,7 @@ _APART = (
 def solver_digest() -> str:
     """Digest of every source that a simulation's numbers may depend on: with another digest, perhaps other numbers."""
     try:
-        from softseam_services.jit.kernel_cache import kernel_packages
+        from softseam_services.kernel_cache import kernel_packages
     except ImportError as error:
         raise missing_extra(error, "simulating in this process") from error
     digest = hashlib.sha256()
@@ -271,7 +247,8 @@ class translated:  # reads as the function that it is used as
 
 def _translate(error: BaseException, opening: bool) -> None:
     """Raise the client's error for one of the services; return for any other."""
-    from softseam_services.body.errors import MeshError, SettingError
+    from softseam_protocol.table import MissingRow
+    from softseam_services.body.errors import LawError, MeshError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.participants import StepFailed
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
@@ -281,6 +258,8 @@ def _translate(error: BaseException, opening: bool) -> None:
     refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == "invalid"
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
+    if isinstance(error, MissingRow | LawError):
+        raise BadInput(str(error)) from error
     if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error
     if isinstance(error, RecordError):

@@ -14,7 +14,7 @@ from softseam.errors import FieldsNotObserved
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol import messages
 from softseam_protocol.messages import ErrorEstimate, Event, Frame, Indicators, RegionReport, SeamReport, StepReport
-from softseam_protocol.quickly_made import quickly_made
+from softseam_protocol.outcomes import EventKind
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +33,6 @@ class ToolView:
     """angular velocity about the position that was applied in the step (3,) [rad/s]"""
 
 
-@quickly_made
 @dataclass(frozen=True, eq=False)
 class Observation:
     """State and error indicators of the simulation at the end of a step.
@@ -192,7 +191,7 @@ class Observation:
     def _fields(self) -> Frame:
         if self.frame is None:
             for event in self.events:
-                if event.kind == "lost" and event.message.startswith(f"step {self.step - 1} "):
+                if event.kind is EventKind.LOST and event.header.step == self.step:
                     raise FieldsNotObserved(event.message)
             raise FieldsNotObserved("this observation was taken without fields: take the step with fields=True")
         return self.frame

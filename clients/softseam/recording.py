@@ -154,16 +154,18 @@ class Recording:
                     self.facts = dict(record.metadata)
 
     def _accept(self) -> None:
-        """Raises RecordingError where the file is not ours, too new, or too short to be of use."""
+        """Raises RecordingError where the file is not ours, of another schema, or too short to be of use."""
         if self._profile != "softseam":
             foreign = self._profile or self._damage is None
             what = "is an MCAP file of another program" if foreign else "is cut off at once"
             raise RecordingError(f"{self.path} {what}, not a recording of softseam")
         version = self.metadata.get("schema", "0")
-        if not version.isdecimal() or int(version) > SCHEMA_VERSION:
+        if version != str(SCHEMA_VERSION):
+            maker = self.facts.get("softseam", "")
+            newer = "" if version.isdecimal() and int(version) < SCHEMA_VERSION else ", or a newer one"
             raise RecordingError(
-                f"{self.path} has schema version {version}; this softseam reads up to {SCHEMA_VERSION}: "
-                "read it with the softseam that recorded it, or a newer one"
+                f"{self.path} has schema version {version}; this softseam reads {SCHEMA_VERSION}: read it with the "
+                f"softseam that recorded it{f' ({maker})' if maker else ''}{newer}, or record its scene again"
             )
         if not self.metadata.get("seed", "0").isdecimal():
             raise RecordingError(f"{self.path} is damaged where it says which seed it had: copy it once more")

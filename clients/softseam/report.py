@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 
 from softseam.columns import SPENT, Columns, unit_of
 from softseam.outputs import cannot_write
+from softseam.symmetric import symmetric
 from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_hash
 
@@ -49,7 +51,7 @@ class ReportBuilder:
     @property
     def verdict(self) -> Verdict:
         """What became of the body so far."""
-        failed = {event.header.step for event in self._events if event.kind == "solver"}
+        failed = {event.header.step for event in self._events if event.kind is EventKind.SOLVER}
         return with_failures(judge(self._scene, self.columns, self._done), len(failed), len(self.columns))
 
     def add(self, message: StepReport | Event | Frame) -> None:
@@ -83,6 +85,7 @@ class ReportBuilder:
             "model": self._model or self._found_model(),
             "verdict": {"outcome": verdict.outcome, "text": verdict.text, "done": self._done},
             "estimated_error": None if self._estimate is None else asdict(self._estimate),
+            "symmetry": symmetric(self._scene),
             "steps": len(c),
             "simulated_seconds": len(c) * self._scene.step,
             "regions": self._regions(),

@@ -39,7 +39,8 @@ def with_model(scene: Scene, model: Model) -> Scene:
             )
         always = near.model_copy(update={"split": "always"})
         return scene.model_copy(update={"regions": scene.regions.model_copy(update={"near": always})})
-    return scene.model_copy(update={"regions": RegionsSpec(default=model)})
+    symmetry = scene.symmetry if model == "fem" else ()  # only FEM solves for one side
+    return scene.model_copy(update={"regions": RegionsSpec(default=model), "symmetry": symmetry})
 
 
 def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:

@@ -13,8 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from softseam_protocol.quickly_made import quickly_made
-
 __all__ = ["Alarm", "Energies", "EnergyLedger", "LedgerEntry", "LedgerState"]
 
 
@@ -26,7 +24,6 @@ class Alarm(Enum):
     SWITCH = "the region switch cost more than its share of the energy: switch earlier or let the body calm down"
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Energies:
     """Energies of the whole body [J]."""
@@ -68,7 +65,6 @@ class LedgerState:
         return cls(last, scale, tool_work, seam_work, dissipation, switch, pending, bool(estimated))
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class LedgerEntry:
     """The balance of one step [J]."""

@@ -29,7 +29,6 @@ from softseam_protocol.inbox import Inbox, LiveChange, Received
 from softseam_protocol.live_tokens import LiveTokens
 from softseam_protocol.peer_links import PeerLinks
 from softseam_protocol.topics import DEFAULT_ENDPOINT, EVERY_NODE, node
-from softseam_protocol.watched_asker import WatchedAsker
 
 _INTRODUCTION = 1.0
 """time in which a publisher learns of those who have subscribed before [s]"""
@@ -155,15 +154,6 @@ class Bus(BusSession):
         asker = Asker(key, querier, ask)
         self._askers.add(asker)
         return asker
-
-    def watched_asker(self, key: str, timeout: float, live: str) -> WatchedAsker:
-        """As `asker`, for a server that shows a token under `live`: a wait ends soon after the last one has gone."""
-        asker = self.asker(key, timeout)
-
-        def send(payload: bytes, reply: Callable[[Any], None], ended: Callable[[], None]) -> None:
-            asker.start(payload, direct(reply, ended))
-
-        return WatchedAsker(key, timeout, self._tokens_of(live), send)
 
     def call(self, key: str, message: Any, allowed: Any, timeout: float) -> Any:
         """Send a message and decode its reply, which must be of the class(es) `allowed`.
@@ -335,5 +325,4 @@ __all__ = [
     "Received",
     "Router",
     "Server",
-    "WatchedAsker",
 ]

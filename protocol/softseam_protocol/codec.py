@@ -28,10 +28,8 @@ from softseam_protocol.descriptors import (
     protobuf_class,
 )
 from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
-from softseam_protocol.layouts import Layouts
-from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, Header
+from softseam_protocol.messages import SCHEMA_VERSION, Header
 from softseam_protocol.wire_fields import Wrong, field_reader, field_writer, is_name
-from softseam_protocol.written_layouts import WrittenLayouts
 
 __all__ = ["MAX_BYTES", "decode", "encode", "file_descriptor_set", "full_name", "is_name", "peek"]
 
@@ -138,31 +136,19 @@ def _form(cls: type) -> _Form:
 
 def encode(message: Any) -> bytes:
     """The bytes of a message. Raises EncodeError if a field is not what it is declared to be."""
-    layouts = _WRITTEN.get(type(message))
-    data = layouts.write(message) if layouts is not None else None
-    if data is None:
-        data = _encode(message)
-        if layouts is not None:
-            layouts.meet(data, message)
+    form = _form(type(message))
+    try:
+        data = bytes(form.new(message).SerializeToString(deterministic=True))
+    except Wrong as error:
+        raise EncodeError(str(error)) from None
+    except (TypeError, ValueError, AttributeError) as error:
+        raise EncodeError(f"{type(message).__name__}: {error}") from None
     if len(data) > MAX_BYTES:
         raise EncodeError(f"{type(message).__name__}: {len(data)} bytes, more than the {MAX_BYTES} allowed")
     return data
 
 
-def _encode(message: Any) -> bytes:
-    form = _form(type(message))
-    try:
-        return bytes(form.new(message).SerializeToString(deterministic=True))
-    except Wrong as error:
-        raise EncodeError(str(error)) from None
-    except (TypeError, ValueError, AttributeError) as error:
-        raise EncodeError(f"{type(message).__name__}: {error}") from None
-
-
 _BY_TYPE_NAME = {full_name(cls).encode(): cls for cls in MESSAGES.values()}
-_LAYOUTS: dict[type, Layouts] = {cls: Layouts(cls) for cls in (Advance, Advanced)}
-_WRITTEN: dict[type, WrittenLayouts] = {cls: WrittenLayouts(cls) for cls in (Advance, Advanced)}
-"""of the messages of every exchange"""
 _Probe = protobuf_class("Released")
 _VERSION = re.compile(rb"softseam\.v(\d{1,9})\.")
 
@@ -221,15 +207,9 @@ def decode(data: bytes, allowed: Any = None) -> Any:
     if allowed is not None and cls not in _classes(allowed):
         wanted = ", ".join(c.__name__ for c in _classes(allowed))
         raise DecodeError(f"a message of type {cls.__name__} where one of these belongs: {wanted}")
-    layouts = _LAYOUTS.get(cls)
-    if layouts is not None and (known := layouts.read(data)) is not None:
-        return known
     form = _form(cls)
     try:
-        message = form.read(form.wire.FromString(data))
-        if layouts is not None:
-            layouts.meet(data, message)
-        return message
+        return form.read(form.wire.FromString(data))
     except Wrong as error:
         raise DecodeError(f"{cls.__name__}: {error}") from None
     except ProtobufDecodeError:

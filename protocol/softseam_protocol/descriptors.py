@@ -10,6 +10,7 @@ import dataclasses
 import types
 import typing
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -33,7 +34,7 @@ _SCALARS: dict[type, Any] = {
 
 @dataclass(frozen=True)
 class Field:
-    """One field of a message: `of` is its Python type, an Array, or another message class."""
+    """One field of a message: `of` is its Python type, an Array, a StrEnum, or another message class."""
 
     name: str
     number: int
@@ -53,6 +54,11 @@ class Field:
     @property
     def is_array(self) -> bool:
         return isinstance(self.of, Array)
+
+    @property
+    def is_enum(self) -> bool:
+        """A text that is one of a few."""
+        return isinstance(self.of, type) and issubclass(self.of, StrEnum)
 
     @property
     def is_message(self) -> bool:
@@ -89,7 +95,8 @@ def _field(name: str, number: int, annotation: Any, default: Any, make_default: 
     elif typing.get_origin(annotation) is dict:
         (_, annotation), container = typing.get_args(annotation), "map"
     of, least, named = _unwrap(annotation)
-    if not (isinstance(of, Array) or of in _SCALARS or dataclasses.is_dataclass(of)):
+    is_enum = isinstance(of, type) and issubclass(of, StrEnum)
+    if not (isinstance(of, Array) or of in _SCALARS or is_enum or dataclasses.is_dataclass(of)):
         raise TypeError(f"{name}: no wire form for {annotation!r}")
     has_default = default is not dataclasses.MISSING
     if make_default is dataclasses.MISSING:
@@ -127,7 +134,7 @@ def _declare(proto: Any, field: Field) -> None:
     elif field.is_message:
         kind, type_name = _Proto.TYPE_MESSAGE, "." + full_name(field.of)
     else:
-        kind, type_name = _SCALARS[field.of], None
+        kind, type_name = _SCALARS[str if field.is_enum else field.of], None
     label = _Proto.LABEL_OPTIONAL
     if field.container == "map":
         entry = "".join(part.capitalize() for part in field.name.split("_")) + "Entry"
@@ -189,7 +196,8 @@ def type_text(field: Field) -> str:
     elif field.is_message:
         text = field.of.__name__
     else:
-        text = {int: "int64", float: "double", bool: "bool", str: "string", bytes: "bytes"}[field.of]
+        texts = {int: "int64", float: "double", bool: "bool", str: "string", bytes: "bytes"}
+        text = "string" if field.is_enum else texts[field.of]
     if field.container == "map":
         return f"map<string, {text}>"
     return {"list": "repeated "}.get(field.container, "optional " if field.has_presence else "") + text

@@ -2,80 +2,126 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
+
+from softseam_protocol.table import Table
 
 ModelKind = Literal["fem", "pbd"]
 SeamScheme = Literal["position", "ph", "staggered"]
 SeamAcceleration = Literal["exact", "iqn_ils", "aitken", "constant"]
-MaterialKind = Literal[
-    "neo_hookean", "linear", "corotated", "st_venant_kirchhoff", "stable_neo_hookean", "mooney_rivlin"
-]
-ElementKind = Literal[
-    "hex27",
-    "hex27_full",
-    "hex27_reduced",
-    "hex8",
-    "hex8_bbar",
-    "hex8_full",
-    "hex8_reduced",
-    "tet4",
-    "tet4_fbar",
-    "tet10",
-]
-IntegratorKind = Literal[
-    "implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha", "symplectic_euler", "static"
-]
+MaterialKind = str
+"""a row of scene_materials.MATERIALS"""
+ElementKind = str
+"""a row of ELEMENTS"""
+IntegratorKind = str
+"""a row of INTEGRATORS"""
+Functions = Literal["hex27", "hex8", "tet4", "tet10"]
+"""what a cell's 27 nodes are interpolated with: quadratic, trilinear in octants, on their tetrahedra, on the cell's"""
 
-SEAM_INTEGRATORS: dict[SeamScheme, tuple[IntegratorKind, ...]] = {
-    "position": ("implicit_euler", "midpoint"),
-    "ph": ("implicit_euler", "midpoint", "bdf2", "newmark", "generalised_alpha"),
-    "staggered": ("implicit_euler",),
-}
-"""those that a scheme gives no energy (docs/results/verification.md); of staggered, no more than the scheme does"""
+
+@dataclass(frozen=True)
+class ElementFacts:
+    """functions   between nodes
+    stiff_from  Poisson's ratio from which it is off by 5 % and more on coarse cells, having no cure against locking [1]
+    """
+
+    functions: Functions
+    stiff_from: float = 0.5
+
+
+ELEMENTS: Table[ElementFacts] = Table(
+    "elements",
+    {
+        "hex27": ElementFacts("hex27"),
+        "hex27_full": ElementFacts("hex27", stiff_from=0.45),
+        "hex27_reduced": ElementFacts("hex27"),
+        "hex8": ElementFacts("hex8"),
+        "hex8_bbar": ElementFacts("hex8"),
+        "hex8_full": ElementFacts("hex8", stiff_from=0.4),
+        "hex8_reduced": ElementFacts("hex8"),
+        "tet4": ElementFacts("tet4", stiff_from=0.3),
+        "tet4_fbar": ElementFacts("tet4"),
+        "tet10": ElementFacts("tet10", stiff_from=0.45),
+    },
+)
+"""what a scene says of an element; services build it (softseam_services.fem.elements.ELEMENTS)"""
+
+
+@dataclass(frozen=True)
+class IntegratorFacts:
+    """What an integrator of FEM can meet.
+
+    seams         coupling schemes that give it no energy (docs/results/verification.md); of staggered, no more than
+                  the scheme itself does
+    meets_tools   a point that hits a tool comes to rest
+    viscous       it takes up the viscosity of a material, or has no use for it
+    radius        scenes may say how much it keeps of the fastest oscillations
+    no_seam       why it cannot meet any seam; '' where it can, or where a seam would give it energy
+    no_error      why it has no substeps by error; '' where it may
+    moves         bodies have inertia; else something must hold them
+    """
+
+    seams: frozenset[SeamScheme] = frozenset()
+    meets_tools: bool = False
+    viscous: bool = False
+    radius: bool = False
+    no_seam: str = ""
+    no_error: str = ""
+    moves: bool = True
+
+
+_EVERY: frozenset[SeamScheme] = frozenset({"position", "ph", "staggered"})
+INTEGRATORS: Table[IntegratorFacts] = Table(
+    "integrators",
+    {
+        "implicit_euler": IntegratorFacts(_EVERY, meets_tools=True, viscous=True),
+        "midpoint": IntegratorFacts(frozenset({"position", "ph"}), meets_tools=True, viscous=True, radius=True),
+        "bdf2": IntegratorFacts(frozenset({"ph"}), meets_tools=True),
+        "newmark": IntegratorFacts(frozenset({"ph"})),
+        "generalised_alpha": IntegratorFacts(frozenset({"ph"}), meets_tools=True, radius=True),
+        "symplectic_euler": IntegratorFacts(
+            no_seam="it solves no equations", no_error="divides steps by what is stable"
+        ),
+        "static": IntegratorFacts(
+            meets_tools=True,
+            viscous=True,
+            no_seam="the far side moves in time",
+            no_error="makes no error in time",
+            moves=False,
+        ),
+    },
+)
+"""what a scene says of an integrator; services have its coefficients (softseam_services.fem.integrators.table)"""
+
 _GIVES_ENERGY: dict[SeamScheme, str] = {
     "position": "a multiplier that is constant over the step gives it energy",
     "ph": "it is not among those that were found stable",
     "staggered": "the control is to fail for one reason alone",
 }
-CONTACT_INTEGRATORS: tuple[IntegratorKind, ...] = (
-    "implicit_euler",
-    "midpoint",
-    "bdf2",
-    "generalised_alpha",
-    "static",
-)
-"""those under which a point that hits a tool comes to rest"""
-
-VISCOUS_INTEGRATORS: tuple[IntegratorKind, ...] = ("implicit_euler", "midpoint", "static")
-"""those that take up the viscosity of a material, or have no use for it"""
 
 
 def integrator_problem(name: IntegratorKind, seam: SeamScheme | None, tools: bool, clamped: bool) -> str:
     """Why FEM's integrator cannot meet the scene's seam, tools or free body, and what to do; '' where it can."""
-    explicit = name == "symplectic_euler"
-    if name == "static" and not clamped:
-        return "static needs something that holds the body from the start: clamp nodes (body.fixed), or use bdf2"
-    if seam is not None and name not in SEAM_INTEGRATORS[seam]:
-        why = {"symplectic_euler": "it solves no equations", "static": "the far side moves in time"}.get(
-            name, _GIVES_ENERGY[seam]
-        )
-        *most, last = SEAM_INTEGRATORS[seam]
+    facts = INTEGRATORS[name]
+    if not facts.moves and not clamped:
+        return f"{name} needs something that holds the body from the start: clamp nodes (body.fixed), or use bdf2"
+    if seam is not None and seam not in facts.seams:
+        *most, last = [other for other, able in INTEGRATORS.items() if seam in able.seams]
         use = f"{', '.join(most)} or {last}" if most else last
-        if name in SEAM_INTEGRATORS["ph"]:
+        if "ph" in facts.seams:
             use += ", or seam: {scheme: ph}"
+        why = facts.no_seam or _GIVES_ENERGY[seam]
         return f"{name} cannot meet a seam, {why}: use {use}, or give all cells to fem without regions.near"
-    if tools and name not in CONTACT_INTEGRATORS:
-        why = "it solves no equations" if explicit else "points that hit one gain energy"
-        return f"{name} cannot meet tools, {why}: use one of {', '.join(CONTACT_INTEGRATORS)}"
+    if tools and not facts.meets_tools:
+        why = facts.no_seam or "points that hit one gain energy"
+        able = ", ".join(other for other, each in INTEGRATORS.items() if each.meets_tools)
+        return f"{name} cannot meet tools, {why}: use one of {able}"
     return ""
-
-
-STIFF_FROM: dict[ElementKind, float] = {"hex8_full": 0.4, "hex27_full": 0.45, "tet10": 0.45, "tet4": 0.3}
-"""Poisson's ratio from which elements without a cure against locking are off by 5 % and more on coarse cells"""
 
 
 def element_warning(name: ElementKind, poisson: float) -> str:
     """What a user of this element should know at this Poisson's ratio, and what to do; '' where nothing."""
-    if poisson < STIFF_FROM.get(name, 0.5):
+    if poisson < ELEMENTS[name].stiff_from:
         return ""
     return f"{name} is too stiff on coarse cells at a Poisson's ratio of {poisson:g}: use hex27, hex8 or hex8_bbar"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
 
 from softseam_protocol.inbox import Inbox, LiveChange
 
@@ -19,9 +18,7 @@ class LiveTokens:
 
     def __init__(self) -> None:
         self._known: set[str] = set()
-        self._ever = False
-        """whether a token was ever heard of"""
-        self._inboxes: list[Inbox[Any]] = []
+        self._inboxes: list[Inbox[LiveChange]] = []
         self._lock = threading.Lock()
 
     def heard(self, key: str, alive: bool) -> None:
@@ -31,7 +28,6 @@ class LiveTokens:
                 return
             if alive:
                 self._known.add(key)
-                self._ever = True
             else:
                 self._known.remove(key)
             self._forget_closed()
@@ -51,17 +47,12 @@ class LiveTokens:
     def inbox(self) -> Inbox[LiveChange]:
         """Comings and goings from now on, beginning with those that exist."""
         inbox: Inbox[LiveChange] = Inbox()
-        self.tell(inbox)
-        return inbox
-
-    def tell(self, inbox: Inbox[Any]) -> bool:
-        """Put the same into an inbox that is there already; whether all tokens that there ever were have gone."""
         with self._lock:
             self._forget_closed()
             for key in sorted(self._known):
                 inbox.put(LiveChange(key, True), 0)
             self._inboxes.append(inbox)
-            return self._ever and not self._known
+        return inbox
 
     def _forget_closed(self) -> None:
         """Inboxes that nobody reads any more (lock held)."""

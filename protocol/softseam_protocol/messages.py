@@ -15,9 +15,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.quickly_made import quickly_made
+from softseam_protocol.outcomes import Detail, EventKind, Status
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 class Array:
@@ -89,7 +89,6 @@ def _no_labels() -> NDArray[np.int8]:
     return np.zeros(0, dtype=np.int8)
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Header:
     """Names a message: a request with the same header and kind is the same request."""
@@ -147,6 +146,26 @@ class Configure:
 
 
 @dataclass(frozen=True, slots=True)
+class Capabilities:
+    """What a participant can do for the region that it was configured with; who couples it asks for no more."""
+
+    compliance: bool
+    """tells how its coupling nodes yield to forces"""
+    corrects: bool
+    """moves a tentative step on by its linear answer to a force (`Correct`)"""
+    impedance: bool
+    """takes the parts beyond its coupling nodes into its own solve (`Advance.seam_stiffness`)"""
+    substeps: Count
+    """substeps a step; 1: none"""
+    stress: bool
+    """tells stress in its cells"""
+    error: bool
+    """estimates what its cells err by"""
+    cost: float
+    """expected processor time of a step [s]; 0: not known"""
+
+
+@dataclass(frozen=True, slots=True)
 class Configured:
     header: Header
     n_nodes: Count
@@ -161,9 +180,10 @@ class Configured:
     """its energy in gravity, likewise [J]"""
     seconds: float = 0.0
     """wall time spent [s]; diagnostics only"""
+    capabilities: Capabilities | None = None
+    """None: of a region without coupling nodes none are asked for"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class ToolMotion:
     """Poses of all tools at the start and the end of the step, in the scene's order (t tools)."""
@@ -177,7 +197,6 @@ class ToolMotion:
     """1 for tools that hold the particles that they found within reach as they began to grip (t,); empty: none does"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Advance:
     """Advance tentatively by one step; a new step number commits the tentative step before it.
@@ -201,17 +220,25 @@ class Advance:
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
     seam_force_start: Vectors = field(default_factory=_NO_VECTORS)
     """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
-    seam_settle: Vectors = field(default_factory=_NO_VECTORS)
-    """force on this side's seam nodes (s, 3) [N] by whose linear answer the tentative step before is moved on before it
-    is committed; empty: it is committed as it is"""
 
 
-@quickly_made
+@dataclass(frozen=True, slots=True)
+class Correct:
+    """Move the tentative step on by its linear answer to a force on the seam nodes; it stays tentative."""
+
+    header: Header
+    push: Vectors
+    """by whose answer it is moved on, with the stiffness beyond the seam behind it (s, 3) [N]"""
+    force: Vectors
+    """that acts on the seam nodes from then on (s, 3) [N]"""
+    fields: bool = False
+    """also return the fields"""
+
+
 @dataclass(frozen=True, slots=True)
 class Advanced:
     header: Header
-    status: str
-    """'converged', or the text of a failure that names the remedy"""
+    status: Status
     seam_x: Vectors
     """seam positions at the end of the step (s, 3) [m]"""
     compliance: Matrix
@@ -262,12 +289,14 @@ class Advanced:
     seam_v: Vectors = field(default_factory=_NO_VECTORS)
     """seam velocities at the end of the step (s, 3) [m/s]; empty where the seam force was constant"""
     settles: bool = False
-    """whether this tentative step can be settled by a force on the seam without being solved again"""
-    seam_yield: Matrix = field(default_factory=_NO_MATRIX)
-    """beside an anchor: d(seam_x)/d(seam_force) with the stiffness (3s, 3s) [m/N], by which it would be settled; empty:
-    as in the reply before"""
+    """whether this tentative step can be corrected (`Correct`)"""
     seam_yield_root: Matrix = field(default_factory=_NO_MATRIX)
-    """in place of seam_yield R with seam_yield = R R^T, which takes an eighth of the work (3s, 3s) [(m/N)^(1/2)]"""
+    """R with d(seam_x)/d(seam_force) = R R^T by which it would be corrected, beside an anchor with the stiffness
+    (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
+    why: str = ""
+    """what went wrong and the remedy, where the status is not `converged`"""
+    alarm_details: list[Detail] = field(default_factory=list)
+    """what the alarm says, for programs"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,8 +324,6 @@ class Commit:
     """Accept the tentative step (done by the next Advance otherwise)."""
 
     header: Header
-    seam_settle: Vectors = field(default_factory=_NO_VECTORS)
-    """as in `Advance`"""
     fields: bool = False
     """also return the fields"""
 
@@ -320,7 +347,6 @@ class Observe:
     """of these only what the region's own model errs, at a bounded cost: what is looked at as a run ends"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Fields:
     """Fields of one region: its nodes, cells and surface points in ascending global order."""
@@ -400,7 +426,7 @@ class Failure:
     """what is wrong and the remedy"""
 
 
-Request = Configure | Advance | Commit | Observe | Snapshot | Restore | Release
+Request = Configure | Advance | Correct | Commit | Observe | Snapshot | Restore | Release
 Worked = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored
 """replies that tell how long the participant worked for them"""
 Reply = Worked | Released | Failure
@@ -409,7 +435,6 @@ Reply = Worked | Released | Failure
 # ---- orchestrator to clients and recorders ---------------------------------------------------------------
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamReport:
     """How well the two sides agree."""
@@ -424,7 +449,6 @@ class SeamReport:
     """work of the seam, both sides together, in this step [J]"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class RegionReport:
     """One region's size and energies [J]."""
@@ -469,7 +493,6 @@ class ErrorEstimate:
     """by how much of itself the goal ought to be larger, with its sign [1]; of a probe, by FEM on the same cells"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class StepReport:
     """What happened in one committed step; one is published for every step."""
@@ -516,7 +539,6 @@ class Indicators:
     """largest distance between the two sides at a cell's seam nodes, 0 elsewhere [m]"""
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Frame:
     """The whole body at the end of a step: what a replay draws."""
@@ -550,8 +572,12 @@ class Event:
     """Something worth telling: a region switch, a phase, a fallback, an alarm, a recovery."""
 
     header: Header
-    kind: str
+    kind: EventKind
     message: str
+    """for people; programs read the rest"""
+    details: list[Detail] = field(default_factory=list)
+    count: Count = 0
+    """of what the kind counts: the parts of a cut step"""
 
 
 # ---- client to orchestrator, and back --------------------------------------------------------------------
@@ -633,7 +659,6 @@ class Closed:
     header: Header
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class Observation:
     """The answer to Open, Reset, Step and Load: the last step's report, its frame if asked for, and events since."""

@@ -42,6 +42,8 @@ def _rule(field: Field) -> str:
         return f"  // {shape_text(field.of)}{least}"
     if field.least is not None:
         return f"  // at least {field.least}"
+    if field.is_enum:
+        return f"  // one of: {', '.join(field.of)}"
     if field.named:
         return "  // letters, digits, _ and -, at most 64"
     return "  // may be absent" if field.optional else ""

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.kinds import integrator_problem
 from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
-from softseam_protocol.scene_materials import InclusionSpec, MaterialSpec
+from softseam_protocol.scene_materials import AnyMaterial, InclusionSpec, MaterialSpec
 from softseam_protocol.scene_models import DampingSpec, ModelsSpec
 from softseam_protocol.scene_motion import (
     LARGEST_TURN,
@@ -148,7 +148,7 @@ class BodySpec(Spec):
         ]
         | None
     ) = Field(default=None, description="cell edge, or edges along x, y, z [m]; default: a third of the least extent")
-    material: MaterialSpec
+    material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(
         default=(), description="parts of another material; an octant of a cell is of the last that holds its centre"
     )
@@ -167,16 +167,13 @@ class BodySpec(Spec):
     @model_validator(mode="after")
     def _one_law(self) -> BodySpec:
         for i, inclusion in enumerate(self.inclusions):
-            if inclusion.material.ratio is not None and self.material.kind != "mooney_rivlin":
-                at = ("inclusions", i, "material", "ratio")
-                raise wrong(f"the body's law, {self.material.kind}, has no ratio: only mooney_rivlin does", *at)
+            inclusion.material.within(self.material, "inclusions", i, "material")
         return self
 
     @property
     def materials(self) -> tuple[MaterialSpec, ...]:
         """The body's own, then one for each inclusion."""
-        changes = (inclusion.material.model_dump(exclude_none=True) for inclusion in self.inclusions)
-        return (self.material, *(self.material.model_copy(update=change) for change in changes))
+        return (self.material, *(inclusion.material.within(self.material) for inclusion in self.inclusions))
 
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:
@@ -232,6 +229,11 @@ class Scene(Spec):
     regions: RegionsSpec = RegionsSpec()
     models: ModelsSpec = ModelsSpec()
     seam: SeamSpec = SeamSpec()
+    symmetry: tuple[Literal["x", "y", "z"], ...] = Field(
+        default=(),
+        description="axes across which the scene is symmetric, about planes through the middle of the body: where fem "
+        "has all cells it solves for a half, a quarter or an eighth; refused where the scene is not symmetric",
+    )
     quantities: tuple[Quantity, ...] = Field(default=(), description="reported for every step")
     probes: dict[ProbeName, Vector] = Field(
         default={}, description="points of the body at rest [m]; von Mises stress and displacement are reported there"
@@ -256,6 +258,7 @@ class Scene(Spec):
                 self._known(phase.tools, "motion", i, "tools")
         if self.regions.near is not None:
             self._known(self.regions.near.tools or (), "regions", "near", "tools")
+        self._symmetry_is_used()
         if isinstance(self.body, BodySpec):
             self._kinds_meet(self.body)
         else:
@@ -265,6 +268,20 @@ class Scene(Spec):
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
             raise wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
+
+    def _symmetry_is_used(self) -> None:
+        """Raise if `symmetry` names an axis twice, or asks what no solver of this scene can do."""
+        if not self.symmetry:
+            return
+        if len({*self.symmetry}) < len(self.symmetry):
+            raise wrong("an axis is named twice: name each once", "symmetry")
+        near, fem = self.regions.near, self.models.fem
+        if "fem" not in (self.regions.default, near.model if near else ""):
+            raise wrong("only fem solves for one side, and no region is fem's: leave it out", "symmetry")
+        if fem.element.startswith("tet"):
+            raise wrong(f"{fem.element} divides cells otherwise on either side: leave it out, or use hex27", "symmetry")
+        if fem.integrator == "symplectic_euler":
+            raise wrong("symplectic_euler solves no equations: leave it out", "symmetry")
 
     def _particles_alone(self, body: ParticleBodySpec) -> None:
         """Raise if the scene asks something of a body of particles that only one in cells can do."""

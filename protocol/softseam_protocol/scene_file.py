@@ -219,7 +219,9 @@ def _located(details: ErrorDetails, marked: Marked, name: str) -> SceneError:
         have = context.get("have")
         if have is None:
             return error(details["msg"], value_mark if context.get("at") else mark)
-        return error(details["msg"], allowed=", ".join(have) or "the scene has no tools", nearest=_nearest(found, have))
+        of_key, allowed = context.get("of_key"), ", ".join(have) or "the scene has no tools"
+        nearest = _nearest(str(found if of_key is None else of_key), have)
+        return error(details["msg"], value_mark if of_key is None else mark, allowed=allowed, nearest=nearest)
     if "[key]" in loc:
         return error(f"{path[-1]!r} is not a name: a letter, then letters, digits, _ and -", mark)
     if kind == "string_pattern_mismatch":

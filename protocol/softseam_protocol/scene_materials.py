@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    SerializationInfo,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    ValidationInfo,
+    model_serializer,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.spec import Direction, NonNegative, Positive, Spec, Vector, wrong
+from softseam_protocol.spec import Direction, NonNegative, Positive, Spec, Vector, not_among, wrong
+from softseam_protocol.table import Table
 
 
 class MaterialSpec(Spec):
-    """Elastic constants of the body; every law meets Hooke's with these at small strains."""
+    """What every law has: elastic constants, which it meets Hooke's law with at small strains. Each kind is a subclass
+    with the parameters of its own, a row of MATERIALS."""
 
-    kind: MaterialKind = "neo_hookean"
+    kind: str
     young: Positive = Field(description="Young's modulus [Pa]")
     poisson: float = Field(gt=-1.0, lt=0.5, description="Poisson's ratio, below 0.5: use 0.49 for rubber or gel [1]")
     density: Positive = Field(description="mass density at rest [kg/m^3]")
-    ratio: float | None = Field(
-        default=None, ge=0.0, le=1.0, description="mooney_rivlin: c01/(c10 + c01), 0 is neo-Hookean [1]"
-    )
     retardation_time: NonNegative = Field(
         default=0.0,
         description="Kelvin and Voigt's viscosity over stiffness, of the whole body in both models: an oscillation of "
@@ -27,13 +40,123 @@ class MaterialSpec(Spec):
         "step's (of pbd a substep's) length implicit Euler damps more [s]",
     )
 
-    @model_validator(mode="after")
-    def _ratio(self) -> MaterialSpec:
-        if self.kind == "mooney_rivlin" and self.ratio is None:
-            raise wrong("mooney_rivlin needs the ratio c01/(c10 + c01): give `ratio`, 0.2 for many rubbers", "kind")
-        if self.kind != "mooney_rivlin" and self.ratio is not None:
-            raise wrong(f"{self.kind} has no ratio: only mooney_rivlin does", "ratio")
-        return self
+
+class NeoHookeanMaterial(MaterialSpec):
+    """Compressible neo-Hookean solid."""
+
+    kind: Literal["neo_hookean"] = "neo_hookean"
+
+
+class LinearMaterial(MaterialSpec):
+    """Hooke's law for small strains."""
+
+    kind: Literal["linear"] = "linear"
+
+
+class CorotatedMaterial(MaterialSpec):
+    """Hooke's law in the frame that turns with the material."""
+
+    kind: Literal["corotated"] = "corotated"
+
+
+class StVenantKirchhoffMaterial(MaterialSpec):
+    """Hooke's law between Green strain and second Piola-Kirchhoff stress."""
+
+    kind: Literal["st_venant_kirchhoff"] = "st_venant_kirchhoff"
+
+
+class StableNeoHookeanMaterial(MaterialSpec):
+    """Neo-Hookean solid that is finite where it is flat or inverted."""
+
+    kind: Literal["stable_neo_hookean"] = "stable_neo_hookean"
+
+
+class MooneyRivlinMaterial(MaterialSpec):
+    """Mooney-Rivlin solid."""
+
+    kind: Literal["mooney_rivlin"] = "mooney_rivlin"
+    ratio: float = Field(ge=0.0, le=1.0, description="c01/(c10 + c01), 0 is neo-Hookean, 0.2 fits many rubbers [1]")
+
+
+DEFAULT_KIND = "neo_hookean"
+_OF_BODY = ("kind", "retardation_time")
+"""what an inclusion has of its body"""
+MATERIALS: Table[type[MaterialSpec]] = Table(
+    "material specifications",
+    {
+        "neo_hookean": NeoHookeanMaterial,
+        "linear": LinearMaterial,
+        "corotated": CorotatedMaterial,
+        "st_venant_kirchhoff": StVenantKirchhoffMaterial,
+        "stable_neo_hookean": StableNeoHookeanMaterial,
+        "mooney_rivlin": MooneyRivlinMaterial,
+    },
+)
+"""the specification of each kind; services have its law (softseam_services.body.materials.LAWS)"""
+
+
+def material_spec(values: Mapping[str, Any], json_mode: bool = False) -> MaterialSpec:
+    """The specification that these values ask for by their `kind`. Raises pydantic's errors."""
+    kind = values.get("kind", DEFAULT_KIND)
+    if not isinstance(kind, str) or kind not in MATERIALS:
+        raise not_among(f"{json.dumps(kind)} is not in the table of {MATERIALS.title}", list(MATERIALS), "kind")
+    spec = MATERIALS[kind]
+    values = _that_say(values, spec)
+    for key in values:
+        if key not in spec.model_fields:
+            raise _unknown_key(kind, key)
+    # strict JSON, as of scene files: a list becomes a tuple and 1 a float, but "1" and true are not numbers
+    return spec.model_validate_json(json.dumps(values), strict=True) if json_mode else spec.model_validate(values)
+
+
+def _that_say(values: Mapping[str, Any], spec: type[Spec]) -> dict[str, Any]:
+    """Without unknown keys that say nothing: `ratio: null`, as every material is written with."""
+    return {key: value for key, value in values.items() if value is not None or key in spec.model_fields}
+
+
+def _unknown_key(kind: str, key: str, *at: str | int) -> PydanticCustomError:
+    """The error about a key that this kind does not have."""
+    have = [name for name in MATERIALS[kind].model_fields if not at or name not in _OF_BODY]
+    others = [name for name, spec in MATERIALS.items() if key in spec.model_fields]
+    text = f"{kind} has no {key}" + (f": only {', '.join(others)} does" if others else "")
+    if at and key in _OF_BODY:
+        text = f"the {key} of an inclusion is the body's"
+    context = {"message": text, "at": (*at, key), "have": have, "of_key": key}
+    return PydanticCustomError("scene", "{message}", context)
+
+
+class _ByKind:
+    """Chooses the specification of a material by its kind, among what MATERIALS has then."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def choose(value: Any, info: ValidationInfo) -> MaterialSpec:
+            if isinstance(value, MaterialSpec):
+                return value
+            if not isinstance(value, Mapping):
+                raise PydanticCustomError("material", "should be a mapping of keys")
+            return material_spec(value, info.mode == "json")
+
+        return core_schema.with_info_plain_validator_function(
+            choose, serialization=core_schema.plain_serializer_function_ser_schema(_dumped, info_arg=True)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        kinds = {name: spec.__pydantic_core_schema__ for name, spec in MATERIALS.items()}
+        return handler(core_schema.tagged_union_schema(kinds, "kind"))
+
+
+def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
+    said = spec.model_dump(mode=info.mode, exclude_none=info.exclude_none, exclude_defaults=info.exclude_defaults)
+    return said if info.exclude_none or info.exclude_defaults else _as_hashed(said)
+
+
+def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
+    """In version 1 of the scene format every material says its ratio: hashes of what ships with scenes hold it."""
+    return {"ratio": None} | said
+
+
+AnyMaterial = Annotated[MaterialSpec, _ByKind()]
+"""a material of any kind that MATERIALS has"""
 
 
 class _Part(Spec):
@@ -80,22 +203,43 @@ class CylinderPart(_LongPart):
 
 
 class InclusionMaterial(Spec):
-    """What differs from the body's own material; the law is the same."""
+    """What differs from the body's own material; the law is the same, and so are the names of its own parameters."""
+
+    model_config = ConfigDict(extra="allow")
 
     young: Positive | None = Field(default=None, description="Young's modulus; default: the body's [Pa]")
     poisson: float | None = Field(
         default=None, gt=-1.0, lt=0.5, description="Poisson's ratio, below 0.5; default: the body's [1]"
     )
     density: Positive | None = Field(default=None, description="mass density at rest; default: the body's [kg/m^3]")
-    ratio: float | None = Field(
-        default=None, ge=0.0, le=1.0, description="mooney_rivlin: c01/(c10 + c01); default: the body's [1]"
-    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _said(cls, values: Any) -> Any:
+        return _that_say(values, cls) if isinstance(values, Mapping) else values
+
+    @model_serializer(mode="wrap")
+    def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
+        said = handler(self)
+        return said if info.exclude_none or info.exclude_defaults else _as_hashed(said)
 
     @model_validator(mode="after")
     def _differs(self) -> InclusionMaterial:
         if not self.model_dump(exclude_none=True):
             raise wrong("an inclusion differs from its body: give young, poisson or density")
         return self
+
+    def within(self, body: MaterialSpec, *at: str | int) -> MaterialSpec:
+        """The inclusion's material in a body of another; errors are about entries below `at`."""
+        changes = self.model_dump(exclude_none=True)
+        for key in changes:
+            if key not in type(body).model_fields or key in _OF_BODY:
+                raise _unknown_key(body.kind, key, *at)
+        try:
+            return type(body).model_validate({**body.model_dump(), **changes})
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise wrong(first["msg"], *at, *first["loc"]) from None
 
 
 class InclusionSpec(Spec):

@@ -7,19 +7,19 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from softseam_protocol.kinds import VISCOUS_INTEGRATORS, ElementKind, IntegratorKind
-from softseam_protocol.spec import BoxRegion, NonNegative, Positive, Spec, wrong
+from softseam_protocol.kinds import ELEMENTS, INTEGRATORS
+from softseam_protocol.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, wrong
 
 
 class FemSpec(Spec):
     """Settings of the finite-element participant."""
 
-    element: ElementKind = Field(
+    element: Annotated[str, RowOf(ELEMENTS)] = Field(
         default="hex27",
         description="hex27: quadratic, one a cell; hex27_reduced: softer, mostly nearer to the truth on coarse cells; "
         "hex8 and tet4: linear, in its eight octants",
     )
-    integrator: IntegratorKind = Field(
+    integrator: Annotated[str, RowOf(INTEGRATORS)] = Field(
         default="implicit_euler",
         description="implicit_euler damps and meets every seam and contact; static: no inertia; others: second order",
     )
@@ -39,23 +39,29 @@ class FemSpec(Spec):
         description="largest error in position that a substep may make in time, relative to a cell edge; substeps are "
         "as long as it allows; default: the step is one [1]",
     )
-    mirrored: bool = Field(
-        default=True,
-        description="where body and tools mirror each other solve for one side only, as long as they do; false: it may "
-        "give way to one side, as a column does that buckles",
-    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_old_key(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "mirrored" in given:
+            raise wrong(
+                "fem solves for all of a body, unless the scene says where it is symmetric: leave this key out; to "
+                "solve for one side write e.g. `symmetry: [x, y]` at the top of the scene",
+                "mirrored",
+            )
+        return given
 
     @model_validator(mode="after")
     def _substeps(self) -> FemSpec:
-        if self.step_error is not None and self.integrator in ("static", "symplectic_euler"):
-            why = {"static": "makes no error in time", "symplectic_euler": "divides steps by what is stable"}
-            raise wrong(f"{self.integrator} {why[self.integrator]}: leave out step_error", "step_error")
+        if self.step_error is not None and (why := INTEGRATORS[self.integrator].no_error):
+            raise wrong(f"{self.integrator} {why}: leave out step_error", "step_error")
         return self
 
     @model_validator(mode="after")
     def _radius(self) -> FemSpec:
-        if self.radius is not None and self.integrator not in ("midpoint", "generalised_alpha"):
-            raise wrong(f"{self.integrator} has no radius: only midpoint and generalised_alpha do", "radius")
+        if self.radius is not None and not INTEGRATORS[self.integrator].radius:
+            have = " and ".join(name for name, facts in INTEGRATORS.items() if facts.radius)
+            raise wrong(f"{self.integrator} has no radius: only {have} do", "radius")
         return self
 
 
@@ -146,7 +152,7 @@ class ModelsSpec(Spec):
     def check_viscous(self, used: Set[str]) -> None:
         """Raise if one of the models that are used cannot take up a material's retardation time."""
         fem, pbd = self.fem, self.pbd
-        if "fem" in used and fem.integrator not in VISCOUS_INTEGRATORS:
+        if "fem" in used and not INTEGRATORS[fem.integrator].viscous:
             raise wrong(
                 f"{fem.integrator} does not know body.material.retardation_time: use implicit_euler or midpoint",
                 *("models", "fem", "integrator"),

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import math
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from softseam_protocol.table import Table
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -21,6 +35,29 @@ SMALLEST_BODY = 1e-4
 def wrong(message: str, *at: str | int) -> PydanticCustomError:
     """An error about the entry `at` (a path from the spec that raises it); `scene_file` finds its line."""
     return PydanticCustomError("scene", "{message}", {"message": message, "at": at})
+
+
+def not_among(message: str, have: list[str], *at: str | int) -> PydanticCustomError:
+    """An error about the entry `at` that is none of those that there are."""
+    return PydanticCustomError("scene", "{message}", {"message": message, "at": at, "have": have})
+
+
+@dataclass(frozen=True)
+class RowOf:
+    """Of a text: the name of a row that the table has when a scene is read; the schema lists those that it has then."""
+
+    table: Table[Any]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._known, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {**handler(schema), "enum": list(self.table)}
+
+    def _known(self, name: str) -> str:
+        if name not in self.table:
+            raise not_among(f"{json.dumps(name)} is not in the table of {self.table.title}", list(self.table))
+        return name
 
 
 def _some_direction(vector: Vector, info: ValidationInfo) -> Vector:

@@ -52,13 +52,6 @@ def _array_writer(where: str, array: Array) -> Callable[[Any, Any], None]:
     return write
 
 
-def suspicious(parts: list[bytes]) -> bool:
-    """Whether float64 arrays, as bytes, may hold something that is not finite; huge numbers are suspected, too."""
-    values = np.frombuffer(b"".join(parts), "<f8")
-    # the squares' sum is finite only if every entry is; vdot, for dot warns when it overflows
-    return not math.isfinite(np.vdot(values, values))
-
-
 def _array_reader(where: str, array: Array) -> Callable[[Any], Any]:
     """Take an array from a Tensor message, refusing what the field does not declare."""
     name, dtype, rank = array.name, array.dtype, len(array.shape)
@@ -125,6 +118,16 @@ def _scalar_check(where: str, field: Field) -> Callable[[Any], Any] | None:
             return value
 
         return check_least
+    if field.is_enum:
+        members = {str(member): member for member in field.of}
+
+        def check_member(value: str) -> Any:
+            member = members.get(value)
+            if member is None:
+                raise Wrong(f"{where}: {value[:80]!r} is none of {', '.join(members)}")
+            return member
+
+        return check_member
     if field.named:
 
         def check_name(value: str) -> str:

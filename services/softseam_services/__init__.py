@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from softseam_services.jit.kernel_cache import drop_stale_kernels, kernel_packages
+from softseam_services.kernel_cache import drop_stale_kernels, kernel_packages
 
 drop_stale_kernels(kernel_packages())

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from softseam_protocol.errors import BusError, ProtocolError
 from softseam_protocol.extensions import ExtensionError, load_extensions
+from softseam_protocol.table import MissingRow
 from softseam_services.bus_options import BusOptions
 from softseam_services.child import Service, service_argv
 from softseam_services.lifeline import Lifeline
@@ -58,7 +59,7 @@ def serve(role: str, options: ServeOptions) -> int:
         load_extensions()
         with Lifeline() as life:
             _serve(role, options, life)
-    except (BusError, ExtensionError, RecordError) as error:
+    except (BusError, ExtensionError, MissingRow, RecordError) as error:
         say(str(error))
         return WRONG_SET_UP
     except ProtocolError as error:
@@ -75,11 +76,15 @@ def _serve(role: str, options: ServeOptions, life: Lifeline) -> None:
         serve_router(options.bus.connect, life)
     elif role in ("fem", "pbd"):
         from softseam_services.participant_service import serve_participant
+        from softseam_services.tables import check_tables
 
+        check_tables()
         serve_participant(role, options.bus, life)
     elif role == "orchestrator":
         from softseam_services.orchestrator.service import serve_orchestrator
+        from softseam_services.tables import check_tables
 
+        check_tables()
         serve_orchestrator(options.bus, life)
     else:
         from softseam_services.recorder.service import serve_recorder

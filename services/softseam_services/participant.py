@@ -2,8 +2,8 @@
 
 States: (configure) -> [advance -> commit]* -> release. `advance` is tentative and idempotent: the header names it, the
 last reply is kept, a repeated request gets the same reply. An `Advance` for step n + 1 commits the tentative step n;
-one for the same step with a higher exchange number starts again from the committed state. What commits may settle the
-step first: move it on by its linear answer to a small force on the seam. A `Commit` or `Snapshot` for the tentative
+one for the same step with a higher exchange number starts again from the committed state. A `Correct` moves the
+tentative step on by its linear answer to a small force on the seam. A `Commit` or `Snapshot` for the tentative
 step itself, not for the one that follows, discards it: it failed on the other side. `snapshot` commits first and drops
 every cache that could change later bits (stale factors, warm starts), so that a run that was restored and one that was
 not are bit-identical from there on.
@@ -13,14 +13,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from softseam_protocol.messages import (
     Advance,
     Advanced,
+    Capabilities,
     Configure,
     Configured,
+    Correct,
     Fields,
     Header,
 )
@@ -31,9 +30,13 @@ class Solver(Protocol):
 
     def advance(self, request: Advance) -> Advanced: ...
 
-    def settle(self, force: NDArray[np.float64]) -> None:
-        """Move the tentative step on by its linear answer to a force (s, 3) [N] on the seam, if its reply said that it
-        settles. Raises ValueError where it does not."""
+    def correct(self, request: Correct) -> Advanced:
+        """Move the tentative step on by its linear answer to a force on the seam, if its reply said that it settles;
+        the reply as it stands then. Raises ValueError where it does not."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do for its region."""
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""

@@ -7,19 +7,19 @@ nothing. See `participant` for the states.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
-
-import numpy as np
 
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Advance,
+    Advanced,
     Bundle,
     Commit,
     Committed,
     Configure,
     Configured,
+    Correct,
     Failure,
     Fields,
     Observe,
@@ -31,21 +31,20 @@ from softseam_protocol.messages import (
     Restored,
     Snapshot,
     SnapshotTaken,
-    Vectors,
 )
-from softseam_protocol.quickly_made import altered
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_from_bundle
 from softseam_services.blas import use_one_thread
+from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody, build_any_body
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
 from softseam_services.participant import Solver
 from softseam_services.tools.build import build_tools
+from softseam_services.tools.symmetry import check_symmetry
 from softseam_services.tools.tool_set import ToolSet
 
-_NOTHING = np.zeros((0, 3))
 _BODIES_KEPT = 4
 _SEATS_KEPT = 64
 """of sessions whose orchestrators may have died without a Release"""
@@ -67,10 +66,13 @@ class Setup:
 
 
 def build_setup(bundle: Bundle) -> Setup:
-    """Scene, body and tools of a bundle. Raises SceneError, MeshError or ToolError."""
+    """Scene, body and tools of a bundle. Raises SceneError, MeshError, ToolError or SettingError."""
     scene = scene_from_bundle(bundle)
     body = build_any_body(scene, bundle.files)
-    return Setup(scene, body, build_tools(scene, body, bundle.files))
+    tools = build_tools(scene, body, bundle.files)
+    if isinstance(body, Body):
+        check_symmetry(scene, body, tools)
+    return Setup(scene, body, tools)
 
 
 def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:
@@ -95,7 +97,8 @@ def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver
     else:
         raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
     n_nodes, n_cells = len(region.nodes), len(region.cells)
-    return solver, Configured(request.header, n_nodes, n_cells, substeps, solver.strain, *moving)
+    told = Configured(request.header, n_nodes, n_cells, substeps, solver.strain, *moving, 0.0, solver.capabilities)
+    return solver, told
 
 
 def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tuple[Solver, Configured]:
@@ -175,7 +178,7 @@ class ParticipantServer:
         began = perf_counter()
         reply = self._answer(seat, request)
         if isinstance(reply, _TIMED_HERE):
-            reply = altered(reply, seconds=perf_counter() - began)
+            reply = replace(reply, seconds=perf_counter() - began)
         if not isinstance(reply, _NOT_KEPT):
             seat.replies[type(request)] = (request, reply)
         return reply
@@ -195,7 +198,7 @@ class ParticipantServer:
             self._setups.pop(next(iter(self._setups)))
         self._setups[digest] = setup
         solver, reply = build_solver(setup, request, self._built)
-        reply = altered(reply, seconds=perf_counter() - began)
+        reply = replace(reply, seconds=perf_counter() - began)
         self._seats.pop(key, None)
         while len(self._seats) >= _SEATS_KEPT:
             self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again
@@ -209,20 +212,20 @@ class ParticipantServer:
         if isinstance(request, Advance):
             began = perf_counter()
             if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat, request.seam_settle)
+                _commit(seat)
             if header.step != seat.committed or header.exchange <= seat.exchange:
                 return _stale(request, seat)
-            reply = seat.solver.advance(request)
-            fields = seat.solver.fields(header) if request.fields else None
-            if fields is not None or len(request.seam_settle):  # the solver's clock runs while it advances only
-                reply = altered(reply, fields=fields, seconds=perf_counter() - began)
-            seat.exchange = header.exchange
-            return reply
+            return _with_fields(seat, request, seat.solver.advance(request), began)
+        if isinstance(request, Correct):
+            began = perf_counter()
+            if header.step != seat.committed or not 0 <= seat.exchange < header.exchange:
+                return _stale(request, seat)
+            return _with_fields(seat, request, seat.solver.correct(request), began)
         if isinstance(request, Observe):
             return seat.solver.fields(header, request.indicators, request.own)
         if isinstance(request, Commit | Snapshot):
             if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat, request.seam_settle if isinstance(request, Commit) else _NOTHING)
+                _commit(seat)
             if header.step != seat.committed:
                 return _stale(request, seat)
             if seat.exchange >= 0:  # a step that failed on the other side
@@ -239,10 +242,16 @@ class ParticipantServer:
         return Failure("invalid", f"a participant does not answer {type(request).__name__}")
 
 
-def _commit(seat: _Seat, settle: Vectors) -> None:
-    """Commit the tentative step, settled by this force on the seam (s, 3) [N] where there is one."""
-    if len(settle):
-        seat.solver.settle(settle)
+def _with_fields(seat: _Seat, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
+    """The reply to a tentative step, with the fields where they are asked for."""
+    if request.fields:  # the solver's clock runs while it advances only
+        reply = replace(reply, fields=seat.solver.fields(request.header), seconds=perf_counter() - began)
+    seat.exchange = request.header.exchange
+    return reply
+
+
+def _commit(seat: _Seat) -> None:
+    """Commit the tentative step."""
     seat.solver.commit()
     seat.committed += 1
     seat.exchange = -1

@@ -24,6 +24,7 @@ from softseam_protocol.messages import (
     Bundle,
     Commit,
     Configure,
+    Correct,
     Failure,
     Header,
     Observe,
@@ -36,7 +37,7 @@ from softseam_protocol.messages import (
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_regions import RegionsSpec
 from softseam_services.body.body import Body
-from softseam_services.jit.kernel_cache import compiling
+from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup
 from softseam_services.tools.motion import tool_motion
 
@@ -86,7 +87,7 @@ def warm_participant(model: str, mesh: bool = False) -> None:
     with compiling(model):
         _ask_everything(model, mesh)
         if model == "fem":
-            _fold()
+            _solve_one_side()
 
 
 def _asked(server: ParticipantServer, request: Request) -> object:
@@ -100,10 +101,15 @@ def _header(step: int, exchange: int = 0) -> Header:
     return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
 
 
-def _fold() -> None:
-    """What mirrors itself: the same block on the ground, whole."""
+def _solve_one_side() -> None:
+    """Of the same block on the ground, which is symmetric."""
     scene = warm_scene("fem")
-    ground = {"tools": {"ground": scene.tools["ground"]}, "motion": (), "regions": RegionsSpec(default="fem")}
+    ground = {
+        "tools": {"ground": scene.tools["ground"]},
+        "motion": (),
+        "regions": RegionsSpec(default="fem"),
+        "symmetry": ("x",),
+    }
     bundle = Bundle(scene.model_copy(update=ground).model_dump_json(), {})
     setup = build_setup(bundle)
     server = ParticipantServer()
@@ -137,9 +143,10 @@ def _ask_everything(model: str, mesh: bool) -> None:
         if model == "fem":
             anchor, stiffness = setup.body.x_rest[shared], np.eye(3 * len(shared))
             ask(Advance(header(step, 2), scene.step, force, motion, False, anchor, stiffness))
+        ask(Correct(header(step, 3), force, force))
         position = motion.position_next
         ask(Observe(header(step), indicators=step == 1, own=True))
-    ask(Commit(header(2), force))
+    ask(Commit(header(2)))
     taken = ask(Snapshot(header(2)))
     assert isinstance(taken, SnapshotTaken)
     ask(Restore(header(2), taken.state))
@@ -178,7 +185,6 @@ def settle() -> None:
 def warm_orchestrator() -> None:
     """Run a few coupled steps in this process: coupling, regions, hand-over and read-out."""
     with compiling("pbd"):
-        _warm_link()
         _take_steps(warm_scene("pbd"))
 
 
@@ -202,27 +208,3 @@ def _take_steps(scene: Scene) -> None:
         simulation.step(None, fields=True)
     simulation.load(simulation.save())
     simulation.close()
-
-
-def _warm_link() -> None:
-    """What two models of one kind have no use for: a linked step of the seam."""
-    from softseam_coupling.kernels.learned_line import multiply_one
-    from softseam_coupling.kernels.link import foretell, link_round, settled
-    from softseam_coupling.kernels.push import push_far
-    from softseam_coupling.kernels.quasi_newton import multiply
-    from softseam_coupling.learned_line import LearnedLine
-
-    one, vectors = np.eye(3), np.zeros((1, 3))
-    flat = vectors.reshape(-1)
-    multiply(one, flat, np.empty(3))
-    multiply_one(one, flat, np.empty(3))
-    foretell(one, flat, flat, np.empty(3), np.empty(3))
-    learned = LearnedLine(3)
-    learned.renew(one, one)
-    learned.learn(np.ones(3), np.ones(3))
-    learned.beside(one, True)
-    pairs = (learned.kept, learned.changes, learned.defects, learned.along)
-    products = (learned.pushes, learned.moves, learned.answers)
-    link_round(one, one, one, True, *(flat,) * 6, *pairs, *products, *np.empty((5, 3)))
-    push_far(flat, True, flat, flat, one, one[:1, :1].copy(), one, flat, flat, *np.empty((2, 3)))
-    settled(vectors.copy(), *(vectors,) * 5, 0.01, np.zeros(3), np.zeros(3))

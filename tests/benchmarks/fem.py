@@ -19,35 +19,22 @@ from numba import njit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from fem_run import CLOSE, FemRun, tofu, unfolded
+from fem_run import CLOSE, FemRun, tofu
 from timing import least
 
-from softseam_services.fem import model as fem_model
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts
 from softseam_services.fem.kernels.elements import add_cell_tangents
 from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, solve
-from softseam_services.fem.kernels.multigrid import (
-    BLOCK_JACOBI,
-    MULTIGRID,
-    NONE,
-    SWEEPS,
-    conjugate_gradients,
-    prepare,
-)
 from softseam_services.fem.kernels.newton import residual
 from softseam_services.fem.kernels.pair import factor
-from softseam_services.fem.kernels.sparse import product
 from softseam_services.fem.tool_motion import moved
 from softseam_services.fem.tree import Factoring
 
-SIZES = ((4, 1, 1), (2, 2, 2), (3, 3, 3), (4, 4, 4), (5, 5, 5), (7, 7, 7), (12, 12, 12), (20, 20, 20))
-MOST_FACTORED = 60_000
-"""unknowns beyond which only the iterative solver is measured: a factor of 200k takes 20 s and 3 GB"""
+SIZES = ((4, 1, 1), (2, 2, 2), (3, 3, 3), (4, 4, 4), (5, 5, 5), (7, 7, 7), (12, 12, 12), (15, 15, 15))
 STEP = 0.005
 # of a cell: 378 pairs of nodes, 8 points, 15 products and sums
 TANGENT_FLOPS = 378 * 8 * 15 * 2
-NAMES = {NONE: "factor", MULTIGRID: "multigrid", BLOCK_JACOBI: "block Jacobi", SWEEPS: "Gauss-Seidel"}
 
 
 @njit(cache=True)
@@ -71,7 +58,6 @@ class Row:
     """Seconds a call."""
 
     unknowns: int
-    kind: int
     build: float
     assemble: float
     prepare: float
@@ -79,7 +65,6 @@ class Row:
     residual: float
     contact: float
     megabytes: float
-    iterations: int = 0
     flops: float = 0.0
     bytes: float = 0.0
     cells: int = 0
@@ -88,15 +73,14 @@ class Row:
     newton: dict[str, float] = field(default_factory=dict)
 
 
-def measure(counts: tuple[int, int, int], kind: int) -> Row:
+def measure(counts: tuple[int, int, int]) -> Row:
     began = time.process_time()
-    fem_model.MOST_FACTORED = 10**9 if kind == NONE else 0
-    run = FemRun(unfolded(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2]))))
+    run = FemRun(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2])))
     build = time.process_time() - began
     solver, stepper = run.solver, run.solver._stepper
-    model, tree, work, memo = solver._model, stepper._tree._replace(kind=kind), stepper.work, stepper.memo
+    model, tree, work, memo = solver._model, stepper._tree, stepper.work, stepper.memo
     tools = moved(solver._tools, run.request().tools)
-    x, none = model.x_rest.copy(), np.zeros(0, dtype=np.int32)
+    x = model.x_rest.copy()
     n = 3 * int(np.count_nonzero(tree.position >= 0))
     contact = solver._committed.contact
     reach = 0.25 * model.edge
@@ -107,10 +91,7 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
         add_cell_tangents(x, model, tree, work, False)
 
     def ready() -> None:
-        if kind == NONE:
-            assert factor(tree, work.values, work.factoring) == 0
-        else:
-            assert prepare(tree, work.values, False, work.seam_stiffness, none, work.grid)
+        assert factor(tree, work.values, work.factoring) == 0
 
     def both() -> None:
         assemble()
@@ -122,50 +103,38 @@ def measure(counts: tuple[int, int, int], kind: int) -> Row:
         add_contact_forces(model, count, work, work.r)
 
     b = np.random.default_rng(1).standard_normal(n)
-    done = [0]
 
     def answer() -> None:
         work.d[:] = b
-        if kind == NONE:
-            solve(tree, work.values, work.d, work.factoring)
-        else:
-            done[0] = conjugate_gradients(
-                tree, work.values, work.grid, False, work.seam_stiffness, none, 1e-3, work.d, work.ints
-            )
+        solve(tree, work.values, work.d, work.factoring)
 
     both()
-    row = Row(n, kind, build, least(assemble), 0.0, 0.0, 0.0, 0.0, 0.0)
-    row.prepare = (least(both) - row.assemble) if kind == NONE else least(ready)
+    row = Row(n, build, least(assemble), 0.0, 0.0, 0.0, 0.0, 0.0)
+    row.prepare = least(both) - row.assemble
     both()
-    row.solve, row.iterations = least(answer), done[0]
-    if kind == NONE:
-        k, m = 3.0 * tree.meta[:, OWN], 3.0 * tree.meta[:, ALL]
-        row.flops = float((k**3 / 3 + k**2 * (m - k) + k * (m - k) ** 2).sum())
-        row.bytes = 16.0 * len(work.values) / row.solve
-        if work.factoring.start[0] != 0:
-            matrix, one = work.values.copy(), work.factoring._replace(start=np.zeros(1, dtype=np.int64))
+    row.solve = least(answer)
+    k, m = 3.0 * tree.meta[:, OWN], 3.0 * tree.meta[:, ALL]
+    row.flops = float((k**3 / 3 + k**2 * (m - k) + k * (m - k) ** 2).sum())
+    row.bytes = 16.0 * len(work.values) / row.solve
+    if work.factoring.start[0] != 0:
+        matrix, one = work.values.copy(), work.factoring._replace(start=np.zeros(1, dtype=np.int64))
 
-            def by(scratch: Factoring) -> Callable[[], object]:
-                def once() -> None:
-                    work.values[:] = matrix
-                    factor(tree, work.values, scratch)
+        def by(scratch: Factoring) -> Callable[[], object]:
+            def once() -> None:
+                work.values[:] = matrix
+                factor(tree, work.values, scratch)
 
-                return once
+            return once
 
-            assemble()
-            matrix[:] = work.values
-            alone = least(by(one), clock=time.perf_counter)
-            row.pair = alone / least(by(work.factoring), clock=time.perf_counter)
-    else:
-        y = np.empty(n)
-        row.bytes = 8.0 * len(work.values) / least(
-            lambda: product(tree, work.values, b, y)
-        )  # fmt: skip
+        assemble()
+        matrix[:] = work.values
+        alone = least(by(one), clock=time.perf_counter)
+        row.pair = alone / least(by(work.factoring), clock=time.perf_counter)
     row.residual = least(lambda: residual(x, x, model, tools, 0, 1.0 / STEP**2, 1.0, work, memo))
     row.contact = least(touch)
     row.megabytes = 1e-6 * _size((model, tree, work))
     row.cells = len(model.cell_nodes)
-    if kind == NONE and n < 20_000:
+    if n < 20_000:
         row.newton = steps(run)
     return row
 
@@ -214,44 +183,35 @@ def exponent(rows: list[Row], what: Callable[[Row], float]) -> float:
 def main(most: int) -> None:
     flops, rate = limits()
     print(f"limits: {1e-9 * flops:.0f} GFLOP/s (product of 96 x 96), {1e-9 * rate:.1f} GB/s (triad)\n")
-    print("| unknowns | solved by | build s | assemble | factor | solve | residual | contact | MB | of the limits |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print("| unknowns | build s | assemble | factor | solve | residual | contact | MB | of the limits |")
+    print("|---|---|---|---|---|---|---|---|---|")
     rows: list[Row] = []
     for counts in SIZES:
-        unknowns = 3 * int(np.prod(2 * np.array(counts) + 1))
-        kinds = [NONE] if unknowns <= MOST_FACTORED else []
-        kinds += [MULTIGRID] if unknowns > 2000 else []
-        kinds += [BLOCK_JACOBI, SWEEPS] if 3000 < unknowns < 20_000 else []
-        for kind in kinds if unknowns <= most else []:
-            row = measure(counts, kind)
-            rows.append(row)
-            share = TANGENT_FLOPS * row.cells / row.assemble / flops
-            ratio = f"assemble {share:.2f}, "
-            if kind == NONE:
-                ratio += f"factor {row.flops / row.prepare / flops:.2f}, solve {row.bytes / rate:.2f}"
-                ratio += f"; two threads {row.pair:.2f} x" if row.pair else ""
-            else:
-                ratio += f"product {row.bytes / rate:.2f}"
-            name = NAMES[kind] + (f", {row.iterations} its" if row.iterations else "")
-            print(
-                f"| {row.unknowns} | {name} | {row.build:.2f} | {1e3 * row.assemble:.3g} | {1e3 * row.prepare:.3g} | "
-                f"{1e3 * row.solve:.3g} | {1e3 * row.residual:.3g} | {1e3 * row.contact:.3g} | {row.megabytes:.0f} | "
-                f"{ratio} |",
-                flush=True,
-            )
+        if 3 * int(np.prod(2 * np.array(counts) + 1)) > most:
+            continue
+        row = measure(counts)
+        rows.append(row)
+        ratio = f"assemble {TANGENT_FLOPS * row.cells / row.assemble / flops:.2f}, "
+        ratio += f"factor {row.flops / row.prepare / flops:.2f}, solve {row.bytes / rate:.2f}"
+        ratio += f"; two threads {row.pair:.2f} x" if row.pair else ""
+        print(
+            f"| {row.unknowns} | {row.build:.2f} | {1e3 * row.assemble:.3g} | {1e3 * row.prepare:.3g} | "
+            f"{1e3 * row.solve:.3g} | {1e3 * row.residual:.3g} | {1e3 * row.contact:.3g} | {row.megabytes:.0f} | "
+            f"{ratio} |",
+            flush=True,
+        )
     print("\n| unknowns | iterations a step | factors a step | ms an iteration, all told | ms of Python a step |")
     print("|---|---|---|---|---|")
     for row in rows:
         if row.newton:
             values = (row.newton[key] for key in ("iterations", "factors", "ms", "python"))
             print(f"| {row.unknowns} | " + " | ".join(f"{v:.3g}" for v in values) + " |")
-    for kind in (NONE, MULTIGRID):
-        of_kind = [r for r in rows if r.kind == kind]
-        if len(of_kind) > 2:
-            parts = {"assemble": lambda r: r.assemble, "factor": lambda r: r.prepare, "solve": lambda r: r.solve,
-                     "memory": lambda r: r.megabytes}  # fmt: skip
-            slopes = ", ".join(f"{name} {exponent(of_kind, what):.2f}" for name, what in parts.items())
-            print(f"\ngrowth with unknowns, {NAMES[kind]}: {slopes}")
+    if len(rows) > 2:
+        parts = {"assemble": lambda r: r.assemble, "factor": lambda r: r.prepare, "solve": lambda r: r.solve,
+                 "memory": lambda r: r.megabytes}  # fmt: skip
+        print(
+            "\ngrowth with unknowns: " + ", ".join(f"{name} {exponent(rows, what):.2f}" for name, what in parts.items())
+        )
     print(f"\npeak memory of the process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 
 

@@ -27,7 +27,7 @@ from rich.table import Table
 from softseam.chart.assemble import counted
 from softseam.chart.climb import climb
 from softseam.chart.errors import KNOWN, rms, scale_of
-from softseam.chart.frame import frame_of
+from softseam.chart.frame import Frame, frame_of
 from softseam.chart.ladder import Ladder
 from softseam.chart.measure import Outcome, quantity_names
 from softseam.chart.progress import ChartProgress
@@ -45,20 +45,31 @@ MINUTES = 20.0
 TARGET = 1e-4
 """as good as none: a ladder is climbed for as long as given [1]"""
 REMEDY = "compute the levels anew"
+SYMMETRY = {
+    "cantilever": "y", "heavy_on_soft": "y", "sausage_bend": "xz", "silken_tofu": "xy", "stiff_inclusion": "xy",
+    "tofu_drop": "xy", "tofu_grasp": "xy", "tofu_pads": "xy", "tofu_push": "y", "tofu_slab": "y",
+}  # fmt: skip
+"""axes that scenes are symmetric across: levels solve for one side where an even number of cells lies along them"""
 ALIKE = 1e-5
 """a level that other code computed is this code's where quantities differ by less, relative to their size [1]"""
 
 
+def ladder_of(name: str) -> tuple[Ladder, Frame]:
+    """Of a scene as it is given, solved for one side where that comes to the same."""
+    settings = (*AS_GIVEN, f"symmetry={json.dumps([*SYMMETRY.get(name, '')])}")
+    scene = with_settings(load_scene(name), settings)
+    frame = frame_of(scene, name, settings)
+    return Ladder(name, settings, frame, quantity_names(scene)), frame
+
+
 def make(name: str, minutes: float, console: Console) -> tuple[Path, Reference]:
     """Climb a scene's ladder, write what it leads to or keep what is there, and return where and what."""
-    scene = with_settings(load_scene(name), AS_GIVEN)
-    code, frame = solver_digest(), frame_of(scene, name, AS_GIVEN)
-    ladder = Ladder(name, AS_GIVEN, frame, quantity_names(scene))
+    code, (ladder, frame) = solver_digest(), ladder_of(name)
     ladder.open(code, fresh=False)
     take_over(ladder, code, console)
     if ladder.graded is not None:
         take_over(ladder.graded, code, console)
-    path = path_of(scene.name)
+    path = path_of(ladder.scene)
     there = read(path)
     if there is not None and not holds(there, ladder, console):
         there = None

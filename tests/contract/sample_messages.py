@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header, ToolMotion
+from softseam_protocol.outcomes import Status
 
 HEADER = Header(SCHEMA_VERSION, "s", "near", 0, 3, 1, 0.02)
 TOOLS = ToolMotion(np.zeros((2, 3)), np.zeros((2, 4)), np.zeros((2, 3)), np.zeros((2, 4)))
@@ -16,7 +17,8 @@ TOOLS = ToolMotion(np.zeros((2, 3)), np.zeros((2, 4)), np.zeros((2, 3)), np.zero
 def advanced(n_seam: int = 4, **changes: Any) -> Advanced:
     rng = np.random.default_rng(1)
     message = Advanced(
-        HEADER, "converged", rng.random((n_seam, 3)), np.zeros((0, 0)), rng.random((3, 6)), 1.0, 2.0, 3.0, 4.0, 5.0,
+        HEADER, Status.CONVERGED, rng.random((n_seam, 3)), np.zeros((0, 0)), rng.random((3, 6)),
+        1.0, 2.0, 3.0, 4.0, 5.0,
         rng.random(3), rng.random(3), 0.1, 0.2, 5, 6, 0.1, rng.random(64), rng.random((2, 3)),
     )  # fmt: skip
     return dataclasses.replace(message, **changes)

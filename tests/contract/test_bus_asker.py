@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import pytest
 
 from softseam_protocol.bus import Asker, Bus, Router
+from softseam_protocol.bus_session import LEASE
 from softseam_protocol.codec import decode, encode
 from softseam_protocol.errors import BusError, BusTimeout, ForkedBus, NoReply, Refused
 from softseam_protocol.messages import SCHEMA_VERSION, Commit, Committed, Failure, Header
@@ -122,6 +123,50 @@ def test_a_server_that_dies_and_comes_back(endpoint: str) -> None:
                     assert time.monotonic() - began < 5.0
                 finally:
                     process.kill()
+
+
+def test_a_request_at_the_moment_of_a_kill_ends_at_once(endpoint: str) -> None:
+    """Before, in, or after the millisecond in which the router learns of it: an error, and no wait for the timeout."""
+    key = KEYS.echo("struck")
+    with Bus(endpoint) as bus:
+        asker = bus.asker(key, 60.0)
+        for n in range(6):
+            with subprocess.Popen(
+                [sys.executable, "-c", _SERVER, endpoint, key], stdout=subprocess.PIPE, text=True
+            ) as process:
+                try:
+                    assert process.stdout is not None and process.stdout.readline() == "ready\n"
+                    wait_served(bus, key)
+                    began = time.monotonic()
+                    process.send_signal(signal.SIGKILL)
+                    while time.monotonic() - began < 0.0005 * n:
+                        continue
+                    with pytest.raises(NoReply, match="struck"):
+                        asker.start(b"hang").collect()
+                    assert time.monotonic() - began < 5.0
+                finally:
+                    process.kill()
+
+
+def test_a_server_that_is_frozen_in_a_request_is_given_up_after_the_lease(endpoint: str) -> None:
+    key = KEYS.echo("frozen")
+    with (
+        Bus(endpoint) as bus,
+        subprocess.Popen([sys.executable, "-c", _SERVER, endpoint, key], stdout=subprocess.PIPE, text=True) as process,
+    ):
+        try:
+            assert process.stdout is not None and process.stdout.readline() == "ready\n"
+            wait_served(bus, key)
+            pending = bus.asker(key, 60.0).start(b"hang")
+            assert process.stdout.readline() == "hanging\n"
+            began = time.monotonic()
+            process.send_signal(signal.SIGSTOP)
+            with pytest.raises(NoReply, match="frozen"):
+                pending.collect()
+            assert time.monotonic() - began < LEASE + 4.0
+        finally:
+            process.send_signal(signal.SIGCONT)
+            process.kill()
 
 
 def test_a_closed_or_inherited_bus_says_so(endpoint: str) -> None:

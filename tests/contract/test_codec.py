@@ -59,6 +59,8 @@ def _value(field: Field) -> st.SearchStrategy[Any]:
         one = st.deferred(lambda: messages(field.of))
     elif field.of is int:
         one = st.integers(-(2**63) if field.least is None else field.least, 2**63 - 1)
+    elif field.is_enum:
+        one = st.sampled_from(list(field.of))
     elif field.of is str:
         one = _NAMES if field.named else st.text(max_size=20)
     else:

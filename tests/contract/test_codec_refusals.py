@@ -68,6 +68,8 @@ def _set(path: str, value: Any) -> Any:
         (_set("seam_x.data", np.full(12, -np.inf).tobytes()), r"Advanced\.seam_x: entry 0 is -inf"),
         (_set("kinetic", float("nan")), r"Advanced\.kinetic: nan is not a finite number"),
         (_set("slip", float("inf")), r"Advanced\.slip: inf"),
+        (_set("status", "fine"), r"Advanced\.status: 'fine' is none of converged, refused"),
+        (lambda wire: wire.alarm_details.append("odd"), r"Advanced\.alarm_details: 'odd' is none of"),
         (_set("n_contacts", -1), r"Advanced\.n_contacts: -1 is less than 0"),
         (_set("header.step", -1), r"Advanced: Header\.step: -1 is less than 0"),
         (_set("header.session", "../../etc"), r"Header\.session: '\.\./\.\./etc' is not a name"),

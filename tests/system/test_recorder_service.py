@@ -20,6 +20,7 @@ from softseam_protocol.bus import Bus, Router
 from softseam_protocol.codec import encode
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages import SCHEMA_VERSION, Commit, End, Event, Frame, Header, Recorded, StepReport
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
 from softseam_services.orchestrator.recorder_feed import MOST_MESSAGES, PATIENCE, RecorderFeed
@@ -238,7 +239,7 @@ def test_bad_messages_are_counted_and_change_nothing(bus: Bus, recorder: Recorde
     source = feed(bus, run.session, [])
     source.begin(run.begin)
     bus.publish(KEYS.session(run.session, Frame), b"\x00garbage")
-    bus.publish(KEYS.session(run.session, StepReport), encode(Event(run.begin.header, "x", "y"))[:-3])
+    bus.publish(KEYS.session(run.session, StepReport), encode(Event(run.begin.header, EventKind.TOOLS, "y"))[:-3])
     for message in run.messages():
         source.publish(message)
     ended = source.end("done")

@@ -32,8 +32,8 @@ from softseam.atlas.trace import (
 )
 from softseam.atlas.verdicts import KINDS, Kind, Verdict, judge, percent
 from softseam.errors import BadInput
-
-ALARM = ("energy", "step 3: energy appears from nowhere: shorten the step")
+from softseam_protocol.messages import SCHEMA_VERSION, Event, Header
+from softseam_protocol.outcomes import Detail, EventKind
 
 
 @pytest.mark.parametrize(
@@ -65,29 +65,34 @@ def test_no_verdict_goes_without_an_explanation() -> None:
         Verdict("accurate", "")
 
 
+def _event(kind: EventKind, *details: Detail, text: str = "") -> Event:
+    return Event(Header(SCHEMA_VERSION, "s", "", 0, 3, 0, 0.0), kind, text, list(details))
+
+
 def test_events_name_the_safeguards() -> None:
-    """The texts are those that the orchestrator emits."""
-    assert guard_of("seam", "step 3: taken in 4 parts, 12 exchanges, gap 0.6 um") == PARTS
-    assert guard_of("cells", "step 9: 4 cells are squeezed beyond half: full quadrature") == CRUSHED
-    assert guard_of("step", "step 2, far (fem): taken in 8 parts") == CUT
-    assert guard_of("monitor", "step 2, far: diverged: repeated with 68 substeps, sweeps 2") == RETRIED
-    assert guard_of("monitor", "step 2, far: crushed, torn or behind its shape: sweeps 2") == MORE_SWEEPS
-    assert guard_of("monitor", "step 2, far: gains energy where tools touch: shorter substeps while they do") == SHORTER
-    assert guard_of("monitor", "step 2, far: not converged, stress is 80% off its shape") is None
-    assert guard_of("participant_restored", "participant 'far' is back") == RESTORED
-    assert guard_of("regions", "4 cells raised") is None
+    """By kind and details: whatever the text says, it changes nothing."""
+    assert guard_of(_event(EventKind.SEAM, Detail.PARTS, Detail.GAP_KEPT)) == PARTS
+    assert guard_of(_event(EventKind.CELLS)) == CRUSHED
+    assert guard_of(_event(EventKind.STEP)) == CUT
+    assert guard_of(_event(EventKind.MONITOR, Detail.REPEATED, Detail.UNCONVERGED)) == RETRIED
+    assert guard_of(_event(EventKind.MONITOR, Detail.SWEEPS)) == MORE_SWEEPS
+    assert guard_of(_event(EventKind.MONITOR, Detail.SHORTER)) == SHORTER
+    assert guard_of(_event(EventKind.MONITOR, Detail.UNCONVERGED, text="repeated with more sweeps, taken in")) is None
+    assert guard_of(_event(EventKind.PARTICIPANT_RESTORED)) == RESTORED
+    assert guard_of(_event(EventKind.REGIONS)) is None
 
 
 def test_an_alarm_counts_where_the_whole_run_confirms_it() -> None:
     """At a first touch the ledger compares with next to nothing."""
-    assert told_by(Trace(events=(ALARM,), created=1e-5)) == []
-    assert told_by(Trace(events=(ALARM,), created=1e-2)) == ["alarm: energy from nowhere"]
-    kept = ("seam", "step 0: gap 239 um after 16 exchanges is kept: the sides' exchanges did not converge")
-    assert told_by(Trace(events=(kept, ("solver", "step 1, far (pbd): diverged")))) == [
+    alarm = _event(EventKind.ENERGY, Detail.CREATED)
+    assert told_by(Trace(events=(alarm,), created=1e-5)) == []
+    assert told_by(Trace(events=(alarm,), created=1e-2)) == ["alarm: energy from nowhere"]
+    kept = _event(EventKind.SEAM, Detail.GAP_KEPT)
+    assert told_by(Trace(events=(kept, _event(EventKind.SOLVER)))) == [
         "a gap at the seam was kept",
         "a step was kept that had not converged",
     ]
-    coarse = ("accuracy", "step 0: estimated error of mesh 40 % in the energy norm")
+    coarse = _event(EventKind.ACCURACY)
     assert told_by(Trace(events=(coarse,))) == ["event: the estimated error is too large"]
 
 

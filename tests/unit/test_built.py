@@ -14,7 +14,7 @@ from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.body.body import Body
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
-from softseam_services.fem import fold, region_tables
+from softseam_services.fem import region_tables, symmetry
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tables, build_model
 from softseam_services.fem.region_tables import RegionTables
@@ -58,10 +58,12 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
         indicators.append(MeshError(*arguments))  # type: ignore[arg-type]
         return indicators[-1]
 
-    for module in (region_tables, fold):
+    for module in (region_tables, symmetry):
         monkeypatch.setattr(module, "build_model", counted)
     monkeypatch.setattr(region_tables, "MeshError", measured)
-    scene = with_settings(load_scene(SCENES / "tofu_grasp.yaml").scene, [*BEFORE, f"regions.near.split={split}"])
+    scene = with_settings(
+        load_scene(SCENES / "tofu_grasp.yaml").scene, [*BEFORE, f"regions.near.split={split}", "symmetry=[y]"]
+    )
     simulation = Simulation(bundle_scene(scene, {}), EmbeddedTransport())
     episodes, estimates = [], []
     for episode in range(3):
@@ -72,7 +74,7 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
         episodes.append(np.concatenate([report.wrench.ravel() for report in reports]))
     simulation.close()
     assert len(indicators) == 1 and estimates[0] is not None and estimates[0] == estimates[1] == estimates[2]
-    assert len(built) == {"when_cheaper": 2, "always": 1}[split]  # a body that folds has a half, and all of it to read
+    assert len(built) == {"when_cheaper": 2, "always": 1}[split]  # what is solved for is a half, and all is read
     assert all(np.array_equal(episodes[0], each) for each in episodes[1:]) and np.abs(episodes[0]).max() > 1.0
     for tables, copy in zip(built, copies, strict=True):
         assert len(copy) > 60
@@ -91,7 +93,7 @@ def test_four_regions_are_kept_each_of_its_body() -> None:
         return Configure(Header(SCHEMA_VERSION, "s", "near", 0, 0, 0, 0.0), bundle, "fem", cells, none, None, True)
 
     region = build_region(setup.body, asked(12).cells, none)
-    tables = RegionTables(setup.body, region, setup.tools, setup.scene.models.fem)
+    tables = RegionTables(setup.body, region, setup.tools, setup.scene)
     kept = Built()
     for n_cells in range(1, 6):
         kept.keep(setup.body, asked(n_cells), tables)

@@ -317,7 +317,7 @@ def test_a_level_that_did_not_end_in_time_is_not_begun_again_in_as_much(
         return replace(outcome, spent=100.0 * outcome.spent)
 
     monkeypatch.setattr("softseam.chart.ladder.measure", slowly)
-    block = replace(frame(), mirrors=(0, 1))
+    block = frame()
     first, again = (Ladder("tofu_grasp", (), block, ("grip_force",)) for _ in range(2))
     for ladder in (first, again):
         ladder.open("code", fresh=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fem_run import FemRun, block, unfolded
+from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
@@ -41,7 +41,7 @@ def _problem(
     pace: float = 1.0,
 ) -> tuple[FemModel, Tree, Work, Tools, NDArray[np.float64], int]:
     """A cube whose lower face is 10 um below the ground; every point there carries the multiplier."""
-    run = FemRun(unfolded(block(tools={"ground": {"kind": "plane", "friction": friction}})))
+    run = FemRun(block(tools={"ground": {"kind": "plane", "friction": friction}}))
     solver = run.solver
     model, tree, work = solver._model, solver._stepper._tree, solver._stepper.work
     pose = (run.position, run.orientation, run.position, run.orientation)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
 
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
@@ -35,7 +35,7 @@ def types(element: str, grading: float) -> tuple[Any, ...]:
     )
 
 
-@pytest.mark.parametrize("element", get_args(ElementKind))
+@pytest.mark.parametrize("element", list(FACTS))
 def test_cells_of_any_shape_and_element_need_no_other_kernels(element: str) -> None:
     """A type of its own, be it by the layout of one array, would have the whole step compiled anew (16 s)."""
     plain = types("hex27", 1.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from full_disk import files_up_to
 
-from softseam_services.jit.kernel_cache import drop_stale_kernels, kernel_packages
+from softseam_services.kernel_cache import drop_stale_kernels, kernel_packages
 
 _SOURCES = {
     "one/__init__.py": "",

@@ -13,6 +13,7 @@ from softseam_coupling.kernels.link import link_round
 from softseam_coupling.mortar import identity_tie, stiffness_of
 from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header
+from softseam_protocol.outcomes import Status
 from softseam_protocol.scene_regions import SeamSpec
 from softseam_services.orchestrator import far_stiffness
 from softseam_services.orchestrator.linked import MOST_ROUNDS
@@ -65,7 +66,7 @@ class Side:
         energy = 0.5 * float((self.next_v**2).sum())
         strain = 0.5 * self.spring * float(((self.next_x[1] - self.next_x[0]) ** 2).sum())
         return Advanced(
-            Header(SCHEMA_VERSION, "", "", 0, 0, 0, 0.0), "converged", seam,
+            Header(SCHEMA_VERSION, "", "", 0, 0, 0, 0.0), Status.CONVERGED, seam,
             self.off * self.inverse[:3, :3] @ self.skew if side.compliance else np.zeros((0, 0)), np.zeros((0, 6)),
             energy, strain, 0.0, 0.0, work, self.next_v.sum(axis=0), np.zeros(3), 0.0, 0.0, self.touches, 2, 0.0,
             np.zeros(0), np.zeros((2, 3)), force, settles=True,

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.scene_materials import MaterialSpec
+from softseam_protocol.scene_materials import MATERIALS, MooneyRivlinMaterial, material_spec
 from softseam_services.body.body import Material
-from softseam_services.body.materials import MATERIALS, build_material, mooney_rivlin, neo_hookean, point
+from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.errors import LawError
+from softseam_services.body.materials import LAWS, build_material, mooney_rivlin, neo_hookean, point
 from softseam_services.body.materials.invariants import invariants
+from softseam_services.body.materials.law import Law as TableRow
 from softseam_services.body.materials.principal import raise_to_zero, signed_svd
+from softseam_services.body.materials.prototype import MAX_PARAMETERS
 
 YOUNG, POISSON = 20e3, 0.45
+SPEC = MooneyRivlinMaterial(young=YOUNG, poisson=POISSON, density=1050, ratio=0.3)
 MU, LAM = YOUNG / 2.9, YOUNG * 0.45 / (1.45 * 0.1)
 # every sort of state between a stretch of 0.3 and one of 3, repeated and nearly repeated stretches among them
 PRINCIPAL = [
@@ -36,8 +40,8 @@ RIGHTING: list[MaterialKind] = [kind for kind in OBJECTIVE if kind != "st_venant
 
 
 def material(kind: MaterialKind, poisson: float = POISSON) -> Material:
-    ratio = 0.3 if kind == "mooney_rivlin" else None
-    return build_material(MaterialSpec(kind=kind, young=YOUNG, poisson=poisson, density=1050, ratio=ratio))
+    ratio = {"ratio": 0.3} if kind == "mooney_rivlin" else {}
+    return build_material(material_spec({"kind": kind, "young": YOUNG, "poisson": poisson, "density": 1050, **ratio}))
 
 
 class Law:
@@ -82,8 +86,20 @@ INVERTED = [turned(s, 40 + i) for i, s in enumerate([(1.2, 0.9, -0.4), (2.0, 0.5
 
 
 def test_every_kind_of_the_scene_has_a_row() -> None:
-    assert list(MATERIALS) == list(get_args(MaterialKind))
-    assert sorted(MATERIALS.values()) == list(range(len(MATERIALS)))
+    assert list(MATERIALS) == list(LAWS)
+    assert {law.number for law in LAWS.values()} == point.BRANCHES
+
+
+def test_no_law_falls_through_to_another() -> None:
+    """A number without a branch is refused where the table is made; a kernel refuses 0, which is no law."""
+    with pytest.raises(LawError, match=r"branch 7 of materials\.point, which has no such branch"):
+        TableRow(lambda spec, elastic: (), inline=7)
+    with pytest.raises(LawError, match="needs a response"):
+        TableRow(lambda spec, elastic: ())
+    with pytest.raises(ValueError, match="response of a material law: a kernel was given address 0"):
+        point.energy(0, np.zeros(MAX_PARAMETERS), np.eye(3))
+    with pytest.raises(LawError, match="at most 8 finite numbers"):
+        TableRow(lambda spec, elastic: [1.0] * 9, inline=1).packed(SPEC, ElasticConstants(MU, LAM))
 
 
 @pytest.mark.parametrize("kind", MATERIALS)
@@ -324,7 +340,7 @@ def test_mooney_rivlin_of_an_incompressible_bar() -> None:
 @pytest.mark.parametrize("ratio", [0.0, 0.5, 1.0])
 def test_mooney_rivlin_takes_volume_change_apart(ratio: float) -> None:
     """A pure change of volume has no isochoric energy: psi = U(J) = K/4 (J^2 - 1 - 2 ln J), whatever the ratio."""
-    spec = MaterialSpec(kind="mooney_rivlin", young=YOUNG, poisson=POISSON, density=1050, ratio=ratio)
+    spec = MooneyRivlinMaterial(young=YOUNG, poisson=POISSON, density=1050, ratio=ratio)
     law = build_material(spec)
     for J in (0.3, 0.9, 1.2, 3.0):
         psi = point.energy(law.number, law.parameters, np.eye(3) * J ** (1 / 3))

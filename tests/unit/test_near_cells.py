@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast, get_args
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from softseam.variants import with_settings
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.kinds import ELEMENTS
 from softseam_protocol.messages import Advanced
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene, parse_scene
@@ -196,7 +196,7 @@ def test_a_cut_made_by_hand_and_a_spared_one_survive_a_snapshot() -> None:
 
 
 def test_every_element_has_a_price() -> None:
-    assert set(DEARER) == set(get_args(ElementKind))
+    assert set(DEARER) == set(ELEMENTS)
 
 
 def test_a_tool_on_its_way_counts_as_closer() -> None:

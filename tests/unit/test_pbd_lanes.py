@@ -40,7 +40,7 @@ def test_nan_is_not_swallowed() -> None:
     run = PbdRun(block_scene())
     run.run(0.01)
     run.solver._committed.v[3, 1] = np.nan
-    assert "diverged" in run.solver.advance(run.request()).status
+    assert "diverged" in run.solver.advance(run.request()).why
 
 
 @njit(error_model="numpy")

@@ -110,6 +110,20 @@ def newer(path: Path) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
+def older(path: Path) -> None:
+    """With a message of that schema in it, which is not damaged."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="softseam", library="x")
+        writer.add_metadata("softseam", {"schema": "0"})
+        writer.add_metadata("facts", {"softseam": "0.0.1"})
+        schema = writer.register_schema("softseam.v0.StepReport", "protobuf", b"")
+        channel = writer.register_channel("/softseam/StepReport", "protobuf", schema)
+        name = b"softseam.v0.StepReport"
+        writer.add_message(channel, 0, b"\x0a" + bytes([len(name)]) + name, 0)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -119,7 +133,8 @@ def newer(path: Path) -> None:
         (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" * 10), "does not begin like an MCAP file"),
         (lambda path: path.write_bytes(bytes((137, 77, 67, 65, 80, 48, 13, 10))), "cut off at once"),
         (foreign, "another program"),
-        (newer, "schema version 99"),
+        (newer, "schema version 99; .* or a newer one, or record its scene again"),
+        (older, r"schema version 0; .* read it with the softseam that recorded it \(0\.0\.1\), or record its scene"),
     ],
 )
 def test_what_is_no_recording_is_one_clear_error(tmp_path: Path, make: object, words: str) -> None:

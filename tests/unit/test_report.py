@@ -102,7 +102,7 @@ def test_it_says_everything_that_it_promises() -> None:
     assert report["regions"]["near"]["n_elements"] == {"min": 32.0, "mean": 32.0, "max": 32.0}
     assert_allclose(report["quantities"]["grip_force"]["max"], 13.1)
     assert len(report["quantities"]["lift_height"]["values"]) == len(report["energy"]["time"]) == 30
-    assert [event["kind"] for event in report["events"]] == ["phase", "switch", "phase"]
+    assert [event["kind"] for event in report["events"]] == ["tools", "regions", "tools"]
     assert_allclose(report["exchanges"]["mean"], np.mean([1 + k % 3 for k in range(1, 31)]))
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from softseam_coupling.mortar import identity_tie
 from softseam_coupling.seam import SeamSolver
 from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header
+from softseam_protocol.outcomes import Status
 from softseam_services.orchestrator.seam_answers import SideRequest
 from softseam_services.orchestrator.seam_loop import SeamLoop
 from softseam_services.orchestrator.sides import FAR, NEAR
@@ -47,7 +48,7 @@ class Chain:
         seam = self.next_x[:3].reshape(1, 3)
         force = side.force if side.anchor is None else side.force + (side.anchor - seam) @ self.told
         return Advanced(
-            Header(SCHEMA_VERSION, "", "", 0, 0, 0, 0.0), "converged", seam,
+            Header(SCHEMA_VERSION, "", "", 0, 0, 0, 0.0), Status.CONVERGED, seam,
             np.linalg.inv(matrix)[:3, :3] if side.compliance else np.zeros((0, 0)), np.zeros((0, 6)),
             *(0.0,) * 5, np.zeros(3), np.zeros(3), 0.0, 0.0, int(self.touches), 2, 0.0, np.zeros(0),
             np.zeros((2, 3)), force,

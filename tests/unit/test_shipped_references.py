@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.plans import SCENES
+from benchmarks.truths import ladder_of
 from rich.console import Console
 
 from softseam.chart import command, shipped
@@ -30,7 +31,7 @@ from softseam.plan.counted import counts_to, known_to
 from softseam.plan.kept import Goal
 from softseam.plan.planner import NoPlan, choose
 from softseam.scenes import load_scene, references_folder
-from softseam.variants import AS_GIVEN, with_settings
+from softseam.variants import with_settings
 
 TIME = np.arange(100) / 100
 NAMES = ("grip_force", "sag", "slip", "peak_von_mises", "compression")
@@ -263,11 +264,6 @@ def test_a_plan_for_one_quantity_keeps_runs_of_all(
     assert {*asked} == {load_scene("tofu_grasp").quantities}
 
 
-def ladder_of(name: str) -> Ladder:
-    scene = with_settings(load_scene(name), AS_GIVEN)
-    return Ladder(name, AS_GIVEN, frame_of(scene, name, AS_GIVEN), quantity_names(scene))
-
-
 @pytest.mark.parametrize(
     ("settings", "same"),
     [
@@ -275,6 +271,7 @@ def ladder_of(name: str) -> Ladder:
         (("models.pbd.substeps=4", "models.fem.element=hex8"), True),
         (("seam.tolerance=0.01", "regions={default: pbd}", "body.cell=0.01"), True),
         (("tolerance=0.05", "budget={rtf: 20}"), True),
+        (("symmetry=[x]",), True),
         (("body.material.young=21e3",), False),
         (("tools.left.friction=0.5",), False),
         (("step=0.005",), False),
@@ -284,17 +281,17 @@ def test_a_reference_belongs_to_what_moves(settings: tuple[str, ...], same: bool
     """However XPBD would simulate it, and whatever is asked for."""
     scene = with_settings(load_scene("tofu_grasp"), settings)
     ladder = Ladder("tofu_grasp", settings, frame_of(scene, "tofu_grasp", settings), quantity_names(scene))
-    assert (ladder.key == ladder_of("tofu_grasp").key) == same
+    assert (ladder.key == ladder_of("tofu_grasp")[0].key) == same
 
 
 @pytest.mark.parametrize("scene", ["dumpling", "sausage"])
 def test_a_reference_does_not_go_by_how_places_were_rounded(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another processor, or another order of a sum, puts a mesh's points elsewhere by a part in 1e16."""
-    key, places = ladder_of(scene).key, vars(Observation)["surface"].fget
+    key, places = ladder_of(scene)[0].key, vars(Observation)["surface"].fget
     monkeypatch.setattr(Observation, "surface", property(lambda seen: places(seen) * (1.0 + 4e-16)))
-    assert ladder_of(scene).key == key
+    assert ladder_of(scene)[0].key == key
     monkeypatch.setattr(Observation, "surface", property(lambda seen: places(seen) * (1.0 + 1e-9)))
-    assert ladder_of(scene).key != key
+    assert ladder_of(scene)[0].key != key
 
 
 def test_a_file_is_checked_in_what_a_scene_asks_for(made: Reference) -> None:
@@ -310,7 +307,7 @@ def test_the_whole_suite_has_references() -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
-    found, ladder = shipped.read(path), ladder_of(path.stem)
+    found, (ladder, _) = shipped.read(path), ladder_of(path.stem)
     assert found is not None and found.knows(ladder.names)
     assert found.scene == ladder.key, f"{path.stem} has changed since its reference was made: make references"
     assert path.stat().st_size < 100e3
@@ -321,7 +318,7 @@ def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
 def test_what_ships_is_still_true(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A moderate level does what it did when the reference was made."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    found, ladder = shipped.read(path), ladder_of(path.stem)
+    found, (ladder, _) = shipped.read(path), ladder_of(path.stem)
     assert found is not None
     ladder.open(solver_digest(), fresh=False)
     off = shipped.moved(found, ladder)

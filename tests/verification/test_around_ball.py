@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from pbd_run import Energy, PbdRun, block_scene
 
 from softseam_protocol.inner_ball import inner_ball
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_services.body.body import Body
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 SIZE = (0.06, 0.05, 0.04)
 CENTRE, RADIUS = (0.006, -0.003, 0.017), 0.01
-ELEMENTS = get_args(ElementKind)
+ELEMENTS = tuple(FACTS)
 
 
 def scene(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,19 +15,20 @@ from scipy.optimize import brentq
 from scipy.sparse import bmat, csc_array
 from scipy.sparse.linalg import splu
 
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.filled import FULL_MOMENTS, mean_gradients
-from softseam_services.body.interpolate import FUNCTIONS, point_weights, rest_points
+from softseam_services.body.interpolate import point_weights, rest_points
 from softseam_services.body.region import build_region
 from softseam_services.body.surface_check import enclosed_volume
 from softseam_services.fem.elements.cut import octant_stabilisation
 from softseam_services.fem.elements.hex27_box import cell_tables
 
 Floats = NDArray[np.float64]
-HEXAHEDRA: tuple[ElementKind, ...] = tuple(e for e in get_args(ElementKind) if not e.startswith("tet"))
+HEXAHEDRA: tuple[ElementKind, ...] = tuple(e for e in FACTS if not e.startswith("tet"))
 RADIUS, LENGTH, SIDES = 0.02, 0.08, 24
 AXIS = np.array([1.0, 0.5, 0.8]) / np.linalg.norm([1.0, 0.5, 0.8])
 YOUNG, POISSON = 2e4, 0.3
@@ -131,10 +132,10 @@ class Deflection:
     """A body of the small-strain material under loads in balance, and its displacement at points of the surface."""
 
     def __init__(self, body: Body, element: ElementKind) -> None:
-        self.body, self.quadratic = body, FUNCTIONS[element] == "hex27"
+        self.body, self.quadratic = body, FACTS[element].functions == "hex27"
         self.stiffness = Statics(body, element).stiffness(body.x_rest)
         region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
-        indptr, node, weight = point_weights(body, region, FUNCTIONS[element])
+        indptr, node, weight = point_weights(body, region, FACTS[element].functions)
         row = np.repeat(np.arange(body.n_points), np.diff(indptr))
         self.follow = csc_array((weight, (row, node)), shape=(body.n_points, body.n_nodes))
         self.points = rest_points(body)

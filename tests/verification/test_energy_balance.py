@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fem_run import CLOSE, FemRun, tofu, unfolded
+from fem_run import CLOSE, FemRun, tofu
 from numpy.typing import NDArray
 from pbd_run import PbdRun
 
@@ -44,7 +44,7 @@ def fem_work(run: FemRun, moved: Floats) -> float:
 
 def test_fem_loses_what_implicit_euler_does() -> None:
     """Tofu that sinks onto the ground and is squeezed between plates: contact, friction, large strains."""
-    run = FemRun(unfolded(tofu()))
+    run = FemRun(tofu())
     mass = run.region.mass[:, None]
     worst = done = lost = 0.0
     before: tuple[Advanced, Floats, Floats] | None = None

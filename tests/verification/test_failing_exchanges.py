@@ -12,7 +12,7 @@ import pytest
 import softseam
 from softseam.atlas.scenes import press
 from softseam.variants import with_model
-from softseam_protocol.messages import Advance, Advanced, Commit, Configure, Reply, Request, Snapshot
+from softseam_protocol.messages import Advance, Advanced, Configure, Correct, Observe, Reply, Request, Snapshot
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -45,9 +45,10 @@ class Failing(EmbeddedTransport):
         return False
 
 
-def falling(transport: EmbeddedTransport) -> Simulation:
-    """A beam under its weight, whose every step is settled by the next."""
-    simulation = Simulation(bundle_scene(with_model(load_scene(CANTILEVER).scene, "hybrid")), transport)
+def falling(transport: EmbeddedTransport, quantities: tuple[str, ...] = ()) -> Simulation:
+    """A beam under its weight, whose every step is corrected; quantities that ask for errors take a request more."""
+    scene = with_model(load_scene(CANTILEVER).scene, "hybrid")
+    simulation = Simulation(bundle_scene(scene.model_copy(update={"quantities": quantities})), transport)
     for _ in range(12):
         report = simulation.step()
     assert report.seam.n_nodes and report.seam.exchanges == 1
@@ -56,9 +57,15 @@ def falling(transport: EmbeddedTransport) -> Simulation:
 
 @pytest.mark.parametrize("reaches_far", [False, True])
 @pytest.mark.parametrize(
-    ("kind", "act"), [(Commit, Simulation.frame), (Commit, Simulation.save), (Advance, Simulation.step)]
+    ("kind", "act"),
+    [
+        (Observe, Simulation.frame),
+        (Snapshot, Simulation.save),
+        (Advance, Simulation.step),
+        (Correct, Simulation.step),
+    ],
 )
-def test_asked_again_the_step_is_settled(
+def test_asked_again_the_answer_is_the_same(
     kind: type[Request], act: Callable[[Simulation], object], reaches_far: bool
 ) -> None:
     """A frame, a snapshot and the run that follows are those of a run without the failure."""
@@ -109,7 +116,7 @@ def test_a_frame_after_a_snapshot_that_failed_is_of_both_sides() -> None:
     """The far side has answered the request before, which asked for no fields."""
     transport = Failing()
     failed, whole = falling(transport), falling(EmbeddedTransport())
-    transport.kind, transport.reaches_far = Commit, True
+    transport.kind, transport.reaches_far = Snapshot, True
     with pytest.raises(ParticipantLost):
         failed.save()
     assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
@@ -132,8 +139,8 @@ def test_a_stiffness_that_never_arrived_is_told_again(reaches_far: bool) -> None
 def test_a_step_after_which_a_side_is_lost_is_taken_once() -> None:
     """It is booked and reported, without the fields that were asked for; the next one is the next."""
     transport = Failing()
-    failed, whole = falling(transport), falling(EmbeddedTransport())
-    transport.kind = Commit
+    failed, whole = (falling(each, quantities=("model_error",)) for each in (transport, EmbeddedTransport()))
+    transport.kind = Observe
     for simulation in (failed, whole):
         simulation.step(fields=True)
     assert [event.kind for event in failed.events].count("lost") == 1
@@ -145,10 +152,10 @@ def test_a_step_after_which_a_side_is_lost_is_taken_once() -> None:
 def test_a_client_is_told_of_steps_that_were_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without fields where a side is lost while they are asked for; with their number where a later one fails."""
     monkeypatch.setattr("softseam_services.orchestrator.embedded.EmbeddedTransport", Failing)
-    with softseam.open(CANTILEVER, model="hybrid") as session:
+    with softseam.open(CANTILEVER, model="hybrid", settings=['quantities=["model_error"]']) as session:
         session.reset()
         session.step(count=12, fields=False)
-        monkeypatch.setattr(Failing, "kind", Commit)
+        monkeypatch.setattr(Failing, "kind", Observe)
         seen = session.step()
         assert seen.step == 13 and seen.frame is None
         assert [event.kind for event in seen.events].count("lost") == 1

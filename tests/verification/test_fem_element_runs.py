@@ -11,10 +11,10 @@ from fem_run import CLOSE, FemRun, block, tofu
 from scipy.optimize import brentq
 
 from softseam_coupling.mortar import TRACES, mortar_tie
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
-from softseam_services.body.interpolate import FUNCTIONS
 from softseam_services.body.materials import point
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.hex27 import SHARES
@@ -122,7 +122,7 @@ def test_elements_push_on_a_face_as_the_seam_takes_them_to(element: ElementKind)
     for axis in range(3):
         for side in (0, 2):
             face = np.take(lattice_ids, side, axis=2 - axis).ravel()
-            expected[face] += 0.02**2 * (side - 1) * np.outer(_face_share(FUNCTIONS[element]), P[:, axis])
+            expected[face] += 0.02**2 * (side - 1) * np.outer(_face_share(FACTS[element].functions), P[:, axis])
     forces = case.forces(case.x_rest @ F.T)[case.model.cell_nodes[0]]
     np.testing.assert_allclose(forces, expected, atol=5e-3 * np.abs(P).max() * 0.02**2)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,12 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pbd_run import CLAMP_LEFT, Energy, PbdRun, block_scene, static_solution
 
-from softseam_protocol.kinds import MaterialKind
+from softseam_protocol.scene_materials import MATERIALS
 from softseam_services.body.materials import point
 from softseam_services.pbd.kernels.general import solve_nine
 from softseam_services.pbd.kernels.sweep import batch_energies, new_workspace, strain_energy
 
-KINDS = get_args(MaterialKind)
+KINDS = tuple(MATERIALS)
 STATICS = [("neo_hookean", 2), *((kind, 1) for kind in KINDS)]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ from pbd_cases import BEAM, BEAM_RESTS, newton
 from pbd_run import Energy, PbdRun, block_scene, cantilever, static_solution
 
 from softseam_coupling.regions import CellGrid
-from softseam_protocol.kinds import MaterialKind
 from softseam_protocol.scene import Scene
+from softseam_protocol.scene_materials import MATERIALS
 from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.lattice import LOCAL
 from softseam_services.body.materials import point
@@ -25,7 +25,7 @@ from softseam_services.orchestrator.sides import FAR, NEAR, cut
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.pbd.forms import MODES, mean_slopes
 
-KINDS = get_args(MaterialKind)
+KINDS = tuple(MATERIALS)
 SIZE = (0.06, 0.05, 0.04)
 COUNTS = (2, 2, 2)
 

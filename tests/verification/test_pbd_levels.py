@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +11,9 @@ from pbd_cases import BEAM, newton
 from pbd_run import Energy, PbdRun, block_scene, cantilever
 
 from softseam_coupling.regions import CellGrid
-from softseam_protocol.kinds import MaterialKind
 from softseam_protocol.messages import Bundle
 from softseam_protocol.scene import Scene
+from softseam_protocol.scene_materials import MATERIALS
 from softseam_services.body.body import Floats
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.calibration.measure import Bench
@@ -28,7 +28,7 @@ from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.pbd.levels import coarse_cells
 
 Coarse = dict[str, Any]
-KINDS = get_args(MaterialKind)
+KINDS = tuple(MATERIALS)
 SIZE, CELL = (0.08, 0.06, 0.06), 0.02
 CORNER = {"boxes": [{"min": (0.0, -1.0, 0.02), "max": (1.0, 0.01, 1.0)}]}
 """2 x 2 x 2 of 4 x 3 x 3 cells, in an edge of the body: faces, edges and corners hang"""

@@ -142,6 +142,15 @@ def test_a_state_that_is_not_whole_changes_nothing(missing: str) -> None:
     entries["regions.near"] = entries["regions.near"][1:]
     with pytest.raises(ArchiveError, match="cells"):
         asked.load(pack(entries))
+    entries = unpack(state)
+    entries["schema"] = entries["schema"] - 1
+    with pytest.raises(
+        ArchiveError, match=r"schema version \d+, .* reads \d+: load it with the softseam that saved it"
+    ):
+        asked.load(pack(entries))
+    del entries["schema"]
+    with pytest.raises(ArchiveError, match="schema version 0"):
+        asked.load(pack(entries))
     for simulation in (asked, other):
         simulation.step()
     assert asked.time == other.time

@@ -47,7 +47,6 @@ def pressed(model: str, tool: str, depth: float = 0.001) -> tuple[float, float]:
             "tools": {"ground": {"kind": "plane"}, "tool": {**TOOLS[tool], "friction": 0.3}},
             "motion": [{"tools": ["tool"], "move": [0, 0, -depth], "speed": 0.01}, {"hold": 0.1}],
             "regions": {"default": model},
-            "models": {"fem": {"mirrored": False}},  # what a mesh presses does not fold
         }
     )
     simulation = Simulation(Bundle(scene.model_dump_json(), FILES), EmbeddedTransport())

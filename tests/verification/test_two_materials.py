@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import softseam
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_regions import RegionsSpec
@@ -33,7 +34,7 @@ Floats = NDArray[np.float64]
 SIDE = 0.02
 LENGTH = 0.04
 SOFT, STIFF = 20e3, 500e3
-ELEMENTS = get_args(ElementKind)
+ELEMENTS = tuple(FACTS)
 
 
 def _end(low: float, young: float = STIFF, **other: Any) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Literal
 
 from softseam.atlas.verdicts import Verdict
 from softseam_protocol.messages import Advance, Configure, Reply, Request
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene
 
@@ -101,7 +102,7 @@ def disturbed(scene: Scene, fault: Fault | None, every: int, after: int = 10) ->
 
 def judged(told: Told, true: Told) -> Verdict:
     """The verdict on a disturbed run, beside the undisturbed one."""
-    restored = told.events.count("participant_restored")
+    restored = told.events.count(EventKind.PARTICIPANT_RESTORED)
     guards = ("participant restored from its checkpoint",) if restored else ()
     if told.failed:
         return Verdict("unstable", told.failed, None, guards, ("the run failed by name",))

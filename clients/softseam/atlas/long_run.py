@@ -18,6 +18,7 @@ from softseam.observation import Observation
 from softseam.report import write_json
 from softseam.session import open_as_given
 from softseam_protocol.facts import machine
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import Scene
 
 PREFIX = "long"
@@ -100,7 +101,7 @@ def hold(model: Model, n_steps: int, console: Console) -> LongRun:
         gap,
         bool(np.isfinite(forces).all() and np.isfinite(kinetic).all()),
         len(events),
-        sum(kind in ("step", "seam", "cells") for kind in events),
+        sum(kind in (EventKind.STEP, EventKind.SEAM, EventKind.CELLS) for kind in events),
         process_time() - began,
     )
 

@@ -12,6 +12,7 @@ from softseam.errors import SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import open_as_given
 from softseam_protocol.messages import Event
+from softseam_protocol.outcomes import Detail, EventKind
 from softseam_protocol.scene import BodySpec, Scene
 from softseam_protocol.scene_file import SceneError, parse_scene
 
@@ -49,8 +50,7 @@ class Trace:
     failed: str = ""
     safeguards: dict[str, int] = field(default_factory=dict)
     """which acted, and in how many steps"""
-    events: tuple[tuple[str, str], ...] = ()
-    """kind and text of every event"""
+    events: tuple[Event, ...] = ()
     told: tuple[str, ...] = ()
     """indicators that warned"""
     values: tuple[float, ...] = ()
@@ -116,8 +116,8 @@ class _Watch:
         self._gap = max(self._gap, observation.seam.gap)
         numbers = [self._values[-1], energy["kinetic"], energy["strain"], energy["dissipation"]]
         for event in observation.events:
-            if event.kind == "step":
-                self._left -= int(event.message.rpartition(" in ")[2].partition(" ")[0])
+            if event.kind is EventKind.STEP:
+                self._left -= event.count
         if self._left < 0:
             raise _Toil(f"given up at {observation.time:.3g} s, where FEM cuts steps again and again")
         if self._broke is None and not np.isfinite(numbers).all():
@@ -134,53 +134,58 @@ class _Watch:
         if isinstance(body, BodySpec) and body.cell is not None:
             trace.gap = self._gap / (min(body.cell) if isinstance(body.cell, tuple) else body.cell)
         for event in self._events:
-            if (guard := guard_of(event.kind, event.message)) is not None:
+            if (guard := guard_of(event)) is not None:
                 self._guards[guard] = self._guards.get(guard, 0) + 1
         trace.safeguards = self._guards
-        trace.events = tuple((event.kind, event.message) for event in self._events)
+        trace.events = tuple(self._events)
         trace.told = tuple(dict.fromkeys(told_by(trace)))
 
 
-def guard_of(kind: str, message: str) -> str | None:
+def guard_of(event: Event) -> str | None:
     """The safeguard that an event tells of; None for any other event."""
-    if kind == "seam" and "taken in" in message:
-        return PARTS
-    if kind == "cells":
-        return CRUSHED
-    if kind == "step":
-        return CUT
-    if kind == "monitor":
-        if "repeated" in message:
-            return RETRIED
-        return MORE_SWEEPS if "sweeps" in message else SHORTER if "shorter substeps" in message else None
-    if kind == "participant_restored":
-        return RESTORED
-    return None
+    if event.kind in _GUARD_OF_KIND:
+        return _GUARD_OF_KIND[event.kind]
+    return next((guard for of, guard in _GUARD_OF_DETAIL.items() if of in event.details), None)
+
+
+_GUARD_OF_KIND = {
+    EventKind.CELLS: CRUSHED,
+    EventKind.STEP: CUT,
+    EventKind.PARTICIPANT_RESTORED: RESTORED,
+}
+_GUARD_OF_DETAIL = {
+    Detail.PARTS: PARTS,
+    Detail.REPEATED: RETRIED,
+    Detail.SWEEPS: MORE_SWEEPS,
+    Detail.SHORTER: SHORTER,
+}
+"""the first that an event has counts"""
 
 
 def told_by(trace: Trace) -> list[str]:
     """The run's own indicators that warned of something wrong."""
     found = []
-    for kind, message in trace.events:
-        if kind == "energy" and trace.created > CONFIRMED and "nowhere" in message:
+    for event in trace.events:
+        if event.kind in _TOLD_BY_KIND:
+            found.append(_TOLD_BY_KIND[event.kind])
+        if Detail.CREATED in event.details and trace.created > CONFIRMED:
             found.append("alarm: energy from nowhere")
-        elif kind == "energy" and trace.seam_work > CONFIRMED and "seam" in message:
+        if Detail.SEAM_WORK in event.details and trace.seam_work > CONFIRMED:
             found.append("alarm: the seam does work")
-        elif kind == "tools":
-            what = "the tools have met" if "have met" in message else "a tool moves too far in a step"
-            found.append(f"event: {what}")
-        elif kind == "force":
-            found.append("event: a phase ends off its force")
-        elif kind == "accuracy":
-            found.append("event: the estimated error is too large")
-        elif kind == "element":
-            found.append("event: the element is too stiff")
-        elif kind == "monitor" and "not converged" in message:
-            found.append("monitor of PBD: not converged")
-        elif kind == "monitor" and "inside out" in message:
-            found.append("monitor of FEM: cells are inside out")
-        elif kind == "solver":
-            found.append("a step was kept that had not converged")
-        elif kind == "seam" and ("kept" in message or message.count(":") > 1):
-            found.append("a gap at the seam was kept")
+        found += [told for of, told in _TOLD_BY_DETAIL.items() if of in event.details]
     return found
+
+
+_TOLD_BY_KIND = {
+    EventKind.FORCE: "event: a phase ends off its force",
+    EventKind.ACCURACY: "event: the estimated error is too large",
+    EventKind.ELEMENT: "event: the element is too stiff",
+    EventKind.SOLVER: "a step was kept that had not converged",
+}
+_TOLD_BY_DETAIL = {
+    Detail.MET: "event: the tools have met",
+    Detail.TOO_FAR: "event: a tool moves too far in a step",
+    Detail.UNCONVERGED: "monitor of PBD: not converged",
+    Detail.INSIDE_OUT: "monitor of FEM: cells are inside out",
+    Detail.GAP_KEPT: "a gap at the seam was kept",
+}

@@ -8,6 +8,7 @@ from itertools import product
 from typing import Literal
 
 from softseam.chart.frame import Counts, Frame, Grading, is_viscous, retardation_time
+from softseam.symmetric import PARTS
 from softseam_protocol.scene import BlockShape, BodySpec
 from softseam_protocol.spec import Vector
 
@@ -109,10 +110,14 @@ class Fem:
     @property
     def settings(self) -> tuple[str, ...]:
         """That ask for it."""
-        whole = "" if self.frame.scene.models.fem.mirrored else ", mirrored: false"
-        fem = f"models.fem={{element: {self.element}, integrator: {self.integrator}{whole}}}"
+        fem = f"models.fem={{element: {self.element}, integrator: {self.integrator}}}"
         cells = self.frame.cells(self.counts, self.grading, self.towards)
-        return "regions={default: fem}", *cells, f"step={self.step:.9g}", fem
+        return "regions={default: fem}", *cells, f"step={self.step:.9g}", fem, *self.frame.symmetry(self._axes)
+
+    @property
+    def _axes(self) -> tuple[int, ...]:
+        """That it solves one side of; tetrahedra are divided otherwise on either side."""
+        return () if self.element.startswith("tet") else self.frame.solved_across(self.counts)
 
     def configuration(self) -> Configuration:
         """As the sweep tries it, and as a reference's level is."""
@@ -121,7 +126,8 @@ class Fem:
         how = "" if self.integrator == "implicit_euler" else f" {self.integrator}"
         method: Method = "FEM" if self.element in SWIFT else "FEM, other elements"
         cells = _cells(self.frame, self.counts)
-        label = f"FEM{named} {cells}{graded}, {_ms(self.step)}{how}"
+        part = f", {PARTS[len(self._axes)]} of it solved for" if self._axes else ""
+        label = f"FEM{named} {cells}{graded}, {_ms(self.step)}{how}{part}"
         key = f"fem-{self.element}-{self.integrator}-{cells}-{_ms(self.step, '')}{graded}".replace(" ", "-")
         return Configuration(key, method, label, self.settings, self.seconds, self)
 
@@ -143,7 +149,7 @@ def _cells_and_factors(
 def _folding(
     frame: Frame, given: Sequence[tuple[int, Factors]], own: Factors, idle: tuple[int, int] | None = None
 ) -> list[tuple[Counts, Factors]]:
-    """The same for FEM alone, which folds them; idle: an axis, and how many cells lie along it."""
+    """The same for FEM alone, which solves one side where it can; idle: an axis, and how many cells lie along it."""
     found: dict[Counts, Factors] = {}
     for counts, factors in _cells_and_factors(frame, given, own):
         x, y, z = frame.folding(counts)
@@ -255,7 +261,8 @@ def _xpbd(frame: Frame) -> Iterator[Configuration]:
 
 
 def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Configuration:
-    settings = ("regions={default: pbd}", *frame.cells(counts), f"step={step:.9g}", f"models.pbd={{{how}}}")
+    cut = frame.symmetry(())
+    settings = ("regions={default: pbd}", *frame.cells(counts), f"step={step:.9g}", f"models.pbd={{{how}}}", *cut)
     seconds = frame.length / step * (2e-4 + 2.5e-6 * float(frame.n_cells(counts)) ** (4 / 3) * step / 0.01)
     cells = _cells(frame, counts)
     label = f"XPBD {cells}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
@@ -276,7 +283,8 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
     for counts, factors in _cells_and_factors(frame, ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))), (2, 1)):
         for told, region in ways.items():
             for factor in factors if told in ("", ", one block a cell") else (1,):
-                settings = ("regions.near.split=always", *frame.cells(counts), f"step={factor * step:.9g}", *region)
+                cells = (*frame.cells(counts), *frame.symmetry(()))
+                settings = ("regions.near.split=always", *cells, f"step={factor * step:.9g}", *region)
                 label = f"hybrid {_cells(frame, counts)}, {_ms(factor * step)}{told}"
                 seconds = 3.0 * fem_seconds(frame, frame.n_cells(counts), factor * step)
                 key = (

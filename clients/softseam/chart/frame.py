@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.duration import expected_duration
-from softseam.embedded import mirror_axes
 from softseam.errors import SceneRefused
 from softseam.scenes import located
 from softseam.session import open_as_given
@@ -60,8 +59,12 @@ class Frame:
     """of the body (3,) [m]"""
     follows: bool = True
     """whether cells may follow a ball in the block, which a seam does not let them"""
-    mirrors: tuple[int, ...] = ()
-    """axes that FEM solves one side of, where an even number of cells lies along them"""
+
+    @property
+    def mirrors(self) -> tuple[int, ...]:
+        """Axes that the scene says it is symmetric across: FEM solves one side where an even number of cells lies
+        along them."""
+        return tuple("xyz".index(axis) for axis in self.scene.symmetry)
 
     @property
     def length(self) -> float:
@@ -132,8 +135,15 @@ class Frame:
 
     def n_solved(self, counts: Counts) -> float:
         """Of these cells those that FEM alone solves for."""
-        folds = sum(counts[axis] % 2 == 0 for axis in self.mirrors)
-        return self.n_cells(counts) * 0.5**folds
+        return self.n_cells(counts) * 0.5 ** len(self.solved_across(counts))
+
+    def solved_across(self, counts: Counts) -> tuple[int, ...]:
+        """Axes that FEM solves one side of with these cells: none that the plane would cut some of."""
+        return tuple(axis for axis in self.mirrors if counts[axis] % 2 == 0)
+
+    def symmetry(self, axes: tuple[int, ...]) -> tuple[str, ...]:
+        """The setting that keeps these axes of those that the scene is symmetric across; none where it says none."""
+        return (f"symmetry={json.dumps(['xyz'[axis] for axis in axes])}",) if self.mirrors else ()
 
     def folding(self, counts: Counts, towards: tuple[str, ...] = ()) -> Counts:
         """These cells, more along axes that an odd number of them does not fold across: half of more are fewer.
@@ -359,7 +369,7 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
         )
     shape = scene.body.shape
     if isinstance(shape, BlockShape):
-        return Frame(scene, np.array(shape.size), mirrors=mirror_axes(scene))
+        return Frame(scene, np.array(shape.size))
     if shape.cells == "own":
         text = (
             "body.shape.cells: charts and plans try cells of many sizes, and this mesh brings its own: "

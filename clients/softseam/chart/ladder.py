@@ -105,7 +105,7 @@ class Ladder:
         scene, bundle = bundle_of(self._name)
         coarsest = with_settings(with_settings(scene, self._settings), self._level(COARSEST, self._frame.scene.step))
         others = {"models": ModelsSpec(fem=coarsest.models.fem), "seam": SeamSpec(), "quantities": ()}
-        nothing = {"tolerance": None, "budget": None}
+        nothing = {"tolerance": None, "budget": None, "symmetry": ()}  # one side comes to what the whole comes to
         return scene_hash(bundle_scene(coarsest.model_copy(update=others | nothing), bundle.files))
 
     def seconds(self, across: float, step: float) -> float:

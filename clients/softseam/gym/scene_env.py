@@ -20,6 +20,7 @@ from softseam.opening import open as open_session
 from softseam.scenes import bundle_of
 from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_tools import PlaneTool
 
@@ -141,7 +142,7 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
             self.close()
             return self.see(before), 0.0, False, True, {**self._told(before), "failed": str(error)}
         info = self._told(after)
-        failed = [event.message for event in after.events if event.kind == "solver"]
+        failed = [event.message for event in after.events if event.kind is EventKind.SOLVER]
         if failed:
             info["failed"] = failed[0]
         truncated = after.done or bool(failed)

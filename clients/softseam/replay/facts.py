@@ -15,8 +15,9 @@ from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages import Event
+from softseam_protocol.outcomes import EventKind
 
-_ALARMS = ("solver", "seam", "participant_lost", "alarm", "recording")
+_ALARMS = (EventKind.SOLVER, EventKind.SEAM, EventKind.PARTICIPANT_LOST, EventKind.ENERGY, EventKind.RECORDING)
 
 
 def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str:

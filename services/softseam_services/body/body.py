@@ -33,9 +33,13 @@ class Material:
     density: float
     """at rest [kg/m^3]"""
     number: int
-    """of the kind in `materials.point`"""
+    """of the law in `materials.point`"""
     parameters: Floats
-    """mu, lambda [Pa], ratio [1]: what `materials.point` takes (3,)"""
+    """of the law, in its own order (MAX_PARAMETERS,)"""
+    splits: bool = False
+    """mu/2 I1 splits off the energy, see `materials.Law`"""
+    small: bool = False
+    """the law holds for small strains only"""
     retardation_time: float = 0.0
     """viscosity over stiffness, of the whole body [s]"""
 

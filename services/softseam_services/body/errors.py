@@ -7,5 +7,9 @@ class MeshError(ValueError):
     """A shape that cannot be simulated. The text names the file, the counts, the worst element and the remedy."""
 
 
+class LawError(ValueError):
+    """A material law that cannot be used. The text says why."""
+
+
 class SettingError(ValueError):
     """A setting that this body cannot be simulated with. The text begins with its key and names the remedy."""

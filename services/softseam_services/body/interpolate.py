@@ -7,11 +7,9 @@ reproduce linear fields.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.kinds import ELEMENTS, Functions
 from softseam_protocol.scene_models import ModelsSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.kernels.shape_functions import (
@@ -25,7 +23,6 @@ from softseam_services.body.kernels.shape_functions import (
 )
 
 __all__ = [
-    "FUNCTIONS",
     "FUNCTION_NUMBER",
     "Functions",
     "hex27",
@@ -35,27 +32,18 @@ __all__ = [
     "rest_points",
 ]
 
-Functions = Literal["hex27", "hex8", "tet4", "tet10"]
-FUNCTIONS: dict[ElementKind, Functions] = {
-    "hex27": "hex27",
-    "hex27_full": "hex27",
-    "hex27_reduced": "hex27",
-    "hex8": "hex8",
-    "hex8_bbar": "hex8",
-    "hex8_full": "hex8",
-    "hex8_reduced": "hex8",
-    "tet4": "tet4",
-    "tet4_fbar": "tet4",
-    "tet10": "tet10",
+FUNCTION_NUMBER: dict[Functions, int] = {
+    "hex27": QUADRATIC,
+    "hex8": TRILINEAR,
+    "tet4": TETRAHEDRAL,
+    "tet10": QUADRATIC_TETRAHEDRAL,
 }
-"""shape functions of each element of FEM"""
-FUNCTION_NUMBER = {"hex27": QUADRATIC, "hex8": TRILINEAR, "tet4": TETRAHEDRAL, "tet10": QUADRATIC_TETRAHEDRAL}
 """as `fill_weights` takes them"""
 
 
 def model_functions(models: ModelsSpec) -> dict[str, Functions]:
     """What each model interpolates with."""
-    return {"fem": FUNCTIONS[models.fem.element], "pbd": "hex8"}
+    return {"fem": ELEMENTS[models.fem.element].functions, "pbd": "hex8"}
 
 
 def point_weights(body: Body, region: Region, functions: Functions) -> tuple[Ints, Ints, Floats]:

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, BodyState, Header
+from softseam_protocol.outcomes import Status
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_models import PbdSpec
 from softseam_services.body.body import Body, Floats
@@ -151,7 +152,7 @@ class Bench:
             reply = solver.advance(Advance(header, together * h, np.zeros((0, 3)), motion))
             quickest = min(quickest, time.process_time() - began)
             solver.commit()
-            stable = stable and reply.status == "converged" and not reply.alarm
+            stable = stable and reply.status is Status.CONVERGED and not reply.alarm
             q.append(float(np.einsum("n,nc,nc->", self._mass, self._mode, solver.positions - self.body.x_rest)))
         omega, damping = oscillation(np.array(q[SKIPPED:]), together * h)
         square = omega**2 + damping**2

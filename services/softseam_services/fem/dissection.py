@@ -147,8 +147,6 @@ class _Dissection:
             widest=int(n_all.max(initial=0)),
             strip=int((3 * n_all * np.maximum(narrow, STRIP)).max(initial=0)),
             second=second,
-            kind=0,
-            pair=np.zeros((0, 3), dtype=np.int32),
         )
 
 

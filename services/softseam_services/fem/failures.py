@@ -1,9 +1,17 @@
-"""Why a step of FEM failed, in words."""
+"""Why a step of FEM failed, in a word and in words."""
 
 from __future__ import annotations
 
+from softseam_protocol.outcomes import Status
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem.kernels.newton import INDEFINITE, LEAST_J, NOT_FINITE, STALLED, WORST_CELL
+
+STATUS = {
+    STALLED: Status.UNCONVERGED,
+    INDEFINITE: Status.UNCONVERGED,
+    NOT_FINITE: Status.DIVERGED,
+}
+"""by what `kernels.newton` returns"""
 
 _FAILURES = {
     STALLED: "Newton's method did not converge",

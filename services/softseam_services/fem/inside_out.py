@@ -30,19 +30,19 @@ def _slopes() -> Floats:
 _SLOPES = _slopes()
 
 
-def alarm(x: Floats, model: FemModel, work: Work, folded: int) -> str:
+def alarm(x: Floats, model: FemModel, work: Work, times: int) -> str:
     """What is wrong with cells that have a point without positive volume at a step's end x (n, 3); '' where none has.
 
     Only whole cells that are crushed or lose volume between points of split quadrature are looked at.
 
-    folded  times that each cell stands for one of the body
+    times  times that each cell stands for one of the body
     """
     if not (work.mixed[0] or work.watches[0]) or not loses_volume(model):
         return ""
     cells = np.flatnonzero(model.whole & ((work.full > 0.0) | work.watched))
     places = x[model.cell_nodes[cells]]
     volume = np.linalg.det(_SLOPES @ places[:, np.newaxis])  # of each point, in the cell's own measure
-    count = folded * int((volume.min(axis=1, initial=np.inf) <= 0.0).sum())
+    count = times * int((volume.min(axis=1, initial=np.inf) <= 0.0).sum())
     if not count:
         return ""
     return f"{count} cells are inside out, the forces are wrong: squeeze less, move the tools slowly, or start anew"

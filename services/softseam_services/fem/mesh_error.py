@@ -18,13 +18,14 @@ from functools import cache
 
 import numpy as np
 
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import FILL_FLOOR, filled_centroids, filled_moments
-from softseam_services.body.interpolate import FUNCTIONS, hex27
+from softseam_services.body.interpolate import hex27
 from softseam_services.body.kernels.cell_loads import stress_at_points
 from softseam_services.body.kernels.patch_error import patch_error
-from softseam_services.body.point_materials import point_parameters
+from softseam_services.body.point_materials import point_moduli, point_parameters
 from softseam_services.fem.elements.hexahedra import SIGNS, linear, quadratic
 from softseam_services.fem.elements.table import Reference, gauss, place
 from softseam_services.fem.rule import cell_shapes
@@ -41,9 +42,9 @@ class MeshError:
     def __init__(self, body: Body, region: Region, element: ElementKind) -> None:
         self._nodes, self._law, self._n_nodes = region.cell_nodes, body.material.number, len(region.nodes)
         shapes, self._shape, _ = cell_shapes(body, region)
-        quadratic_cell = FUNCTIONS[element] == "hex27"
+        quadratic_cell = FACTS[element].functions == "hex27"
         (samples, at_samples), (points, at_points) = _rules(quadratic_cell)
-        self._full, self._tetrahedra = element in _FULL, FUNCTIONS[element].startswith("tet")
+        self._full, self._tetrahedra = element in _FULL, FACTS[element].functions.startswith("tet")
         placed = place(points, shapes)
         self._gradient, self._point_nodes = placed.gradient, points.nodes
         self._fill = np.ascontiguousarray(body.fill[region.cells])
@@ -65,6 +66,7 @@ class MeshError:
         self._octant = np.ascontiguousarray(body.octant_material[region.cells])
         self._of_point = np.ascontiguousarray(self._octant[:, share.argmax(axis=1)])
         self._parameters = point_parameters(body, region.cells, share)
+        self._moduli = point_moduli(body, region.cells, share)
         if self._full:
             self._sample_gradient, self._sample_nodes = place(samples, shapes).gradient, samples.nodes
             self._sampled = point_parameters(body, region.cells, samples.share.reshape(-1, 8))
@@ -102,7 +104,7 @@ class MeshError:
         energy = np.empty(len(self._nodes))
         patch_error(
             *(self._nodes, self._n_nodes, self._middle, self._size, self._at, sampled, self._fill, self._octant),
-            *(self._local, self._shape, self._of_point, self._parameters, self._weight, sigma, energy),
+            *(self._local, self._shape, self._of_point, self._moduli, self._weight, sigma, energy),
         )
         return energy
 

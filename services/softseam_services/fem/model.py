@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
-from softseam_services.body.interpolate import FUNCTIONS, point_weights
+from softseam_services.body.interpolate import point_weights
 from softseam_services.fem.dissection import dissect
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.cut import with_cut_cells
@@ -20,9 +21,7 @@ from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, 
 from softseam_services.fem.face_points import SOFT, face_points, point_edges
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE
-from softseam_services.fem.kernels.multigrid import MULTIGRID, NONE
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
-from softseam_services.fem.sparse import sparse_tree
 from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
@@ -35,11 +34,6 @@ PENALTY = 20.0
 # (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces
 # move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/20).
 FIRM, FIRM_INSIDE = 20.0, 24.0
-# Unknowns beyond which a matrix is not factored: then a factor takes 1.6 GB, and no step less time without one
-# (docs/decisions/12).
-MOST_FACTORED = 100_000
-# Materials from which mu/2 I1 splits off in kernels/cells.py.
-_SPLITS = ("neo_hookean", "linear")
 _NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)
 
 
@@ -152,21 +146,14 @@ def build_model(
     region: Region,
     tools: ToolSet | None = None,
     spec: FemSpec | None = None,
-    solution: int | None = None,
     rollers: Ints = _NO_ROLLERS,
 ) -> Tables:
-    """Tables, matrix and point weights of a region; spec: which element, the default's where it is None; solution: how
-    the matrix is solved with (kernels/multigrid.py), by size where it is None; rollers: as of the model, of a matrix
-    that is factored."""
+    """Tables, matrix and point weights of a region; spec: which element, the default's where it is None; rollers:
+    as of the model."""
     element = (FemSpec() if spec is None else spec).element
     n_nodes = len(region.nodes)
     cell_grid = body.cell_grid[region.cells]
-    if solution is None:
-        solution = MULTIGRID if 3 * np.count_nonzero(~region.fixed) > MOST_FACTORED else NONE
-    if solution == NONE:
-        tree = dissect(region.cell_nodes, cell_grid, n_nodes, region.fixed, region.seam)
-    else:
-        tree = sparse_tree(solution, region.cell_nodes, region.fixed)
+    tree = dissect(region.cell_nodes, cell_grid, n_nodes, region.fixed, region.seam)
     share = SHARES.get(element, 1.0)
     tables = cell_tables(body.edges, share)
     mu = body.material.mu
@@ -176,8 +163,8 @@ def build_model(
     moments = filled_moments(body, region.cells, fill)
     lanes = np.zeros((24, LANES))
     lanes[:, :27] = tables.gradient_t
-    pointer, node, point_weight = point_weights(body, region, FUNCTIONS[element])
-    inner = face_points(body, region, tools, FUNCTIONS[element])
+    pointer, node, point_weight = point_weights(body, region, FACTS[element].functions)
+    inner = face_points(body, region, tools, FACTS[element].functions)
     pointer = np.concatenate([pointer, pointer[-1] + inner.indptr[1:]])
     node, point_weight = np.concatenate([node, inner.node]), np.concatenate([point_weight, inner.weight])
     point_cell = np.concatenate([region.point_cell, inner.cell]).astype(np.int32)
@@ -192,9 +179,9 @@ def build_model(
     firm = np.repeat([FIRM, FIRM_INSIDE], [len(region.points), len(inner.cell)])
     stiffness = factor * (young / spacing) * np.concatenate([body.surface.area[region.points], inner.area])
     x, shape, boxes = cell_shapes(body, region)
-    general = element not in SHARES or body.material.kind not in _SPLITS
+    general = element not in SHARES or not body.material.splits
     poisson = body.material.elastic.poisson
-    crushable = element in SHARES and body.material.kind != "linear"
+    crushable = element in SHARES and not body.material.small
     if not (boxes or general):
         own = ELEMENTS[element](x, poisson)
         weight, special = own.weight[:, 0] * fill, own_patterns(own, mu * relative, fill)
@@ -237,7 +224,7 @@ def build_model(
         cell_order=tree.position[region.cell_nodes],
         cell_grid=cell_grid,
         order=tree.position,
-        linear=body.material.kind == "linear",
+        linear=body.material.small,
         mu=np.array([material.mu for material in materials])[number],
         lambda_=np.array([material.lambda_ for material in materials])[number],
         edge=float(body.edges.min()),

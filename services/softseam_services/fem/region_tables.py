@@ -1,4 +1,4 @@
-"""What FEM computes a region with, the whole of it or one side of its mirrors, and measures its mesh by.
+"""What FEM computes a region with, the whole of it or what its symmetry leaves, and measures its mesh by.
 
 Each is built when first asked for.
 """
@@ -8,46 +8,48 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Region
-from softseam_services.fem.fold import Fold, PointImages, find_fold
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tables, build_model
+from softseam_services.fem.symmetry import PointImages, Reduction, reduce
+from softseam_services.tools.symmetry import symmetry_axes
 from softseam_services.tools.tool_set import ToolSet
 
 
 class RegionTables:
     """Of one region; no step writes to any, so that solvers of one region may share them."""
 
-    def __init__(self, body: Body, region: Region, tools: ToolSet, spec: FemSpec) -> None:
-        self._of = body, region, tools, spec
+    def __init__(self, body: Body, region: Region, tools: ToolSet, scene: Scene) -> None:
+        self._body, self._region, self._tools, self._spec = body, region, tools, scene.models.fem
+        is_all = len(region.cells) == body.n_cells and not len(region.seam)
+        self._axes = symmetry_axes(scene) if is_all else ()
 
     @cached_property
     def whole(self) -> Tables:
-        return build_model(*self._of)
+        return build_model(self._body, self._region, self._tools, self._spec)
 
     @cached_property
-    def fold(self) -> Fold | None:
-        """How it can be folded; None where it mirrors itself nowhere."""
-        return find_fold(*self._of)
+    def reduction(self) -> Reduction | None:
+        """What is solved for in place of all of the body; None where the scene says no symmetry, and of a part."""
+        return reduce(self._body, self._tools, self._spec, self._axes) if self._axes else None
 
     @cached_property
     def images(self) -> PointImages:
-        """Of the points of what is folded. Raises ValueError where nothing is."""
-        if self.fold is None:
-            raise ValueError("this region has no mirrors")
-        return PointImages(self.fold, self.whole[0], len(self._of[2].names))
+        """Of the points of what is solved for. Raises ValueError where that is the whole."""
+        if self.reduction is None:
+            raise ValueError("this region has no plane of symmetry")
+        return PointImages(self.reduction, self.whole[0], len(self._tools.names))
 
     @cached_property
     def mesh_error(self) -> MeshError:
-        body, region, _, spec = self._of
-        return MeshError(body, region, spec.element)
+        return MeshError(self._body, self._region, self._spec.element)
 
     def __iter__(self) -> Iterator[object]:
         """The records of arrays that were built."""
         built = vars(self)
         yield from built.get("whole", ())
-        if built.get("fold") is not None:
-            yield from built["fold"].tables
+        if built.get("reduction") is not None:
+            yield from built["reduction"].tables
         if "mesh_error" in built:
             yield built["mesh_error"]

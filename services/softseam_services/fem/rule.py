@@ -8,8 +8,8 @@ import numpy as np
 
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import LOCAL
-from softseam_services.body.point_materials import point_parameters
-from softseam_services.fem.elements import Table
+from softseam_services.body.point_materials import point_moduli, point_parameters
+from softseam_services.fem.elements.table import Table
 from softseam_services.jit import record
 
 # Cells whose nodes are off their box by more than this share of an edge are general hexahedra.
@@ -18,7 +18,7 @@ _BOX = 1e-9
 
 @record
 class Rule(NamedTuple):
-    """An element in the region's cells, for the kernels; see `elements.Table` (t shapes, b elements a cell)."""
+    """An element in the region's cells, for the kernels; see `elements.table` (t shapes, b elements a cell)."""
 
     nodes: Ints
     """(b, m)"""
@@ -38,7 +38,10 @@ class Rule(NamedTuple):
     shape: Ints
     """which of the t shapes each cell has (c,)"""
     parameters: Floats
-    """of the material at each point, for `body.materials.point`: of the k ways a cell is made up (k, b q, 3)"""
+    """of the material at each point, for `body.materials.point`: of the k ways a cell is made up
+    (k, b q, MAX_PARAMETERS)"""
+    moduli: Floats
+    """mu and lambda there (k, b q, 2) [Pa]"""
     blend: Ints
     """which of these ways each cell is (c,)"""
 
@@ -59,7 +62,7 @@ def build_rule(table: Table, fill: Floats, shape: Ints, body: Body, cells: Ints)
     mu = body.material.mu
     relative = body.of_octants([material.mu / mu for material in body.materials])[cells]
     weight = table.weight[shape] * np.einsum("bqo,co->cbq", table.share, fill)
-    parameters, blend = _blends(body, cells, table.share.reshape(-1, 8))
+    parameters, moduli, blend = _blends(body, cells, table.share.reshape(-1, 8))
     return Rule(
         nodes=table.nodes,
         gradient=np.ascontiguousarray(table.gradient),
@@ -71,18 +74,24 @@ def build_rule(table: Table, fill: Floats, shape: Ints, body: Body, cells: Ints)
         group_nodes=table.group_nodes,
         shape=shape,
         parameters=parameters,
+        moduli=moduli,
         blend=blend,
     )
 
 
-def _blends(body: Body, cells: Ints, share: Floats) -> tuple[Floats, Ints]:
-    """`Rule.parameters` and `Rule.blend`: each material at all points, then every cell that has more than one.
+def _blends(body: Body, cells: Ints, share: Floats) -> tuple[Floats, Floats, Ints]:
+    """`Rule.parameters`, `Rule.moduli` and `Rule.blend`: each material at all points, then each cell of more than one.
 
     share (b q, 8) of each point in each octant
     """
     number = body.octant_material[cells]
     whole = np.array([np.tile(material.parameters, (len(share), 1)) for material in body.materials])
+    moduli = np.array([np.tile((material.mu, material.lambda_), (len(share), 1)) for material in body.materials])
     blend = number[:, 0].copy()
     mixed = np.flatnonzero((number != number[:, :1]).any(axis=1))
     blend[mixed] = len(whole) + np.arange(len(mixed))
-    return np.ascontiguousarray(np.concatenate([whole, point_parameters(body, cells[mixed], share)])), blend
+    return (
+        np.ascontiguousarray(np.concatenate([whole, point_parameters(body, cells[mixed], share)])),
+        np.ascontiguousarray(np.concatenate([moduli, point_moduli(body, cells[mixed], share)])),
+        blend,
+    )

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
+from softseam_protocol.messages import Advance, Advanced, BodyState, Capabilities, Correct, Fields, Header
+from softseam_protocol.outcomes import Detail, Status
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.fem.face_forces import taken_over
+from softseam_services.fem.failures import STATUS
 from softseam_services.fem.field_reader import FieldReader
-from softseam_services.fem.fold import Fold
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.contact import N_STATE
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED
+from softseam_services.fem.model import FemModel
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
 from softseam_services.fem.tool_motion import at_rest, moved
+from softseam_services.fem.work import Work, build_work
 from softseam_services.request_check import problem_of, problem_of_anchor
 from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
@@ -31,7 +35,7 @@ _NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
 
 
 class FemSolver:
-    """One region computed with finite elements, or one side of its mirrors (`fold`); a `participant.Solver`."""
+    """One region computed with finite elements, or what its symmetry leaves of it; a `participant.Solver`."""
 
     def __init__(
         self,
@@ -49,68 +53,59 @@ class FemSolver:
         """
         self._body, self._region, self._n_tools = body, region, len(tools.names)
         self._models, self._retardation_time = scene.models, body.material.retardation_time
-        self.tables = tables or RegionTables(body, region, tools, scene.models.fem)
-        self._steppers: dict[bool, Stepper] = {}
+        self.tables = tables or RegionTables(body, region, tools, scene)
+        self._reduction = reduction = self.tables.reduction
+        self._solved = region if reduction is None else reduction.region
+        self._model, tree = self.tables.whole if reduction is None else reduction.tables
+        self._stepper = Stepper(scene.models.fem, self._model, tree, self._n_tools, self._retardation_time)
         self._tentative = False
         self._step: tuple[int, int] | None = None
-        self._dt = 0.0  # of the last advance [s]
+        self._request: Advance  # the last
         self._tools = at_rest(tools)
         if state is None:
-            fold = self.tables.fold
-            part = region if fold is None else fold.region
-            force, tool = np.zeros((len(part.points), 3)), np.full(len(part.points), -1, dtype=np.int32)
-            self._go_on(self._start(fold, body.x_rest[part.nodes], body.v_initial[part.nodes], force, tool), fold)
+            nodes, n_points = self._solved.nodes, len(self._solved.points)
+            force, tool = np.zeros((n_points, 3)), np.full(n_points, -1, dtype=np.int32)
+            self._go_on(self._start(self._model, body.x_rest[nodes], body.v_initial[nodes], force, tool))
         else:
             force, tool = state.contact_force[region.points], state.contact_tool[region.points]
-            self._take_over(self._start(None, state.x[region.nodes], state.v[region.nodes], force, tool))
+            whole = self.tables.whole[0]
+            self._take_over(self._start(whole, state.x[region.nodes], state.v[region.nodes], force, tool))
 
-    def _start(self, fold: Fold | None, x: Floats, v: Floats, force: Floats, tool: Ints) -> FemState:
-        """A state without history, of what a fold leaves of the region."""
-        model, _ = self.tables.whole if fold is None else fold.tables
+    def _start(self, model: FemModel, x: Floats, v: Floats, force: Floats, tool: Ints) -> FemState:
+        """A state without history, of the whole region or of what is solved for."""
         return FemState(
             np.ascontiguousarray(x, dtype=np.float64),
             np.ascontiguousarray(v, dtype=np.float64),
             taken_over(model, x, force, tool, self._n_tools),
-            np.zeros((self._stepper_of(fold).scheme.n_history, len(x), 3)),
+            np.zeros((self._stepper.scheme.n_history, len(x), 3)),
         )
 
-    def _stepper_of(self, fold: Fold | None) -> Stepper:
-        """What takes steps of what a fold leaves of the region."""
-        folded = fold is not None
-        if folded not in self._steppers:
-            model, tree = self.tables.whole if fold is None else fold.tables
-            self._steppers[folded] = Stepper(self._models.fem, model, tree, self._n_tools, self._retardation_time)
-        return self._steppers[folded]
-
-    def _go_on(self, state: FemState, fold: Fold | None) -> None:
-        """Go on from a state of what a fold leaves of the region."""
-        self._fold, self._stepper = fold, self._stepper_of(fold)
-        self._model, _ = self.tables.whole if fold is None else fold.tables
+    def _go_on(self, state: FemState) -> None:
+        """Go on from a state of what is solved for."""
         self._committed, self._next = state, state.copy()
 
     def _take_over(self, whole: FemState) -> None:
-        """Go on from a state of the whole region, folded where it mirrors itself."""
-        fold = self.tables.fold
-        part = None if fold is None else fold.fold(whole, self.tables.images)
-        self._go_on(part or whole, None if part is None else fold)
+        """Go on from a state of the whole region."""
+        reduction = self._reduction
+        self._go_on(whole if reduction is None else reduction.fold(whole, self.tables.images))
 
     def _unfolded(self, state: FemState) -> FemState:
         """Of the whole region."""
-        return state if self._fold is None else self._fold.unfold(state, self.tables.images)
+        return state if self._reduction is None else self._reduction.unfold(state, self.tables.images)
 
     @property
     def n_nodes(self) -> int:
         return len(self._region.nodes)
 
     @property
-    def folded(self) -> int:
-        """The region is so many times what is computed."""
-        return 1 if self._fold is None else self._fold.times
+    def times(self) -> int:
+        """The region is so many times what is solved for."""
+        return 1 if self._reduction is None else self._reduction.times
 
     @property
     def factorisations(self) -> int:
         """Matrices factored since the state was last set."""
-        return sum(stepper.factorisations for stepper in self._steppers.values())
+        return self._stepper.factorisations
 
     @property
     def state(self) -> FemState:
@@ -124,7 +119,7 @@ class FemSolver:
     @property
     def strain(self) -> float:
         """Strain energy of the last advanced step [J]."""
-        return self.folded * float(strain_energy(self._now.x, self._model, self._stepper.work))
+        return self.times * float(strain_energy(self._now.x, self._model, self._stepper.work))
 
     @property
     def moving(self) -> tuple[float, float]:
@@ -132,46 +127,47 @@ class FemSolver:
         model, state = self._model, self._now
         sunk = (state.x - model.x_rest) @ model.acceleration
         kinetic = 0.5 * float(model.mass @ (state.v * state.v).sum(axis=1))
-        return self.folded * kinetic, -self.folded * float(model.mass @ sunk)
+        return self.times * kinetic, -self.times * float(model.mass @ sunk)
 
     def advance(self, request: Advance) -> Advanced:
-        """Advance tentatively by request.dt; a new step number commits the tentative step before it."""
+        """Advance tentatively by request.dt; a new step number commits the tentative step before it.
+
+        Raises SettingError where tools leave the symmetry that the scene says.
+        """
         began = time.perf_counter()
         key = (request.header.epoch, request.header.step)
         again = self._tentative and self._step == key
         if not again:
             self.commit()
-        self._step, self._dt = key, request.dt
+        self._step, self._request = key, request
         problem = problem_of(request, self._n_tools, len(self._region.seam))
         problem = problem or problem_of_anchor(request, len(self._region.seam), self._stepper.knows_stiffness)
         if problem:
-            return self._failed(request, problem, began)
+            return self._failed(request, Status.REFUSED, problem, began)
         tools = moved(self._tools, request.tools)
-        if self._fold is not None and not self._fold.agrees(tools):
-            self._go_on(self._unfolded(self._committed), None)
-            again = False
+        if self._reduction is not None:
+            self._reduction.check(tools)
         stepper, now, end = self._stepper, self._committed, self._next
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
         stepper.couple(request.seam_anchor, request.seam_stiffness)
         status = stepper.take(now, end, request, tools)
-        if status == CONVERGED and request.compliance and not stepper.by_error:
+        if status == CONVERGED and request.compliance and not (stepper.by_error or stepper.settles):
             status = stepper.derive(now, end, request, tools)
         if status != CONVERGED:
-            region = self._region if self._fold is None else self._fold.region
-            return self._failed(request, stepper.why(status, region.cells), began)
+            return self._failed(request, STATUS[status], stepper.why(status, self._solved.cells), began)
         self._tentative = True
-        return self._reply(request, "converged", began)
+        return self._reply(request, Status.CONVERGED, "", began)
 
-    def _failed(self, request: Advance, text: str, began: float) -> Advanced:
+    def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         now, end = self._committed, self._next
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
         end.history[:], end.past, end.level = now.history, now.past, now.level
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)
-        return self._reply(request, text, began)
+        return self._reply(request, status, why, began)
 
     def _stand(self, now: FemState) -> None:
         """What a step that failed reports: the whole region where it stands."""
@@ -183,14 +179,16 @@ class FemSolver:
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = standing.angular
         out[kernel.LOWEST : kernel.LOWEST + 6] = standing.bounds.ravel()
 
-    def _reply(self, request: Advance, status: str, began: float) -> Advanced:
-        stepper, fold = self._stepper, self._fold
+    def _reply(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
+        stepper, reduction = self._stepper, self._reduction
         out, wrench, taken = stepper.out.copy(), stepper.wrench.copy(), stepper.taken
-        if fold is not None and status == "converged":
-            fold.add_up(self._next, self._tools, out, wrench)
+        converged = status is Status.CONVERGED
+        if reduction is not None and converged:
+            reduction.add_up(self._next, self._tools, out, wrench)
         numbers = out.tolist()
-        whole = request.compliance and status == "converged"
-        settles = status == "converged" and stepper.settles
+        settles = converged and stepper.settles
+        whole = request.compliance and converged and not settles
+        alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
             request.header,
             status,
@@ -209,26 +207,38 @@ class FemSolver:
             int(numbers[kernel.N_CONTACTS]),
             int(numbers[kernel.N_ITERATIONS]),
             time.perf_counter() - began,
-            stepper.distance.copy() if fold is None else stepper.distance[fold.cell],
+            stepper.distance.copy() if reduction is None else stepper.distance[reduction.cell],
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
-            n_crushed=self.folded * int(stepper.work.mixed[0]),
+            n_crushed=self.times * int(stepper.work.mixed[0]),
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
-            alarm=stepper.alarm(self._next, int(self.folded)) if status == "converged" else "",
+            alarm=alarm,
             seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
             settles=settles,
-            seam_yield_root=stepper.news_of_yield() if settles else _NONE,
+            seam_yield_root=stepper.news_of_yield(request.compliance) if settles else _NONE,
+            why=why,
+            alarm_details=[Detail.INSIDE_OUT] if alarm else [],
         )
 
-    def settle(self, force: Floats) -> None:
-        """Move the tentative step on by its linear answer to a force (s, 3) [N] on the seam; see `kernels.settle`."""
-        if not (self._tentative and self._stepper.settles) or force.shape != (len(self._region.seam), 3):
-            raise ValueError(
-                "this step cannot be settled: only one that was solved with a seam anchor, and at once, can"
-            )
-        self._stepper.settle(force, self._dt, self._next)
+    def correct(self, request: Correct) -> Advanced:
+        """Move the tentative step on by its linear answer to a force on the seam; see `kernels.linear_answer`."""
+        began, stepper, shape = time.perf_counter(), self._stepper, (len(self._region.seam), 3)
+        if not (self._tentative and stepper.settles):
+            raise ValueError("this step cannot be corrected: only one that implicit Euler solved at once can")
+        if request.push.shape != shape or request.force.shape != shape:
+            raise ValueError(f"a correction of this region's seam has shape {shape}")
+        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
+            raise ValueError("the correction is not finite: the coupling must send finite forces")
+        stepper.correct(self._committed, self._next, self._request.dt, request, moved(self._tools, self._request.tools))
+        return self._reply(replace(self._request, header=request.header), Status.CONVERGED, "", began)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do for its region."""
+        at_once = self._stepper.at_once
+        return Capabilities(True, at_once, at_once, 1, True, True, 0.0)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
@@ -244,9 +254,13 @@ class FemSolver:
         """Fields of the last advanced step."""
         work = self._stepper.work
         strain_energy(self._now.x, self._model, work)
-        energy = work.energy.copy() if self._fold is None else work.energy[self._fold.cell]
-        whole = self._stepper_of(None).work
-        return self._reader.read(request_header, self.state, energy, whole, indicators, own)
+        energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
+        return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
+
+    @cached_property
+    def _scratch(self) -> Work:
+        """Of the whole region."""
+        return self._stepper.work if self._reduction is None else build_work(*self.tables.whole, self._n_tools)
 
     @cached_property
     def _reader(self) -> FieldReader:
@@ -271,5 +285,4 @@ class FemSolver:
     def _forget(self) -> None:
         self._tentative = False
         self._step = None
-        for stepper in self._steppers.values():
-            stepper.forget()
+        self._stepper.forget()

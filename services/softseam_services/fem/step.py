@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.messages import Advance
+from softseam_protocol.messages import Advance, Correct
 from softseam_protocol.scene_models import FemSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem import substeps
@@ -19,9 +19,7 @@ from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.fronts import seam_root
-from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, N_MEMO, STALLED
-from softseam_services.fem.kernels.settle import settle
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.state import FemState
 from softseam_services.fem.tool_motion import Tools, part_of
@@ -34,6 +32,7 @@ _CAREFUL_AT_FIRST = 60
 _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
 _UNSEEN = 1e-2
+_NO_PUSH = np.zeros((0, 3))
 _AT_ONCE = substeps.Substeps(n_accepted=1)
 
 
@@ -119,18 +118,18 @@ class Stepper:
 
     def derive(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:
         """`compliance` at the end of the step that was taken; returns a status of `kernels.newton`."""
-        status = self._advance(now, end, request.dt, request.seam_force, whole, 0, False, derive=True)
+        status = self._advance(now, end, request.dt, request.seam_force, whole, 0, False, task=kernel.DERIVE)
         if status == CONVERGED and len(request.seam_force_start):
             at = forces_at(self.scheme, now.past)
             self.compliance *= at * velocity_gain(self.scheme, request.dt, now.past)
         return status
 
-    def alarm(self, end: FemState, folded: int) -> str:
+    def alarm(self, end: FemState, times: int) -> str:
         """What is wrong with the step that was taken, and was not noticed within it; '' where nothing is.
 
         Only a step that was hard, so that it was cut, is doubted.
         """
-        return "" if self._parts is None else alarm(end.x, self._model, self.work, folded)
+        return "" if self._parts is None else alarm(end.x, self._model, self.work, times)
 
     def why(self, status: int, cells: Ints) -> str:
         """What to say of a step that failed; cells (c,) are global ids."""
@@ -156,23 +155,27 @@ class Stepper:
     # ---- what the factor at hand says of the seam
 
     @property
-    def settles(self) -> bool:
-        """Whether the last step has a factor that says how it would answer the seam beside the other side."""
-        at_once = self._parts is None and self.scheme.kind == IMPLICIT_EULER and self._tree.kind == NONE
-        return bool(at_once and self.work.seam_coupled[0] and self.memo[FACTORED])
+    def at_once(self) -> bool:
+        """Whether steps are taken by implicit Euler, in one, with a factor: their linear answers are known then."""
+        return bool(self.scheme.kind == IMPLICIT_EULER and not self.by_error)
 
-    def news_of_yield(self) -> Floats:
-        """A root of d(seam_x)/d(seam_force) of the factor at hand (3s, 3s); empty where that was told before."""
-        if self._told == self.memo[N_FACTORS]:
+    @property
+    def settles(self) -> bool:
+        """Whether the last step has a factor that says how it would answer a force on the seam."""
+        return bool(self.at_once and self._parts is None and self.memo[FACTORED])
+
+    def news_of_yield(self, anyway: bool) -> Floats:
+        """A root of d(seam_x)/d(seam_force) of the factor at hand (3s, 3s); empty if told before, unless `anyway`."""
+        if self._told == self.memo[N_FACTORS] and not anyway:
             return np.zeros((0, 0))
         self._told = float(self.memo[N_FACTORS])
         work, root = self.work, np.empty_like(self.compliance)
         seam_root(self._tree, work.values, work.seam_block, root, work.ints)
         return root
 
-    def settle(self, force: Floats, dt: float, end: FemState) -> None:
-        """Move the last step, of length dt [s], by its linear answer to a force (s, 3) [N] on the seam."""
-        settle(self._model, self._tree, self.work, force, dt, end.x, end.v)
+    def correct(self, now: FemState, end: FemState, dt: float, request: Correct, whole: Tools) -> None:
+        """Move the step of length dt [s] that led to `end` on by its linear answer."""
+        self._advance(now, end, dt, request.force, whole, 0, False, task=kernel.CORRECT, push=request.push)
 
     # ---- ways to take a step
 
@@ -187,23 +190,24 @@ class Stepper:
         careful: bool,
         parts_left: int = 1,
         pace: float = 1.0,
-        derive: bool = False,
+        task: int = kernel.STEP,
+        push: Floats = _NO_PUSH,
     ) -> int:
         """One step, or one of the parts left of it, from `now` into `end`, whose x is the first guess.
 
-        derive: nothing but the seam's compliance at the end of the step.
+        task, push: as of `kernels.step.advance`.
 
         Returns a status of `kernels.newton`.
         """
         static = self.scheme.kind == STATIC
-        past = raised(now.past, parts_left) if static and not derive else now.past
+        past = raised(now.past, parts_left) if static and task == kernel.STEP else now.past
         status: int = kernel.advance(
             self.scheme, now.x, now.v, past, now.history, now.contact, dt, pace, force, self._model, self._tree, tools,
             self._tolerance, most, careful, self.work, self.memo,
             end.x, end.v, end.history, end.contact, self.wrench, self.out, self.seam_x, self.distance,
-            derive, self.compliance,
+            task, push, self.compliance,
         )  # fmt: skip
-        if not derive:
+        if task == kernel.STEP:
             end.past = past if static else dt
         return status
 

@@ -60,11 +60,6 @@ class Tree(NamedTuple):
     second: Longs
     """fronts of the branch that a second thread may take, those before being another branch; none where that does not
     pay (2,)"""
-    kind: int
-    """how it is solved with, see kernels/multigrid.py: 0, and the matrix is factored"""
-    pair: Ints
-    """of a matrix that is not factored, for each of `rows`: a cell, and which of its nodes own and row are (n_rows, 3)
-    """
 
 
 @record

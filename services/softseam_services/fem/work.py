@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
-from softseam_services.fem.coarse import Grid, build_grid, no_grid
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import N_COLUMNS
 from softseam_services.fem.model import FemModel
@@ -52,8 +51,6 @@ class Work(NamedTuple):
     values: Floats
     """the panels: matrix, then its factor"""
     factoring: Factoring
-    grid: Grid
-    """of conjugate gradients, where the matrix is not factored"""
     r: Floats
     d: Floats
     d_last: Floats
@@ -140,7 +137,6 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         ints=np.zeros(8, dtype=np.int32),
         values=np.zeros(tree.n_values),
         factoring=scratch(tree),
-        grid=build_grid(model.cell_nodes, model.cell_grid, tree, model.seam) if tree.kind else no_grid(),
         r=np.zeros(3 * n_free),
         d=np.zeros(3 * n_free),
         d_last=np.zeros(3 * n_free),

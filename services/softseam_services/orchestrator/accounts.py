@@ -105,7 +105,7 @@ class Accounts:
         if self.ledger is None:
             self.ledger = self._book.open(energies)
         else:
-            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0, settled=bool(seam.settle))
+            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0)
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
             self._told.update(self.raised)

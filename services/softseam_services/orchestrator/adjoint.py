@@ -26,7 +26,6 @@ from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.kernels.fronts import solve
-from softseam_services.fem.kernels.multigrid import NONE
 from softseam_services.fem.kernels.newton import CONVERGED, N_MEMO
 from softseam_services.fem.model import FemModel, build_model
 from softseam_services.fem.tool_motion import at_rest, moved
@@ -45,7 +44,7 @@ class Adjoint:
         everything = np.arange(body.n_cells, dtype=np.int32)
         self.region: Region = build_region(body, everything, np.zeros(0, dtype=np.int32))
         self.model: FemModel
-        self.model, self._tree = build_model(body, self.region, tools, scene.models.fem, NONE)
+        self.model, self._tree = build_model(body, self.region, tools, scene.models.fem)
         self.work: Work = build_work(self.model, self._tree, len(tools.names))
         self._scheme = Scheme(IMPLICIT_EULER, np.ones(1), 0)
         self._memo = np.zeros(N_MEMO)

@@ -51,7 +51,9 @@ DEARER: dict[ElementKind, tuple[float, float]] = {
     "tet4_fbar": (9.0, 58.0),
     "tet10": (3.2, 22.0),
 }
-"""what an iteration and a matrix of other elements cost more than hex27's (docs/reference/elements.md), a cell [us]"""
+"""what an iteration and a matrix of other elements cost more than hex27's (docs/elements.md), a cell [us]"""
+UNMEASURED = 10.3, 102.0
+"""the dearest of these, for elements from outside"""
 FACTOR = 100.0 / 375.0**1.95
 """factor of n unknowns: FACTOR n^1.95 [us]"""
 DENSE = 1.0 / 3.0 / 15e3
@@ -70,7 +72,7 @@ def step_cost(
 ) -> float:
     """Cost of one step of length dt [s] cut like this [us]; touched: there are tools; coarse (C,): cells that PBD takes
     as one block."""
-    force, matrix = DEARER[models.fem.element]
+    force, matrix = DEARER.get(models.fem.element, UNMEASURED)
     seam = 3 * len(sides.seam)
     cost = 0.0
     for name, model in sides.models.items():
@@ -94,7 +96,7 @@ def one_is_enough(body: Body, models: ModelsSpec, dt: float, touched: bool) -> f
     the number of FEM's cells: so no cut costs less than one with but one of them, or all but one, and no seam.
     """
     n_cells, spec = body.n_cells, models.pbd
-    force, matrix = DEARER[models.fem.element]
+    force, matrix = DEARER.get(models.fem.element, UNMEASURED)
     fem = ITERATIONS * (ITERATION + force) + FACTORS * (ASSEMBLY + matrix)
     pbd = 8 * _block(body, spec) * substeps(body, spec, dt, touched)
     alone = CALL + n_cells * fem + FACTORS * FACTOR * (3 * body.n_nodes) ** 1.95

@@ -23,6 +23,7 @@ from softseam_protocol.messages import (
     Step,
     StepReport,
 )
+from softseam_protocol.outcomes import EventKind
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.bus_transport import BusTransport
 from softseam_services.orchestrator.client_view import counted, observation, restore, snapshot
@@ -191,7 +192,7 @@ class Desk:
 
     def _warn(self, kind: str, message: str) -> None:
         header = Header(SCHEMA_VERSION, self._session, "", 0, 0, 0, 0.0) if self._last is None else self._last.header
-        self._emit(Event(header, kind, message))
+        self._emit(Event(header, EventKind(kind), message))
 
     def _tell_bus_times(self) -> None:
         """An event that compares the cost of an exchange with an echo of the same size."""

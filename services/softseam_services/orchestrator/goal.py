@@ -38,14 +38,13 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.region import build_region
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.mesh_error import MeshError as MeshIndicator
-from softseam_services.fem.model import MOST_FACTORED
 from softseam_services.orchestrator.adjoint import Adjoint
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.grip import grips_by_phase
 from softseam_services.orchestrator.probes import place_of
 from softseam_services.orchestrator.sides import Sides, merged_state
 from softseam_services.orchestrator.stress import von_mises
-from softseam_services.orchestrator.trust import MESH
+from softseam_services.orchestrator.trust import MESH, UNMEASURED
 from softseam_services.pbd.model_error import ModelError
 from softseam_services.tools.tool_set import ToolSet
 
@@ -55,8 +54,8 @@ _STRAIN = 1e-5
 """of the adjoint where its errors are measured, so that every law is Hooke's [1]"""
 _SEEN = 1e-9
 """least stress of a probe, over the shear modulus, that has a direction [1]"""
-_SMALL_STRAINS = "linear"
-"""the law that knows no rotation"""
+MOST_FACTORED = 100_000
+"""unknowns of the adjoint: its factor then takes 1.6 GB, besides that of the solver"""
 
 
 class Goal:
@@ -149,7 +148,7 @@ class Goal:
     def _turned(self, x: Floats) -> Floats:
         """The body at rest in shape, turned as it is at x (N, 3) [m]."""
         rest = self._body.x_rest - self._body.x_rest.mean(axis=0)
-        if self._body.material.kind == _SMALL_STRAINS:
+        if self._body.material.small:
             return self._body.x_rest
         u, _, vt = np.linalg.svd((x - x.mean(axis=0)).T @ rest)
         u[:, 2] *= np.linalg.det(u @ vt)
@@ -165,7 +164,7 @@ class Goal:
             self._mesh = MeshIndicator(self._body, region, element)
         other = np.ascontiguousarray(self._adjoint.stress(y)[cells])
         product = self._mesh.product(x[self._nodes], cauchy[cells], y[self._nodes], other)
-        return MESH[element] * float(product.sum())
+        return MESH.get(element, UNMEASURED) * float(product.sum())
 
     def _read_otherwise(self, sides: Sides, x: Floats, value: float) -> float:
         """What FEM reads of PBD's positions at a probe but PBD does not: J_F(u_P) - J_P(u_P)."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
+from typing import Protocol
 
+from softseam_coupling.ledger import Alarm
 from softseam_protocol.kinds import element_warning
 from softseam_protocol.messages import Advanced, ErrorEstimate
+from softseam_protocol.outcomes import Detail
 from softseam_protocol.scene import BodySpec, Scene
 
 _TOO_FAR = (
@@ -14,13 +17,19 @@ _TOO_FAR = (
 _NO_TOUCH = "tools do not stop one another, and no body has room between them: stop them before"
 
 
+class Tell(Protocol):
+    """Receives an event: its kind, its text, and for programs what else it says and the number of what it counts."""
+
+    def __call__(self, kind: str, message: str, *details: Detail, count: int = 0) -> None: ...
+
+
 class Notices:
     """Tells each once, when it comes, not in every step that it lasts.
 
-    tell  receives kind and text of every event
+    tell  receives every event
     """
 
-    def __init__(self, scene: Scene, tell: Callable[[str, str], None]) -> None:
+    def __init__(self, scene: Scene, tell: Tell) -> None:
         self._locks, self._tell = locking(scene), tell
         self.forget()
 
@@ -35,7 +44,7 @@ class Notices:
         self,
         step: int,
         replies: Mapping[str, Advanced],
-        alarms: Iterable[str],
+        alarms: Iterable[Alarm],
         estimate: ErrorEstimate | None,
         too_far: Iterable[str],
         met: str,
@@ -46,23 +55,23 @@ class Notices:
         if step == 0 and self._locks:
             self._tell("element", self._locks)
         for alarm in alarms:
-            self._tell("energy", f"{at}: {alarm}")
+            self._tell("energy", f"{at}: {alarm.value}", Detail[alarm.name])
         crushed = sum(reply.n_crushed for reply in replies.values())
         if crushed and not self._crushed:
             self._tell("cells", f"{at}: {crushed} cells are squeezed beyond half: full quadrature")
         self._crushed = crushed
         for name, reply in replies.items():
             if reply.alarm and name not in self._alarmed:
-                self._tell("monitor", f"{at}, {name}: {reply.alarm}")
+                self._tell("monitor", f"{at}, {name}: {reply.alarm}", *reply.alarm_details)
         self._alarmed = {name for name, reply in replies.items() if reply.alarm}
         if estimate is not None and estimate.too_large:
             self._tell("accuracy", f"{at}: estimated error of {estimate.text}")
         for name in too_far:
             if name not in self._too_far:
-                self._tell("tools", f"{at}: {name} {_TOO_FAR}")
+                self._tell("tools", f"{at}: {name} {_TOO_FAR}", Detail.TOO_FAR)
         self._too_far.update(too_far)
         if met and not self._met:
-            self._tell("tools", f"{at}: {met}: {_NO_TOUCH}")
+            self._tell("tools", f"{at}: {met}: {_NO_TOUCH}", Detail.MET)
         self._met = met
 
 

@@ -15,15 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
+from softseam_coupling.loops.one_way import Correction
 from softseam_protocol.messages import (
     Advance,
     Advanced,
     BodyState,
     Bundle,
     Commit,
-    Committed,
     Configure,
     Configured,
+    Correct,
     Failure,
     Fields,
     Observe,
@@ -36,9 +37,11 @@ from softseam_protocol.messages import (
     ToolMotion,
     Worked,
 )
+from softseam_protocol.outcomes import Detail, Status
 from softseam_protocol.scene import Scene
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.parts import CutStep
 from softseam_services.orchestrator.seam_answers import (
     SeamDiverged,
@@ -95,7 +98,7 @@ class Participants:
         transport: Transport,
         clock: Clock,
         accounts: Accounts,
-        tell: Callable[[str, str], None],
+        tell: Tell,
         tie: Callable[[Sides], SeamScheme | None],
     ) -> None:
         self._bundle, self._scene, self._transport = bundle, scene, transport
@@ -105,14 +108,13 @@ class Participants:
         self._loop: SeamScheme | None = None
         self._n_asked = -1  # exchanges of the tick at hand
         self._under_way = False  # a step is, or was when it failed
-        self._settle: dict[str, Floats] = {}  # forces that the last step is to be settled by, not sent yet
         self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
 
     def configure(self, tied: Tied, state: BodyState | None) -> Energies:
         """Build the sides of another cut in a new epoch: in this state, or to be restored; its energies."""
         self._clock.epoch += 1
         self._n_asked, self._under_way = -1, False
-        self._settle, self._kept = {}, None
+        self._kept = None
         sides, self._loop = tied
         self.sides = sides
         replies = self._exchange(
@@ -133,6 +135,9 @@ class Participants:
         for name, reply in begun.items():
             if math.isnan(reply.kinetic + reply.strain + reply.gravity):
                 raise ParticipantFailed(name, _OLDER)
+        if self._loop is not None:
+            told = {name: reply.capabilities for name, reply in begun.items()}
+            self._loop.begin({name: able for name, able in told.items() if able is not None})
         return Energies(
             sum(reply.kinetic for reply in begun.values()),
             sum(reply.strain for reply in begun.values()),
@@ -153,13 +158,9 @@ class Participants:
             )
         except SeamDiverged as error:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
-        except BaseException:  # what the near side was to be told may not have reached it
-            if self._loop is not None:
-                self._loop.forget_told()
-            raise
         if solution.note:
             gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
-            self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}")
+            self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}", Detail.GAP_KEPT)
         self._tell_cuts(solution)
         return solution
 
@@ -168,7 +169,8 @@ class Participants:
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
             if reply.n_substeps > solution.parts and self.sides.models[name] == "fem" and not asked_for:
-                self._tell("step", f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts")
+                taken = f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts"
+                self._tell("step", taken, count=reply.n_substeps)
 
     def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> SeamSolution:
         def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
@@ -180,21 +182,24 @@ class Participants:
                 anchor = _FREE if side.anchor is None else side.anchor
                 stiffness = _KEPT if side.stiffness is None else side.stiffness
                 start = _FREE if side.start is None else side.start
-                settle = self._settle.get(name, _FREE)
                 requests[name] = Advance(
-                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, settle
+                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start
                 )
-            replies = self._exchange(requests)
-            for name in wanted:
-                self._settle.pop(name, None)
-            return self._advanced(replies)
+            return self._advanced(self._exchange(requests))
+
+        def correct(corrections: dict[str, Correction]) -> dict[str, Advanced]:
+            self._n_asked += 1
+            requests = {
+                name: Correct(self._clock.request(name, self._n_asked), one.push, one.force, fields)
+                for name, one in corrections.items()
+            }
+            return self._advanced(self._exchange(requests))
 
         self._under_way = True
         if self._loop is None:
             solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
         else:
-            solution = self._loop.solve(ask, dt, may_cut)
-        self._settle = dict(solution.settle)
+            solution = self._loop.solve(ask, correct, dt, may_cut)
         self._clock.tick += 1
         self._n_asked, self._under_way = -1, False
         return solution
@@ -225,7 +230,8 @@ class Participants:
         solution = step.solution()
         if step.n_parts > 1 and (solution.note or pace.parts != before):
             taken = f"taken in {step.n_parts} parts, {solution.exchanges} exchanges, gap {1e6 * solution.gap:.3g} um"
-            self._tell("seam", f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}")
+            text = f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}"
+            self._tell("seam", text, Detail.PARTS, *([Detail.GAP_KEPT] if solution.note else []))
             solution = replace(solution, note="")
         return solution
 
@@ -258,8 +264,8 @@ class Participants:
         for name, reply in replies.items():
             assert isinstance(reply, Advanced)
             model = self.sides.models[name]
-            if reply.status != "converged":
-                text = f"step {self._clock.step}, {name} ({model}): {reply.status}"
+            if reply.status is not Status.CONVERGED:
+                text = f"step {self._clock.step}, {name} ({model}): {reply.why}"
                 if not math.isfinite(reply.kinetic):
                     raise StepFailed(text)
                 self._tell("solver", text)
@@ -270,16 +276,14 @@ class Participants:
 
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
         """Each side's fields, with its errors where asked for; of them only what its own model errs."""
-        settled = self._settle_now(not indicators)
-        if settled.keys() == self.sides.cells.keys():  # not where one had settled before, asked for no fields
-            return settled
+        self._discard_failed()
         requests = {name: Observe(self._clock.request(name), indicators, own) for name in self.sides.names}
         replies = self._exchange(requests)
         return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
 
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""
-        self._settle_now(False)
+        self._discard_failed()
         if self._loop is not None:
             self._loop.forget_told()
         replies = self._exchange(
@@ -287,24 +291,12 @@ class Participants:
         )
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
-    def _settle_now(self, fields: bool) -> dict[str, Fields]:
-        """Have the last step settled and committed, where that waits for the next; each side's fields if asked for.
-
-        And one that failed half way taken back, by another exchange of its tick than settled the step before it: what
-        has the header of a request that was answered is taken for that request.
-        """
+    def _discard_failed(self) -> None:
+        """Have a step that failed half way taken back by those that took it."""
         self._take_back()
-        if not (self._settle or self._under_way):
-            return {}
-        replies = self._exchange(
-            {
-                name: Commit(self._clock.request(name, self._n_asked + 1), self._settle.get(name, _FREE), fields)
-                for name in self.sides.names
-            }
-        )
-        self._settle, self._under_way = {}, False
-        found = {name: reply.fields for name, reply in replies.items() if isinstance(reply, Committed)}
-        return {name: seen for name, seen in found.items() if seen is not None}
+        if self._under_way:
+            self._exchange({name: Commit(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names})
+            self._under_way = False
 
     def multiplier(self) -> Floats:
         """The last committed one, on the near side (s, 3) [N]."""

@@ -47,6 +47,7 @@ def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
             step_error=max(part[name].step_error for part in parts),
             residual=max(part[name].residual for part in parts),
             alarm=next((part[name].alarm for part in parts if part[name].alarm), ""),
+            alarm_details=next((part[name].alarm_details for part in parts if part[name].alarm), []),
             wrench=np.mean([part[name].wrench for part in parts], axis=0),
         )
         for name, last in parts[-1].items()

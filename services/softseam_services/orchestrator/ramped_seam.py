@@ -15,14 +15,17 @@ within a step, and the gap that is reported is that of positions.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.accelerated import AcceleratedSeam
+from softseam_coupling.loops.one_way import Correct
 from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import Outcome, SeamSolver
 from softseam_coupling.seam_state import SeamState
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages import Advanced, Capabilities
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import (
     Ask,
@@ -40,7 +43,7 @@ Floats = NDArray[np.float64]
 class RampedSeam:
     """Ties two sides for one epoch; a `SeamScheme`.
 
-    mobility  as of `SeamLoop`
+    mobility  1/mass of the seam's nodes on both sides (3s,) [1/kg]: a guess where no compliance is to be asked for
     first     multiplier that belongs to the sides' state (s, 3) [N], zero if absent: that of a body at rest in shape
     most      exchanges a step
     """
@@ -52,11 +55,14 @@ class RampedSeam:
         self._left = np.zeros_like(tie.c)  # r of eq. (1) [m]
         self.pace = Pace()
 
+    def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
+        """Steps of such a seam are not corrected."""
+
     def multiplier(self) -> Floats:
         """The last committed one, at the end of its step (s, 3) [N]."""
         return self.state.multiplier
 
-    def solve(self, ask: Ask, dt: float, may_cut: bool = False) -> SeamSolution:
+    def solve(self, ask: Ask, correct: Correct, dt: float, may_cut: bool = False) -> SeamSolution:
         """Exchange until the step opens no more than the solver's tolerance. Raises SeamDiverged, SeamUnsettled."""
         if dt != self._dt:
             self._dt = dt

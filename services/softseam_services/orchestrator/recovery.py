@@ -15,6 +15,7 @@ from softseam_protocol.messages import (
     Advance,
     Commit,
     Configure,
+    Correct,
     Release,
     Reply,
     Request,
@@ -24,7 +25,7 @@ from softseam_protocol.messages import (
 )
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 
-_STEPS = (Advance, Commit)
+_STEPS = (Advance, Correct, Commit)
 
 
 @dataclass

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.goal_watch import GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
+from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.participants import Kept, Participants, Tied
 from softseam_services.orchestrator.seam_answers import SeamScheme
 from softseam_services.orchestrator.seam_schemes import build_scheme, build_seam_solver
@@ -47,7 +48,7 @@ class Regions:
         transport: Transport,
         clock: Clock,
         accounts: Accounts,
-        tell: Callable[[str, str], None],
+        tell: Tell,
     ) -> None:
         self._scene, self._body = setup.scene, setup.body
         self._clock, self._accounts, self._tell = clock, accounts, tell
@@ -202,8 +203,7 @@ class Regions:
         first = None
         if state is not None and cauchy is not None:
             first = first_multiplier(body, sides, state, cauchy, tie, functions)
-        begun = None if state is None else (state.x[sides.seam], self._clock.dt * state.v[sides.seam])
-        return build_scheme(scene.seam, self._solver, body, sides, tie, first, begun)
+        return build_scheme(scene.seam, self._solver, body, sides, tie, first)
 
     def frame(
         self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats, indicators: bool = False

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies, LedgerState
+from softseam_protocol.messages import SCHEMA_VERSION
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.force_search import ForceSearch
 from softseam_services.orchestrator.program import Progress
@@ -57,6 +58,7 @@ class SavedState:
         numbers = [self.step, progress.phase, progress.elapsed, self.lift_base, self.lifting, self.seed]
         numbers += progress.search.to_list()
         entries: dict[str, NDArray[np.generic] | bytes] = {
+            "schema": np.array([SCHEMA_VERSION]),
             "scene": self.scene.encode(),
             "numbers": np.array(numbers, dtype=np.float64),
             "position": self.position,
@@ -74,8 +76,14 @@ class SavedState:
 
     @classmethod
     def unpack(cls, data: bytes) -> SavedState:
-        """From bytes. Raises ArchiveError where anything is missing."""
+        """From bytes. Raises ArchiveError where it is of another schema, or anything is missing."""
         entries = unpack(data)
+        schema = int(entries["schema"].flat[0]) if "schema" in entries and entries["schema"].size else 0
+        if schema != SCHEMA_VERSION:
+            raise ArchiveError(
+                f"this state has schema version {schema}, this softseam reads {SCHEMA_VERSION}: load it with the "
+                "softseam that saved it, or run the scene again and save it anew"
+            )
         try:
             step, phase, elapsed, lift_base, lifting, seed, *search = entries["numbers"].astype(np.float64).tolist()
             near = entries[_CELLS + "cut"] != 0

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.kernels.quasi_newton import largest_node
-from softseam_protocol.messages import Advanced
-from softseam_protocol.quickly_made import quickly_made
+from softseam_coupling.loops.one_way import Correct
+from softseam_protocol.messages import Advanced, Capabilities
 from softseam_services.orchestrator.pace import Pace
-from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class SideRequest:
     """What one side is asked for in one exchange."""
@@ -30,31 +28,27 @@ class SideRequest:
     start: Floats | None = None
     """force at the step's start, where it is linear in time"""
     fields: bool = True
-    """whether its fields could be those of the step: not where it is to be settled"""
+    """whether its fields could be those of the step: not where it is to be corrected"""
 
 
 Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
 
 
-@quickly_made
 @dataclass(frozen=True, slots=True)
 class SeamSolution:
-    """A step that both sides agreed on or, where not `agreed`, what rounds came to that others are to go on from."""
+    """A step as it is to be committed."""
 
     replies: dict[str, Advanced]
-    """as if settled, where the step is to be"""
+    """as corrected, where it was"""
     lambda_: Floats
-    """force on the near side (s, 3) [N]; where they do not agree, the one that the far side was told"""
+    """force on the near side (s, 3) [N]"""
     gap: float
-    """between the sides, settled where they are to be [m]"""
+    """between the sides [m]"""
     exchanges: int
     note: str
     """'' or what fell short"""
     parts: int = 1
     """that the step was taken in"""
-    settle: dict[str, Floats] = field(default_factory=dict)
-    """forces on each side's seam nodes (s, 3) [N] that its state is to be settled by before it is committed"""
-    agreed: bool = True
 
 
 class SeamDiverged(RuntimeError):
@@ -70,30 +64,29 @@ class SeamUnsettled(RuntimeError):
 
 
 class SeamScheme(Protocol):
-    """How two sides are tied for one epoch: `SeamLoop` (the default), `RampedSeam`, `StaggeredSeam`."""
+    """How two sides are tied for one epoch: `OneWaySeam` (the default), `AccelerationLoop`, `RampedSeam` and
+    `StaggeredSeam`."""
 
     pace: Pace
     """how finely the steps are cut"""
 
+    def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
+        """The sides are configured, and can do so much."""
+
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
 
-    def solve(self, ask: Ask, dt: float, may_cut: bool = False) -> SeamSolution:
+    def solve(self, ask: Ask, correct: Correct, dt: float, may_cut: bool = False) -> SeamSolution:
         """Take a step of length dt [s]. Raises SeamDiverged, and where the step may be cut also SeamUnsettled."""
 
     def forget_told(self) -> None:
-        """The near side was restored or took a snapshot."""
+        """The sides were restored or took a snapshot."""
 
     def to_arrays(self) -> dict[str, Floats]:
         """Everything that evolves, for a snapshot."""
 
     def take(self, arrays: dict[str, Floats]) -> None:
         """Continue from `to_arrays`."""
-
-
-def touches(replies: Mapping[str, Advanced]) -> bool:
-    """Whether either side of the seam touches a tool."""
-    return replies[NEAR].n_contacts + replies[FAR].n_contacts > 0
 
 
 def largest(vectors: Floats) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced, Bundle, ErrorEstimate, Event, Frame, StepReport
+from softseam_protocol.outcomes import Detail, EventKind
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.accounts import Accounts
@@ -220,9 +221,8 @@ class Simulation:
         if switched is not None:
             self._frame = None
             self._accounts.switched(switched)
-        alarms = [alarm.value for alarm in self._accounts.raised]
         met = self._program.met(quantities["compression"])
-        self._notices.follow(self._clock.step - 1, replies, alarms, estimate, too_far, met)
+        self._notices.follow(self._clock.step - 1, replies, self._accounts.raised, estimate, too_far, met)
         self._report = report
         if self._emit is not None:
             self._emit(report)
@@ -366,8 +366,8 @@ class Simulation:
             self._trust.look(self.time, self._regions.sides, fields, goal)
         return self._trust.estimate() if done else None
 
-    def _event(self, kind: str, message: str) -> None:
-        event = Event(self._clock.now(), kind, message)
+    def _event(self, kind: str, message: str, *details: Detail, count: int = 0) -> None:
+        event = Event(self._clock.now(), EventKind(kind), message, list(details), count)
         self.events.append(event)
         if self._emit is not None:
             self._emit(event)

@@ -11,12 +11,17 @@ of the masses (`softseam_coupling.schemes.staggered`). Where that grows it is se
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.loops.one_way import Correct
 from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import Outcome, SeamSolver
 from softseam_coupling.seam_state import SeamState
+from softseam_protocol.messages import Capabilities
+from softseam_protocol.outcomes import Status
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import Ask, SeamDiverged, SeamSolution, SideRequest, largest
 from softseam_services.orchestrator.sides import FAR, NEAR
@@ -40,11 +45,14 @@ class StaggeredSeam:
         self._grown, self._n_grown = 1.0, 0
         self.pace = Pace()
 
+    def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
+        """Steps of such a seam are not corrected."""
+
     def multiplier(self) -> Floats:
         """The last committed one (s, 3) [N]."""
         return self.state.multiplier
 
-    def solve(self, ask: Ask, dt: float, may_cut: bool = False) -> SeamSolution:
+    def solve(self, ask: Ask, correct: Correct, dt: float, may_cut: bool = False) -> SeamSolution:
         """The far side's step, then the near side's. Raises SeamDiverged; a cut would not help, none is asked for."""
         if dt != self._dt:
             self._fresh, self._dt = True, dt
@@ -63,7 +71,7 @@ class StaggeredSeam:
                 self._solver.commit(self.state, lambda_)
                 gap = largest(self._tie.gap(near.seam_x, far.seam_x))
                 return SeamSolution({NEAR: near, FAR: far}, lambda_, gap, exchange, "")
-            if answer.outcome is Outcome.NOT_FINITE or near.status != "converged":
+            if answer.outcome is Outcome.NOT_FINITE or near.status is not Status.CONVERGED:
                 break
             self._fresh = answer.outcome is Outcome.REBUILD and not compliance
             lambda_ = answer.lambda_

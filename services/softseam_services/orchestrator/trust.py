@@ -47,6 +47,8 @@ MESH: dict[ElementKind, float] = {
     "tet10": 1.5,
 }
 """c of FEM's elements [1]"""
+UNMEASURED = 2.0
+"""the largest of these, for elements from outside"""
 MODEL = 7.5
 """c of PBD over 1 - 2 nu [1]: its error is measured with full quadrature, to which volume changes are dear"""
 _MORE = 4.0
@@ -134,7 +136,7 @@ class Trust:
             else:
                 energy = float(side.mesh_error[judged].sum())
                 mesh += energy
-                answer += MESH[self._element] * energy
+                answer += MESH.get(self._element, UNMEASURED) * energy
         least = max(_HARDLY * self._peak, self._least)
         if not (np.isfinite([strain, mesh, model, answer]).all() and strain > least):
             return [time, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -172,7 +174,7 @@ class Trust:
         text += f"some {_percent(answer)} in forces and displacements"
         too_large = answer > BOUND
         if too_large:
-            of_mesh = MESH[self._element] * mesh * mesh
+            of_mesh = MESH.get(self._element, UNMEASURED) * mesh * mesh
             text += f": {self._coarse(answer) if of_mesh > 0.5 * answer else self._otherwise(answer)}"
         return ErrorEstimate(time, mesh, model, answer, judged, text, too_large)
 

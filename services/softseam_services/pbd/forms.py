@@ -15,8 +15,8 @@ from softseam_services.body.body import Floats, Material
 from softseam_services.body.materials.point import LINEAR
 
 from .hourglass import bending_factors
-from .kernels.block import BOUND, LAM, MU, PARAMETERS, G
-from .kernels.form import CURVE, FRAME, N_FORM, OFFSET, PLANE, SLOPE, TWIST_OF_FORM
+from .kernels.block import BOUND, LAM, MU, G
+from .kernels.form import CURVE, FORM_PARAMETERS, FRAME, N_FORM, OFFSET, PLANE, SLOPE, TWIST_OF_FORM
 
 SIGNS = np.array([(i, j, k) for k in (-1.0, 1.0) for j in (-1.0, 1.0) for i in (-1.0, 1.0)])
 """xi, eta, zeta of the nodes (8, 3)"""
@@ -64,7 +64,7 @@ def build_forms(x: Floats, material: Material, hourglass: str, weight: Floats | 
     planes, twist = hourglass_planes(frame, material.young, material.mu, d, o)
     form = np.empty((len(x), N_FORM))
     form[:, MU], form[:, LAM] = material.mu, material.lambda_
-    form[:, PARAMETERS : PARAMETERS + 3] = material.parameters
+    form[:, FORM_PARAMETERS:] = material.parameters
     form[:, TWIST_OF_FORM : TWIST_OF_FORM + 3] = twist
     form[:, G : G + 3] = spread / 8.0
     form[:, PLANE : PLANE + 18] = planes.reshape(-1, 3, 9)[:, :, [0, 4, 8, 1, 2, 5]].reshape(-1, 18)

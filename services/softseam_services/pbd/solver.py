@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header
+from softseam_protocol.messages import Advance, Advanced, BodyState, Capabilities, Correct, Fields, Header
 from softseam_protocol.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.request_check import problem_of
@@ -40,6 +41,8 @@ class PbdSolver:
         self._committed = new_state(n, model.blocks.n_batches, p, t)
         self._work = new_state(n, model.blocks.n_batches, p, t)
         self._tentative = False
+        self._request: Advance  # the last
+        self._taken: Taken  # and what became of it
         self._probe: SeamProbe | None = None
         self._probed = np.zeros(0)  # the state that was probed, see `_compliance`; empty: none
         self._ways = no_ways()  # what came of it, see `SeamProbe.compliance`; empty: not found yet
@@ -110,17 +113,23 @@ class PbdSolver:
             refused = watch.Fault.ANCHOR.value
         if refused:
             stepper.fail(self._committed, work)
-            taken = Taken(watch.Fault.INPUT, False, 0, "")
+            taken = Taken(watch.Fault.INPUT, False, 0, {})
         else:
             taken = stepper.take(self._committed, work, request)
         self._tentative, self._to_plan = True, taken.to_plan
         compliance = np.zeros((0, 0))
         if request.compliance and not refused:
             compliance = self._compliance(request)
+        self._request, self._taken = request, taken
+        return self._reply(refused or taken.why, compliance, start)
+
+    def _reply(self, why: str, compliance: Floats, start: float) -> Advanced:
+        """What became of the last request."""
+        stepper, work, request, taken = self._stepper, self._work, self._request, self._taken
         result, numbers = stepper.result, stepper.result.tolist()
         return Advanced(
             request.header,
-            refused or taken.fault.value,
+            taken.fault.status,
             work.x.take(self.model.region.seam, axis=0),
             compliance,
             stepper.wrench.copy(),
@@ -140,9 +149,11 @@ class PbdSolver:
             result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
             n_substeps=stepper.n_substeps,
             residual=numbers[k.RESIDUAL],
-            alarm=taken.notice,
+            alarm="; ".join(taken.notice.values()),
             seam_v=work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES,
             settles=self._settles(),
+            why=why,
+            alarm_details=list(taken.notice),
         )
 
     def _compliance(self, request: Advance) -> Floats:
@@ -178,19 +189,34 @@ class PbdSolver:
             planned and self._probe is not None and self._probed[0] == self._stepper.dt and self._probe.keeps_ways
         )
 
-    def settle(self, force: Floats) -> None:
-        """Move the tentative step on by its linear answer to a force (s, 3) [N] on the seam, as the probe found it."""
-        if not (self._tentative and self._settles()) or force.shape != (len(self.model.region.seam), 3):
-            raise ValueError("this step cannot be settled: only one as long as the probed one, taken to plan, can")
+    def correct(self, request: Correct) -> Advanced:
+        """Move the tentative step on by its linear answer to a force on the seam, as the probe found it."""
+        began, shape = time.perf_counter(), (len(self.model.region.seam), 3)
+        if not (self._tentative and self._settles()):
+            raise ValueError("this step cannot be corrected: only one as long as the probed one, taken to plan, can")
+        if request.push.shape != shape or request.force.shape != shape:
+            raise ValueError(f"a correction of this region's seam has shape {shape}")
+        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
+            raise ValueError("the correction is not finite: the coupling must send finite forces")
         if len(self._ways) == 0:
             self._ways = self._probe_again()[1]
         probe, work, stepper = self._probe, self._work, self._stepper
         assert probe is not None
         settle(
             *(stepper.ws, stepper.xw, stepper.blocks, stepper.nodes, stepper.figures, probe.ids, probe.beyond),
-            *(self._ways, self.model.seam_force(force), np.empty(self._ways.shape[1:]), work.x, work.v, stepper.result),
+            *(self._ways, self.model.seam_force(request.push), np.empty(self._ways.shape[1:]), work.x, work.v),
+            stepper.result,
         )
         watch.settle(work.monitor, stepper.result)
+        moved = work.x.take(self.model.region.seam, axis=0) - self._committed.x.take(self.model.region.seam, axis=0)
+        stepper.result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
+        self._request = replace(self._request, header=request.header, seam_force=request.force)
+        return self._reply(self._taken.why, np.zeros((0, 0)), began)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do for its region."""
+        return Capabilities(True, not self.model.explicit, False, self.substeps, True, True, 0.0)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""

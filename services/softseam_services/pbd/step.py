@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from softseam_protocol.messages import Advance, ToolMotion
+from softseam_protocol.outcomes import Detail
 from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
 
@@ -49,8 +50,13 @@ class Taken(NamedTuple):
     """whether the first attempt was good"""
     sweeps: int
     """of all attempts"""
-    notice: str
-    """what the monitor has to say, '' for nothing"""
+    notice: dict[Detail, str]
+    """what the monitor has to say"""
+
+    @property
+    def why(self) -> str:
+        """What is wrong with it, '' for nothing."""
+        return "" if self.fault is watch.Fault.NONE else self.fault.value
 
 
 class Stepper:
@@ -116,7 +122,7 @@ class Stepper:
         if fault is watch.Fault.DIVERGED:
             self.fail(committed, work)
         elif watch.remember(work.monitor, result, self._floor):
-            notice = "; ".join(filter(None, (notice, watch.GAINS)))
+            notice[Detail.SHORTER] = watch.GAINS
         return Taken(fault, fault is watch.Fault.NONE and attempt == 0, sweeps, notice)
 
     def fail(self, committed: PbdState, work: PbdState) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from enum import Enum
 
+from softseam_protocol.outcomes import Detail, Status
 from softseam_services.body.body import Floats
 
 from .kernels import summary as k
@@ -46,6 +47,21 @@ class Fault(Enum):
     DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
     HASTE = "leapfrog's substep is beyond its limit: take more substeps, or method: xpbd"
     ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
+
+    @property
+    def status(self) -> Status:
+        """The same in a word."""
+        return _STATUS[self]
+
+
+_STATUS = {
+    Fault.NONE: Status.CONVERGED,
+    Fault.INPUT: Status.REFUSED,
+    Fault.ANCHOR: Status.REFUSED,
+    Fault.DIVERGED: Status.DIVERGED,
+    Fault.HASTE: Status.DOUBTFUL,
+    Fault.ENERGY: Status.DOUBTFUL,
+}
 
 
 def remember(monitor: Floats, result: Floats, floor: float) -> bool:
@@ -103,20 +119,22 @@ def grows(result: Floats, monitor: Floats) -> bool:
 
 def alarm(
     cause: str, result: Floats, monitor: Floats, attempt: int, n_substeps: int, n_sweeps: int, unfinished: int = 0
-) -> str:
+) -> dict[Detail, str]:
     """What the monitor saw and did in a step from a state that left `monitor`, empty where that was nothing.
 
     No sweeps: an explicit step. unfinished: substeps whose sweeps ended before the scene's residual was reached.
     """
-    parts = []
+    said = {}
     if attempt > 0:
         cold = ", carried forces dropped" if attempt >= COLD else ""
         swept = f", sweeps {n_sweeps}{cold}" if n_sweeps else ""
-        parts.append(f"{cause}: repeated with {n_substeps} substeps{swept}")
+        said[Detail.REPEATED] = f"{cause}: repeated with {n_substeps} substeps{swept}"
     elif n_sweeps and needs_two_sweeps(monitor):
-        parts.append(f"crushed, torn or behind its shape: sweeps {n_sweeps}")
+        said[Detail.SWEEPS] = f"crushed, torn or behind its shape: sweeps {n_sweeps}"
     if unfinished:
-        parts.append(f"residual not reached in {unfinished} of {n_substeps} substeps with {n_sweeps} sweeps")
+        said[Detail.UNFINISHED] = (
+            f"residual not reached in {unfinished} of {n_substeps} substeps with {n_sweeps} sweeps"
+        )
     if result[k.RESIDUAL] > LAGGING:
-        parts.append(f"not converged, stress is {min(result[k.RESIDUAL], 99.0):.0%} off its shape")
-    return "; ".join(parts)
+        said[Detail.UNCONVERGED] = f"not converged, stress is {min(result[k.RESIDUAL], 99.0):.0%} off its shape"
+    return said

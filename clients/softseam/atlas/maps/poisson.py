@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from functools import cache, partial
-from typing import Any, get_args
+from typing import Any
 
 from softseam.atlas.maps.grid import Cell, Map, Panel
 from softseam.atlas.trace import Trace, follow
 from softseam.atlas.verdicts import Verdict, judge
 from softseam.observation import Observation
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 
 RATIOS = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
-ELEMENTS: tuple[ElementKind, ...] = tuple(reversed(get_args(ElementKind)))
+ELEMENTS: tuple[ElementKind, ...] = tuple(reversed(list(FACTS)))
 CONTROLS: tuple[ElementKind, ...] = ("hex8_full", "tet4")
 """elements without a cure"""
 BOUND = 0.05

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from softseam.atlas.maps.grid import Cell, Map, Panel
 from softseam.atlas.verdicts import Verdict, percent
-from softseam_protocol.kinds import SEAM_INTEGRATORS
+from softseam_protocol.kinds import INTEGRATORS as FACTS
 
 if TYPE_CHECKING:
     from softseam_coupling.schemes.split import Scheme, Split, SplitState
@@ -97,10 +97,10 @@ def run(what: str, ratio: float, scheme: str, integrator: str) -> Verdict:
     if worst > STABLE:
         grown = energy(solver, split(mass, stiffness, integrator, *at), N_STEPS)
         text += f"; simulated, the energy grows {grown:.1e} times in {N_STEPS} steps"
-        if scheme == PRODUCT and integrator not in SEAM_INTEGRATORS["position"]:
+        if scheme == PRODUCT and "position" not in FACTS[integrator].seams:
             return Verdict("refused", f"the product refuses {integrator} at a seam; {text}")
         return Verdict("unstable", text, None, (), ("the scan of the spectral radius",))
-    if scheme == PRODUCT and integrator not in SEAM_INTEGRATORS["position"]:
+    if scheme == PRODUCT and "position" not in FACTS[integrator].seams:
         return Verdict("refused", f"the product refuses {integrator} at a seam, which grows at other ratios")
     error = max(off(solver, split(mass, stiffness, integrator, FINE, substeps)) for substeps in SUBSTEPS)
     calm = energy(solver, split(mass, stiffness, integrator, *at), N_STEPS)

@@ -24,7 +24,7 @@ def stress_at_points(x, cell_nodes, nodes, gradient, shape, kind, parameters, ou
     """Cauchy stress xx yy zz yz xz xy of the b elements of each cell at their q points.
 
     x (n, 3) [m], cell_nodes (c, 27), nodes (b, m), gradient (t, b, q, 3, m) [1/m], shape (c,) which of the t each has
-    parameters (c, b q, 3) of the material at each point; out (c, b q, 6) [Pa], updated in place
+    parameters (c, b q, MAX_PARAMETERS) of the material at each point; out (c, b q, 6) [Pa], updated in place
     """
     F, sigma, xe = np.empty((3, 3)), np.empty((3, 3)), np.empty((27, 3))
     n_points = gradient.shape[2]
@@ -47,7 +47,7 @@ def cell_forces(x, cell_nodes, gradient, weight, kind, parameters, out):
     """f_ai = sum_q w_q P_ij dN_a,j of each cell on its own nodes, dU/dx, not summed over cells.
 
     x (n, 3) [m], cell_nodes (c, 27), gradient (q, 3, 27) [1/m] of box cells, weight (c, q) [m^3]
-    parameters (c, q, 3) of the material at each point; out (c, 27, 3) [N], updated in place
+    parameters (c, q, MAX_PARAMETERS) of the material at each point; out (c, 27, 3) [N], updated in place
     """
     F, P, xe = np.empty((3, 3)), np.empty((3, 3)), np.empty((27, 3))
     nodes = np.arange(27)

@@ -111,7 +111,7 @@ def patch_error(
     points,
     shape,
     material,
-    parameters,
+    moduli,
     weight,
     sigma,
     out,
@@ -122,7 +122,8 @@ def patch_error(
     at          (c, 8, 3) of the samples at rest [m], sampled (c, 8, 6) their stress [Pa], one in each octant
     fill, octant (c, 8) filled part of each octant, 0 where its sample does not count, and its material
     points      (t, q, 3) of the integration in each shape of cell, from its middle [cell edges]; shape (c,)
-    material    (c, q) of each point, parameters (c, q, 3) of it, weight (c, q) [m^3] and sigma (c, q, 6) [Pa] there
+    material    (c, q) of each point, moduli (c, q, 2) its mu and lambda [Pa], weight (c, q) [m^3] and sigma (c, q, 6)
+                [Pa] there
     """
     first, at_node = _cells_at_nodes(cell_nodes, n_nodes)
     seen = np.full(len(cell_nodes), -1)
@@ -158,6 +159,6 @@ def patch_error(
                         square += lack * lack
                     else:
                         square += 2.0 * lack * lack
-                mu, lambda_ = parameters[cell, q, 0], parameters[cell, q, 1]
+                mu, lambda_ = moduli[cell, q, 0], moduli[cell, q, 1]
                 density = (square - lambda_ / (3.0 * lambda_ + 2.0 * mu) * trace * trace) / (4.0 * mu)
                 out[cell] += weight[cell, q] * density

@@ -2,38 +2,53 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.scene_materials import MaterialSpec
+from softseam_protocol.scene_materials import MaterialSpec, MooneyRivlinMaterial
+from softseam_protocol.table import Table
 from softseam_services.body.body import Material
 from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.errors import LawError
 from softseam_services.body.materials import point
+from softseam_services.body.materials.law import Law
 
-__all__ = ["MATERIALS", "build_material"]
+__all__ = ["LAWS", "Law", "LawError", "build_material"]
 
-MATERIALS: dict[MaterialKind, int] = {
-    "neo_hookean": point.NEO_HOOKEAN,
-    "linear": point.LINEAR,
-    "corotated": point.COROTATED,
-    "st_venant_kirchhoff": point.ST_VENANT_KIRCHHOFF,
-    "stable_neo_hookean": point.STABLE_NEO_HOOKEAN,
-    "mooney_rivlin": point.MOONEY_RIVLIN,
-}
-"""number by which `point` knows each kind"""
+
+def _elastic(spec: MaterialSpec, elastic: ElasticConstants) -> tuple[float, ...]:
+    """mu, lambda [Pa]."""
+    return elastic.mu, elastic.lambda_
+
+
+def _mooney_rivlin(spec: MooneyRivlinMaterial, elastic: ElasticConstants) -> tuple[float, ...]:
+    """mu, lambda [Pa], ratio [1]."""
+    return elastic.mu, elastic.lambda_, spec.ratio
+
+
+LAWS: Table[Law] = Table(
+    "material laws",
+    {
+        "neo_hookean": Law(_elastic, inline=point.NEO_HOOKEAN, splits=True),
+        "linear": Law(_elastic, inline=point.LINEAR, splits=True, small=True),
+        "corotated": Law(_elastic, inline=point.COROTATED),
+        "st_venant_kirchhoff": Law(_elastic, inline=point.ST_VENANT_KIRCHHOFF),
+        "stable_neo_hookean": Law(_elastic, inline=point.STABLE_NEO_HOOKEAN),
+        "mooney_rivlin": Law(_mooney_rivlin, inline=point.MOONEY_RIVLIN),
+    },
+)
+"""the law of each specification in softseam_protocol.scene_materials.MATERIALS"""
 
 
 def build_material(spec: MaterialSpec) -> Material:
-    """Elastic constants and the kernels' view of a scene's material."""
+    """Elastic constants and the kernels' view of a scene's material. Raises MissingRow and LawError."""
     elastic = ElasticConstants.from_young_poisson(spec.young, spec.poisson)
-    parameters = np.zeros(point.N_PARAMETERS)
-    parameters[:] = elastic.mu, elastic.lambda_, spec.ratio or 0.0
+    law = LAWS[spec.kind]
     return Material(
         kind=spec.kind,
         mu=elastic.mu,
         lambda_=elastic.lambda_,
         density=spec.density,
-        number=MATERIALS[spec.kind],
-        parameters=parameters,
+        number=law.number,
+        parameters=law.packed(spec, elastic),
+        splits=law.splits,
+        small=law.small,
         retardation_time=spec.retardation_time,
     )

@@ -1,8 +1,9 @@
 """Energy, stress and tangent at one point of any material, for kernels.
 
-A material is an integer kind and a flat array of parameters, [mu, lambda, ratio] [Pa, Pa, 1]; ratio is
-`mooney_rivlin`'s. F (3, 3) is the deformation gradient. The derivative dP/dF is A (9, 9), row 3 i + j for P_ij, column
-3 k + l for F_kl; A is symmetric.
+A material is a number, its kind, and a flat array of parameters, whose order is the law's own. The kind of one of
+softseam's laws is a branch here, which the compiler puts in line; that of a law from outside is the address of its
+response (`law`), so no law falls through to another's. F (3, 3) is the deformation gradient. The derivative dP/dF is A
+(9, 9), row 3 i + j for P_ij, column 3 k + l for F_kl; A is symmetric.
 """
 
 from __future__ import annotations
@@ -19,22 +20,30 @@ from softseam_services.body.materials import (
 )
 from softseam_services.body.materials.invariants import invariants, principal_blocks, write_stress, write_tangent
 from softseam_services.body.materials.principal import assemble, signed_svd
+from softseam_services.body.materials.prototype import RESPONSE
 from softseam_services.jit import njit
 
-NEO_HOOKEAN, LINEAR, COROTATED, ST_VENANT_KIRCHHOFF, STABLE_NEO_HOOKEAN, MOONEY_RIVLIN = 0, 1, 2, 3, 4, 5
-N_PARAMETERS = 3
+NEO_HOOKEAN, LINEAR, COROTATED, ST_VENANT_KIRCHHOFF, STABLE_NEO_HOOKEAN, MOONEY_RIVLIN = 1, 2, 3, 4, 5, 6
+BRANCHES = frozenset({NEO_HOOKEAN, LINEAR, COROTATED, ST_VENANT_KIRCHHOFF, STABLE_NEO_HOOKEAN, MOONEY_RIVLIN})
+"""numbers that have a branch in `response`, or in front of it; every other number is an address"""
+_call_response = RESPONSE.call
 
 
 @njit(cache=True, error_model="numpy")
 def response(kind, parameters, i1, i2, j):
-    """psi and its derivatives by the invariants (`invariants`); of the kinds that are written in these."""
+    """psi and its derivatives by the invariants (`invariants`); of the kinds that are written in these.
+
+    Raises ValueError of kind 0.
+    """
+    if kind == NEO_HOOKEAN:
+        return neo_hookean.response(i1, i2, j, parameters)
     if kind == ST_VENANT_KIRCHHOFF:
         return st_venant_kirchhoff.response(i1, i2, j, parameters)
     if kind == STABLE_NEO_HOOKEAN:
         return stable_neo_hookean.response(i1, i2, j, parameters)
     if kind == MOONEY_RIVLIN:
         return mooney_rivlin.response(i1, i2, j, parameters)
-    return neo_hookean.response(i1, i2, j, parameters)
+    return _call_response(kind, i1, i2, j, parameters)
 
 
 @njit(cache=True, error_model="numpy")

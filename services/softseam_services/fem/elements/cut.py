@@ -20,10 +20,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.kinds import ElementKind
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.filled import FULL_MOMENTS, mean_gradients, mean_trilinear_gradients
-from softseam_services.body.interpolate import FUNCTIONS, hex27
+from softseam_services.body.interpolate import hex27
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hexahedra import SIGNS
 from softseam_services.fem.elements.table import Table, gauss
@@ -53,7 +54,7 @@ def with_cut_cells(
     parts; mu (c, 8): of the octants, relative.
     """
     part = np.flatnonzero((moments[:, :, 0] < 1.0).any(axis=1))
-    if not boxes or FUNCTIONS[element].startswith("tet") or not len(part):
+    if not boxes or FACTS[element].functions.startswith("tet") or not len(part):
         return table, shape
     own = _cut(element, table, edges, moments[part], mu[part])
     shape = shape.copy()
@@ -73,7 +74,7 @@ def _cut(element: ElementKind, table: Table, edges: Floats, moments: Floats, mu:
         mean *= SHARES[element]
         return table._replace(gradient=mean_gradients(moments, edges)[:, None], stabilisation=mean[:, None])
     weight = table.weight * np.einsum("bqo,co->cbq", table.share, fill)
-    if FUNCTIONS[element] == "hex27":
+    if FACTS[element].functions == "hex27":
         share = fill / fill.sum(axis=1, keepdims=True)
         exact = np.einsum("co,coia->cia", share, mean_gradients(moments, edges))[:, None]
     else:

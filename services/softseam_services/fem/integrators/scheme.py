@@ -15,6 +15,8 @@ from softseam_services.fem.integrators import bdf2, generalised_alpha, implicit_
 from softseam_services.jit import njit, record
 
 IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER, STATIC = 0, 1, 2, 3, 4, 5
+STEPPERS = frozenset({IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER, STATIC})
+"""kinds that have a branch here, or in kernels/step.py"""
 
 
 @record

@@ -1,10 +1,18 @@
-"""Integrators by their names in the scene file."""
+"""Integrators by their names in the scene file: the coefficients of the stepper that each is run by.
+
+A row makes a `Scheme` of a `Setting`. The steppers are kernels (`scheme`); one from outside gives coefficients to one
+of them: a member of Newmark's family, HHT's or generalised-alpha's is `of_family` of its coefficients.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.table import Table
 from softseam_services.fem.integrators import bdf2, generalised_alpha, midpoint, newmark
 from softseam_services.fem.integrators.scheme import (
     BDF2,
@@ -12,6 +20,7 @@ from softseam_services.fem.integrators.scheme import (
     IMPLICIT_EULER,
     MIDPOINT,
     STATIC,
+    STEPPERS,
     SYMPLECTIC_EULER,
     Scheme,
 )
@@ -19,25 +28,82 @@ from softseam_services.fem.integrators.symplectic_euler import SAFETY, highest_f
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.work import Work
 
-# Where tools touch, oscillations of the held points must die out within a few steps; elsewhere they should live.
-_RADIUS = {"midpoint": (1.0, 0.5), "generalised_alpha": (0.8, 0.0)}
+
+class Setting(NamedTuple):
+    """What an integrator's coefficients may depend on."""
+
+    model: FemModel
+    work: Work
+    radius: float | None
+    """share of the fastest oscillations that the scene wants kept each step [1]"""
+    touched: bool
+    """there are tools"""
+    retardation_time: float
+    """of the material [s]"""
+
+    def kept(self, free: float, touched: float) -> float:
+        """The scene's radius, or the one for a free body and the one for a touched body: where tools touch,
+        oscillations of the held points must die out within a few steps; elsewhere they should live."""
+        return (touched if self.touched else free) if self.radius is None else self.radius
+
+
+def of_family(share: float, am: float, beta: float, gamma: float) -> Scheme:
+    """The member of `generalised_alpha`'s family with these coefficients; share = 1 - af [1]."""
+    return Scheme(GENERALISED_ALPHA, np.array([share, am, beta, gamma]), generalised_alpha.N_HISTORY)
+
+
+def _implicit_euler(setting: Setting) -> Scheme:
+    return Scheme(IMPLICIT_EULER, np.ones(1), 0, setting.retardation_time)
+
+
+def _midpoint(setting: Setting) -> Scheme:
+    theta = midpoint.theta(setting.kept(free=1.0, touched=0.5))
+    return Scheme(MIDPOINT, np.array([theta]), 0, setting.retardation_time)
+
+
+def _bdf2(setting: Setting) -> Scheme:
+    return Scheme(BDF2, np.ones(1), bdf2.N_HISTORY)
+
+
+def _newmark(setting: Setting) -> Scheme:
+    return of_family(*newmark.parameters())
+
+
+def _generalised_alpha(setting: Setting) -> Scheme:
+    return of_family(*generalised_alpha.parameters(setting.kept(free=0.8, touched=0.0)))
+
+
+def _symplectic_euler(setting: Setting) -> Scheme:
+    return Scheme(SYMPLECTIC_EULER, np.array([1.0, longest_substep(setting.model, setting.work)]), 0)
+
+
+def _static(setting: Setting) -> Scheme:
+    return Scheme(STATIC, np.ones(1), 0, setting.retardation_time)
+
+
+INTEGRATORS: Table[Callable[[Setting], Scheme]] = Table(
+    "integrators' coefficients",
+    {
+        "implicit_euler": _implicit_euler,
+        "midpoint": _midpoint,
+        "bdf2": _bdf2,
+        "newmark": _newmark,
+        "generalised_alpha": _generalised_alpha,
+        "symplectic_euler": _symplectic_euler,
+        "static": _static,
+    },
+)
 
 
 def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool, retardation_time: float = 0.0) -> Scheme:
-    """The kernels' view of a scene's integrator; touched: there are tools; retardation_time of the material [s]."""
-    name = spec.integrator
-    if name == "symplectic_euler":
-        return Scheme(SYMPLECTIC_EULER, np.array([1.0, longest_substep(model, work)]), 0)
-    if name == "bdf2":
-        return Scheme(BDF2, np.ones(1), bdf2.N_HISTORY)
-    if name == "newmark":
-        return Scheme(GENERALISED_ALPHA, newmark.parameters(), generalised_alpha.N_HISTORY)
-    if name in ("implicit_euler", "static"):
-        return Scheme(STATIC if name == "static" else IMPLICIT_EULER, np.ones(1), 0, retardation_time)
-    radius = _RADIUS[name][touched] if spec.radius is None else spec.radius
-    if name == "midpoint":
-        return Scheme(MIDPOINT, np.array([midpoint.theta(radius)]), 0, retardation_time)
-    return Scheme(GENERALISED_ALPHA, generalised_alpha.parameters(radius), generalised_alpha.N_HISTORY)
+    """The kernels' view of a scene's integrator; touched: there are tools; retardation_time of the material [s].
+
+    Raises ValueError where a row names no stepper.
+    """
+    scheme = INTEGRATORS[spec.integrator](Setting(model, work, spec.radius, touched, retardation_time))
+    if scheme.kind not in STEPPERS:
+        raise ValueError(f"{spec.integrator} is stepped by number {scheme.kind}, and integrators.scheme has no such")
+    return scheme
 
 
 def longest_substep(model: FemModel, work: Work) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.fem.kernels.sparse import dot
+from softseam_services.fem.kernels.dot import dot
 from softseam_services.jit import njit
 
 

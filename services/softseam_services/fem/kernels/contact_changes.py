@@ -17,8 +17,8 @@ import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, RELAXED, SLIP, TRACTION, TRIAL
+from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
-from softseam_services.fem.kernels.sparse import dot
 from softseam_services.jit import njit
 
 _TOLERANCE = 0.05

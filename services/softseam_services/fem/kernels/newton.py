@@ -27,20 +27,21 @@ from softseam_services.fem.kernels.contact import (
     lets_go,
 )
 from softseam_services.fem.kernels.contact_changes import solve_with_changes
+from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, hold, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
-from softseam_services.fem.kernels.multigrid import NONE, conjugate_gradients, prepare
 from softseam_services.fem.kernels.pair import factor
-from softseam_services.fem.kernels.sparse import dot
 from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of `memo`, what is known of the factor in work.values
-FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, FACTOR_KEEPS = 0, 1, 2, 3, 4, 5, 6
-N_MEMO = 7
+FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, FACTOR_KEEPS, N_CANDIDATES = (
+    0, 1, 2, 3, 4, 5, 6, 7,
+)  # fmt: skip
+N_MEMO = 8
 
 # A kept factor costs iterations, a new one about as much as twelve of them; its rate shows after a few.
 _PATIENCE = 12.0
@@ -69,9 +70,6 @@ _FAR = 1e-3
 _FIRM = 1e-2
 _FINEST = 1e-7
 _FIRST = 0.1
-# How far conjugate gradients reduce the error, of an iteration and of the seam's compliance.
-_INEXACT = 1e-2
-_EXACT = 1e-10
 # Points closer to a tool than this share of a cell edge are in a new factor as if they touched.
 _AHEAD = 1e-3
 
@@ -153,36 +151,12 @@ def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         hold(tree, work.values, model.rollers)
         memo[N_FACTORS] += 1.0
-        if _factor(model, tree, work):
+        if factor(tree, work.values, work.factoring) == 0:
             memo[FACTORED] = 1.0
             memo[FACTOR_INERTIA] = inertia
             memo[FACTOR_KEEPS] = keep
             return True
     return False
-
-
-@njit(cache=True, error_model="numpy")
-def _factor(model, tree, work):
-    """Factor work.values, or prepare for iterations with them; False where they are not positive definite."""
-    if tree.kind == NONE:
-        return factor(tree, work.values, work.factoring) == 0
-    return prepare(
-        tree, work.values, work.seam_coupled[0] == 1, work.seam_stiffness, model.order[model.seam], work.grid
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def _solve(model, tree, b, tolerance, work):
-    """b <- A^-1 b, to a tolerance where A is not factored; False where A turns out not to be positive definite."""
-    if tree.kind == NONE:
-        solve(tree, work.values, b, work.factoring)
-        return True
-    return (
-        conjugate_gradients(
-            tree, work.values, work.grid, work.seam_coupled[0] == 1, work.seam_stiffness, model.order[model.seam],
-            tolerance, b, work.ints,
-        ) >= 0
-    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
@@ -264,7 +238,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
     known, since, first, largest, moved = -1, 0, 0.0, np.inf, np.inf
     slope, left = -1.0, False
     plain, exact, renewed = np.inf, False, 0
-    solvable, trusted = tree.kind == NONE, _TROUBLE
+    trusted = _TROUBLE
     length, part, settled = np.inf, 1.0, False
     guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
@@ -288,16 +262,14 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         enough = min(tolerance, max(_FIRM * firm, _FINEST * model.edge))
         before, long, was_exact, exact, whole, astray = plain, length, exact, False, False, False
         was_settled, settled = settled, work.turned[0] == 0
-        ready = solvable and settled and iteration >= trusted and firm < np.inf
+        ready = settled and iteration >= trusted and firm < np.inf
         renew = left or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
         renew = renew or (not was_exact and (careful or missing > 0))
         largest = 0.0
-        definite = True
-        safe = careful
-        for attempt in range(3):
+        for attempt in range(2):
             if renew:
-                safe = (careful and not ready) or not definite
-                ahead, often = -np.inf if left else closer, solvable and not careful and renewed > _OFTEN
+                safe = careful and not ready
+                ahead, often = -np.inf if left else closer, not careful and renewed > _OFTEN
                 keep = missing > 0 and not left and often
                 renewed += missing > 0
                 if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep, work, memo):
@@ -305,24 +277,23 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 since = 0
             for i in range(len(work.r)):
                 work.d[i] = work.r[i]
-            definite = _solve(model, tree, work.d, _INEXACT, work)
+            solve(tree, work.values, work.d, work.factoring)
             largest = plain = _largest(work.d)
             length = np.sqrt(dot(work.d, work.d))
             astray = was_exact and not renew and not length < (1.0 - _ENOUGH * part) * long
             if astray:
                 break
             slow = _too_slow(largest, first, enough, since)
-            exact = definite and ready and _is_worth(plain, before, enough, was_exact)
+            exact = ready and _is_worth(plain, before, enough, was_exact)
             # what a factor has of contacts that are open makes corrections small before forces are
             doubtful = work.gone[0] > 0 and (memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
-            whole = exact or (definite and solvable and not careful and doubtful and plain <= enough)
+            whole = exact or (not careful and doubtful and plain <= enough)
             if whole:
                 solve_with_changes(model, tree, tools, count, work)
                 largest = _largest(work.d)
             if was_exact:
                 slow = missing > 0 or (part == 1.0 and was_settled and settled and plain > _STALE * before)
-            slow = slow and attempt == 0 and not renew
-            if not slow and (definite or safe):
+            if not slow or attempt > 0 or renew:
                 break
             renew = True
         if astray:
@@ -335,8 +306,6 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 part, trusted = 1.0, iteration + _PROBATION
             continue
         part = 1.0
-        if not definite:
-            return INDEFINITE, iteration
         if not np.isfinite(largest):
             return NOT_FINITE, iteration
         if guessed > _FAR * model.edge and not careful and largest > 0.5 * guessed:
@@ -382,13 +351,5 @@ def seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree,
         work.contact[c, RELAXED] = 1.0
     good = refactor(x, x0, model, tree, tools, count, inertia, share, False, -np.inf, False, work, memo)
     if good:
-        if tree.kind == NONE:
-            seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
-            return True
-        for s in range(3 * len(model.seam)):
-            work.d[:] = 0.0
-            work.d[3 * model.order[model.seam[s // 3]] + s % 3] = 1.0
-            good = good and _solve(model, tree, work.d, _EXACT, work)
-            for t in range(3 * len(model.seam)):
-                inverse[t, s] = work.d[3 * model.order[model.seam[t // 3]] + t % 3]
+        seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
     return good

@@ -152,7 +152,7 @@ def _pulls(model, cell, part, d, c, curvature):
     energy = 0.0
     for q in range(N_FULL):
         density, slope, bend = _phi(d[q])
-        weight = part * model.full.weight[cell, q] * model.full.parameters[model.full.blend[cell], q, 0]
+        weight = part * model.full.weight[cell, q] * model.full.moduli[model.full.blend[cell], q, 0]
         c[q], curvature[q] = weight * slope, weight * bend
         energy += weight * density
         if slope > 0.0:

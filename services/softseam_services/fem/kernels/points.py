@@ -64,7 +64,7 @@ def _determinant(F):
 
 @njit(cache=True, error_model="numpy")
 def group_stresses(kind, parameters, additive, averaged, F, weight, F_bar, H, J, P):
-    """P (k, 3, 3) with which eq. (2) holds at the points of a group, updated in place; parameters (k, 3)."""
+    """P (k, 3, 3) with which eq. (2) holds at the points of a group, updated in place; parameters of each."""
     if not averaged:
         for at in range(len(F)):
             stress(kind, parameters[at], F[at], P[at])

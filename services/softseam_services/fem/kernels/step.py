@@ -22,7 +22,16 @@ from softseam_services.fem.kernels.contact import (
 )
 from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.fem.kernels.elements import strain_energy
-from softseam_services.fem.kernels.newton import CONVERGED, INDEFINITE, farthest, newton, seam_compliance, seam_pull
+from softseam_services.fem.kernels.linear_answer import move_on
+from softseam_services.fem.kernels.newton import (
+    CONVERGED,
+    INDEFINITE,
+    N_CANDIDATES,
+    farthest,
+    newton,
+    seam_compliance,
+    seam_pull,
+)
 from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, loses_volume, watch_cells
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
@@ -32,6 +41,9 @@ from softseam_services.tools.kernels import cell_distances, tool_travel
 KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, MOMENTUM, ANGULAR = 0, 1, 2, 3, 4, 5, 8
 PENETRATION, SLIPPED, N_CONTACTS, N_ITERATIONS, LOWEST, HIGHEST = 11, 12, 13, 14, 15, 18
 N_OUT = 21
+
+# what `advance` is to do
+STEP, DERIVE, CORRECT = 0, 1, 2
 
 _MOST_AUGMENTATIONS = 4
 # Points deeper than this after the iteration get their multipliers updated within the step [m].
@@ -82,8 +94,55 @@ def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, ou
 
 
 @njit(cache=True, error_model="numpy")
-def _summarise(x0, x, v, seam_force, model, work, out):
-    """Energies, momenta, bounds and the seam's work into `out`."""
+def _follow_contacts(x0, x, count, model, tools, work, wrench, out):
+    """The step was moved on by work.d: wrenches (t, 6) and the tools' work follow as the factor has contacts, in place.
+
+    With K the stiffness that the factor holds at a point, its force changes by -K d, so that the momentum of the moved
+    step balances exactly. Contact itself, in the state, stays as it was solved.
+    """
+    place, moved = np.empty(3), np.empty(3)
+    for c in range(count):
+        if work.state[c] != OPEN:
+            row = work.contact[c]
+            _moved_by(work.d, model, work.pair[c, 0], moved)
+            for i in range(3):
+                out[TOOL_WORK] += (row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]) * moved[i]
+    for point in range(len(model.point_face)):
+        for tool in range(len(wrench)):
+            if work.factored_state[point, tool] == OPEN:
+                continue
+            stiffness = work.factored[point, tool]
+            _moved_by(work.d, model, point, moved)
+            fx = -(stiffness[0, 0] * moved[0] + stiffness[0, 1] * moved[1] + stiffness[0, 2] * moved[2])
+            fy = -(stiffness[1, 0] * moved[0] + stiffness[1, 1] * moved[1] + stiffness[1, 2] * moved[2])
+            fz = -(stiffness[2, 0] * moved[0] + stiffness[2, 1] * moved[1] + stiffness[2, 2] * moved[2])
+            point_position(x0, model, point, moved)
+            point_position(x, model, point, place)
+            out[TOOL_WORK] += fx * (place[0] - moved[0]) + fy * (place[1] - moved[1]) + fz * (place[2] - moved[2])
+            for i in range(3):
+                place[i] -= tools.position_next[tool, i]
+            wrench[tool, 0] -= fx
+            wrench[tool, 1] -= fy
+            wrench[tool, 2] -= fz
+            wrench[tool, 3] -= place[1] * fz - place[2] * fy
+            wrench[tool, 4] -= place[2] * fx - place[0] * fz
+            wrench[tool, 5] -= place[0] * fy - place[1] * fx
+
+
+@njit(cache=True, error_model="numpy")
+def _moved_by(step, model, point, moved):
+    """moved (3,) <- what a surface point moves by where nodes move by `step`, in the order of the factor."""
+    moved[0] = moved[1] = moved[2] = 0.0
+    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        place = 3 * model.order[model.point_node[entry]]
+        if place >= 0:
+            for i in range(3):
+                moved[i] += model.point_weight[entry] * step[place + i]
+
+
+@njit(cache=True, error_model="numpy")
+def _summarise(x0, x, v, seam_force, pulled, model, work, out):
+    """Energies, momenta, bounds and the seam's work into `out`; pulled: what lies beyond the seam pulls on it, too."""
     kinetic = gravity = 0.0
     for i in range(3):
         out[MOMENTUM + i] = out[ANGULAR + i] = 0.0
@@ -101,15 +160,28 @@ def _summarise(x0, x, v, seam_force, model, work, out):
     out[KINETIC], out[GRAVITY] = kinetic, gravity
     out[STRAIN] = strain_energy(x, model, work)
     out[SEAM_WORK] = 0.0
-    if work.seam_coupled[0]:
+    if pulled:
         seam_pull(x, model, work)
     for s in range(len(model.seam)):
         for i in range(3):
             force = seam_force[s, i]
-            if work.seam_coupled[0]:
+            if pulled:
                 force += work.seam_actual[s, i]
             work.seam_actual[s, i] = force
             out[SEAM_WORK] += force * (x[model.seam[s], i] - x0[model.seam[s], i])
+
+
+@njit(cache=True, error_model="numpy")
+def _report(x0, x, v, seam_force, pulled, model, tools, work, out, seam_x, distance):
+    """What the reply reports of the end x, v of a step but contact, in place."""
+    _summarise(x0, x, v, seam_force, pulled, model, work, out)
+    for s in range(len(model.seam)):
+        for i in range(3):
+            seam_x[s, i] = x[model.seam[s], i]
+    cell_distances(
+        x, model.cell_nodes, tools.kind, tools.shape, tools.position_next, tools.orientation_next, tools.near,
+        work.node_gap, distance,
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,20 +245,27 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model, tree, tools, tolerance, most, careful,
-            work, memo, x, v, history_next, contact, wrench, out, seam_x, distance, derive, inverse):  # fmt: skip
+            work, memo, x, v, history_next, contact, wrench, out, seam_x, distance, task, push, inverse):  # fmt: skip
     """One step from x0, v0, history, contact0 over dt; returns a status of `newton`.
 
-    derive: in place of the step its `seam_compliance` at the end x, into inverse (3s, 3s) [m/N]: a kernel of its own
-    would be compiled from the same hundred and forty functions once more.
+    task: STEP; or DERIVE, in its place its `seam_compliance` at the end x, into inverse (3s, 3s) [m/N]; or CORRECT,
+    move the step that was taken last on by its linear answer to a push (s, 3) [N], seam_force being what acts then.
+    Kernels of their own would be compiled from the same hundred and forty functions once more.
 
     pace: share of a penetration and of an offset at the start that the step takes out, 1 but for parts of a step; see
     kernels/contact.py
     x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
     CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
     """
-    if derive:
+    if task == DERIVE:
         good = seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree, tools, work, memo, inverse)
         return CONVERGED if good else INDEFINITE
+    if task == CORRECT:
+        move_on(model, tree, work, push, dt, x, v)
+        count = int(memo[N_CANDIDATES])
+        _follow_contacts(x0, x, count, model, tools, work, wrench, out)
+        _report(x0, x, v, seam_force, False, model, tools, work, out, seam_x, distance)
+        return CONVERGED
     load = past if scheme.kind == STATIC else 1.0
     for node in range(len(x0)):
         for i in range(3):
@@ -211,13 +290,7 @@ def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model
     out[N_ITERATIONS] = iterations
     if status != CONVERGED:
         return status
+    memo[N_CANDIDATES] = count
     _record_contacts(x, count, contact0, model, tools, work, contact, wrench, out)
-    _summarise(x0, x, v, seam_force, model, work, out)
-    for s in range(len(model.seam)):
-        for i in range(3):
-            seam_x[s, i] = x[model.seam[s], i]
-    cell_distances(
-        x, model.cell_nodes, tools.kind, tools.shape, tools.position_next, tools.orientation_next, tools.near,
-        work.node_gap, distance,
-    )  # fmt: skip
+    _report(x0, x, v, seam_force, work.seam_coupled[0] == 1, model, tools, work, out, seam_x, distance)
     return CONVERGED

@@ -53,7 +53,7 @@ def _mean_volume(cell, first, end, J, model, work):
     rule = model.viscous
     total = now = before = kappa = 0.0
     for at in range(first, end):
-        w, material = rule.weight[cell, at], rule.parameters[rule.blend[cell], at]
+        w, material = rule.weight[cell, at], rule.moduli[rule.blend[cell], at]
         total += w
         now += w * J[at - first]
         before += w * work.volume[cell, at]
@@ -115,7 +115,7 @@ def subtract_viscous(x, x0, model, work, r):
             for at in range(size):
                 element, q = group * per_group + at // n_points, at % n_points
                 G, f = rule.gradient[rule.shape[cell], element, q], own[element]
-                material, w = rule.parameters[rule.blend[cell], first + at], c * rule.weight[cell, first + at]
+                material, w = rule.moduli[rule.blend[cell], first + at], c * rule.weight[cell, first + at]
                 mu = material[0]
                 lam = -2.0 / 3.0 * mu if averaged else material[1]
                 s, J0 = mean_s, work.volume[cell, first + at]
@@ -205,7 +205,7 @@ def add_viscous_tangents(x, x0, model, tree, work, definite):
                 for q in range(n_points):
                     at = (element - group * per_group) * n_points + q
                     G, w = rule.gradient[rule.shape[cell], element, q], c * rule.weight[cell, first + at]
-                    material, J0 = rule.parameters[rule.blend[cell], first + at], work.volume[cell, first + at]
+                    material, J0 = rule.moduli[rule.blend[cell], first + at], work.volume[cell, first + at]
                     mu = material[0]
                     lam = -2.0 / 3.0 * mu if averaged else material[1]
                     for a in range(m):

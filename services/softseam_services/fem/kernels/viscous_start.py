@@ -34,7 +34,7 @@ def resist(scheme, dt, share, x0, model, work):
             point_gradients(work.xe[cell], rule, cell, element, 1, F)
             for q in range(n_points):
                 at, G = first + q, gradient[element, q]
-                mu, origin = rule.parameters[rule.blend[cell], at, 0], work.origin[cell, at]
+                mu, origin = rule.moduli[rule.blend[cell], at, 0], work.origin[cell, at]
                 J = work.volume[cell, at] = 1.0 if model.linear else volume_gradient(F[q], False, origin)
                 if J < J_MIN:
                     continue

@@ -30,23 +30,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_services.body.materials.prototype import MAX_PARAMETERS
 from softseam_services.jit import record
 
-from .form import FORM, N_FORM, bring_forms, from_sums, hourglass_of_form, of_form, to_sums
+from .form import FORM, FORM_PARAMETERS, N_HOISTED, bring_forms, from_sums, hourglass_of_form, of_form, to_sums
 from .lanes import LANES, aligned, lane_kernel, move_four, transpose_four
 
 # Rows of the workspace: positions (node, component), inverse masses, Lambda (P then T), 8 max w, volume; then what only
 # read-out uses: the stress that the shape asks for (P then T), J and the energy.
 INVERSE_MASS, STRESS, SOFTNESS, VOLUME, WANTED, RATIO, ENERGY = 24, 32, 53, 54, 55, 76, 77
-ROWS = FORM + N_FORM
+ROWS = FORM + N_HOISTED
 N_STRESS = 21 * LANES
 """numbers of Lambda in a batch"""
 
 # Entries of the constants array, see `hourglass.block_constants`.
 MU, LAM, B, G, PAIR, SHEAR, TWIST, BOUND, PARAMETERS = 0, 1, 2, 5, 8, 17, 23, 26, 30
-N_CONSTANTS = 33
-N_OF_BOX = 30
-"""of these before PARAMETERS"""
+N_OF_BOX = PARAMETERS
+"""numbers of boxes before PARAMETERS"""
+N_CONSTANTS = PARAMETERS + MAX_PARAMETERS
 
 
 @record
@@ -100,10 +101,10 @@ def of_lane(ws, lane, k):
 
 @lane_kernel
 def parameters_of(constants):
-    """The parameters of a batch's material (3,)."""
+    """The parameters of a batch's material (MAX_PARAMETERS,)."""
     if constants.ndim == 1:
         return constants[PARAMETERS:]
-    return constants[PARAMETERS : PARAMETERS + 3, 0].copy()
+    return constants[FORM_PARAMETERS:, 0].copy()
 
 
 @lane_kernel

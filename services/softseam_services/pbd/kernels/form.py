@@ -19,22 +19,24 @@ TWIST_OF_FORM takes the place of the edges, and PLANE that of pairs, shear and t
 
 from __future__ import annotations
 
+from softseam_services.body.materials.prototype import MAX_PARAMETERS
+
 from .lanes import LANES, lane_kernel, move_four
 
 FORM = 78
 """row of the workspace from which on a form lies"""
-TWIST_OF_FORM, PLANE, FRAME, SLOPE, CURVE, OFFSET = 2, 8, 33, 42, 51, 63
-"""E/(9 |g_a|^4 64); of the planes x y, x z, y z each D_11 22 33 12 13 23; g_a; beta_a; eps_m; H_m"""
-N_FORM = 75
+TWIST_OF_FORM, PLANE, FRAME, SLOPE, CURVE, OFFSET, FORM_PARAMETERS = 2, 8, 30, 39, 48, 60, 72
+"""E/(9 |g_a|^4 64); of the planes x y, x z, y z each D_11 22 33 12 13 23; g_a; beta_a; eps_m; H_m; of the material"""
+N_HOISTED = FORM_PARAMETERS
+"""numbers of a block in the workspace: those before the material's parameters"""
+N_FORM = FORM_PARAMETERS + MAX_PARAMETERS
 """numbers of a block"""
-FRAME_AT = 30
-"""where FRAME lies in the tuple of `of_form`, which has no material parameters"""
 
 
 @lane_kernel
 def bring_forms(ws, constants):
     """The forms of a batch (N_FORM, LANES) into the workspace."""
-    for row in range(N_FORM):
+    for row in range(N_HOISTED):
         move_four(ws, LANES * (FORM + row), constants, LANES * row)
 
 
@@ -48,9 +50,9 @@ def of_form(ws, lane):
         *(ws[a + LANES * 11], ws[a + LANES * 12], ws[a + LANES * 13], ws[a + LANES * 14], ws[a + LANES * 15]),
         *(ws[a + LANES * 16], ws[a + LANES * 17], ws[a + LANES * 18], ws[a + LANES * 19], ws[a + LANES * 20]),
         *(ws[a + LANES * 21], ws[a + LANES * 22], ws[a + LANES * 23], ws[a + LANES * 24], ws[a + LANES * 25]),
-        *(ws[a + LANES * 26], ws[a + LANES * 27], ws[a + LANES * 28], ws[a + LANES * 29], ws[a + LANES * 33]),
-        *(ws[a + LANES * 34], ws[a + LANES * 35], ws[a + LANES * 36], ws[a + LANES * 37], ws[a + LANES * 38]),
-        *(ws[a + LANES * 39], ws[a + LANES * 40], ws[a + LANES * 41]),
+        *(ws[a + LANES * 26], ws[a + LANES * 27], ws[a + LANES * 28], ws[a + LANES * 29], ws[a + LANES * 30]),
+        *(ws[a + LANES * 31], ws[a + LANES * 32], ws[a + LANES * 33], ws[a + LANES * 34], ws[a + LANES * 35]),
+        *(ws[a + LANES * 36], ws[a + LANES * 37], ws[a + LANES * 38]),
     )
 
 
@@ -109,7 +111,7 @@ def to_sums(ws, lane, change):
 @lane_kernel
 def _along(k, x, y, z):
     """A vector's products with g_x, g_y, g_z."""
-    a = FRAME_AT
+    a = FRAME
     return (
         k[a] * x + k[a + 1] * y + k[a + 2] * z,
         k[a + 3] * x + k[a + 4] * y + k[a + 5] * z,
@@ -120,7 +122,7 @@ def _along(k, x, y, z):
 @lane_kernel
 def _across(k, u, v, w):
     """u g_x + v g_y + w g_z."""
-    a = FRAME_AT
+    a = FRAME
     return (
         k[a] * u + k[a + 3] * v + k[a + 6] * w,
         k[a + 1] * u + k[a + 4] * v + k[a + 7] * w,

@@ -8,7 +8,18 @@ from enum import Enum
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Fields, Header, ParticleReport, ToolMotion
+from softseam_protocol.messages import (
+    Advance,
+    Advanced,
+    BodyState,
+    Capabilities,
+    Correct,
+    Fields,
+    Header,
+    ParticleReport,
+    ToolMotion,
+)
+from softseam_protocol.outcomes import Detail, Status
 from softseam_protocol.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.kernels.lanes import aligned
@@ -36,6 +47,19 @@ class Fault(Enum):
     INPUT = "the request cannot be served"
     DIVERGED = "the particles diverged: take a shorter step or more substeps"
     CROWDED = "more layers touch than are followed: some may cross; use fewer divisions or a smaller thickness"
+
+    @property
+    def status(self) -> Status:
+        """The same in a word."""
+        return _STATUS[self]
+
+
+_STATUS = {
+    Fault.NONE: Status.CONVERGED,
+    Fault.INPUT: Status.REFUSED,
+    Fault.DIVERGED: Status.DIVERGED,
+    Fault.CROWDED: Status.DOUBTFUL,
+}
 
 
 class ParticleSolver:
@@ -172,10 +196,10 @@ class ParticleSolver:
             sweeps = 0
         work.strain[0] = self._measure[:, 0].sum()
         self._tentative = True
-        result = self._result
+        result, alarm = self._result, self._alarm()
         return Advanced(
             header=request.header,
-            status=wrong or fault.value,
+            status=fault.status,
             seam_x=np.zeros((0, 3)),
             compliance=np.zeros((0, 0)),
             wrench=self._wrench.copy(),
@@ -193,8 +217,10 @@ class ParticleSolver:
             seconds=time.perf_counter() - began,
             cell_distance=np.zeros(0),
             bounds=result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
-            alarm=self._alarm(),
+            alarm=alarm,
             particles=self._measures(),
+            why="" if fault is Fault.NONE else wrong or fault.value,
+            alarm_details=[Detail.INSIDE_OUT] if alarm else [],
         )
 
     def _advance(self, motion: ToolMotion, dt: float) -> Fault:
@@ -305,9 +331,14 @@ class ParticleSolver:
         n = len(x)
         self._xw[:n, :3], self._xw[:n, 3] = x, self.model.weight
 
-    def settle(self, force: np.ndarray) -> None:
+    def correct(self, request: Correct) -> Advanced:
         """Particles have no seam."""
-        raise ValueError("a body of particles has no seam whose force could settle a step")
+        raise ValueError("a body of particles has no seam whose force could correct a step")
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do for its body."""
+        return Capabilities(False, False, False, self.substeps, False, False, 0.0)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""

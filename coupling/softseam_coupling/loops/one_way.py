@@ -1,0 +1,370 @@
+"""One way to take a step: predict, advance all parts at once, solve for the multipliers, correct, or redo.
+
+All parts advance at once, each under the forces that the predicted multipliers put on its coupling nodes. What is then
+left of the gaps is closed at once over all rows of all interfaces, by what every part tells of how it yields
+(`closure`), and the parts are moved on by their linear answers, which are part of the state that is committed.
+
+A part's linear answer is not quite what it would do. By how much was seen when a step was redone last, as a share kappa
+of the move; where kappa times the move exceeds the tolerance, or the move is not small beside a cell, all parts redo
+the step under the multipliers found. So do parts that cannot be moved on, until the gap itself is within the tolerance.
+
+A part that can takes the parts beyond its interfaces into its own solve, as a linear impedance S that draws its nodes
+to where these are expected: f = lambda + S (target - x). It then finds where its contacts stick and slip with the rest
+of the body behind it, and its answer errs little where it would move freely alone. (In domain decomposition: a Robin
+condition.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.interface import Interface
+from softseam_coupling.loops.closure import Closure, parts_of
+from softseam_coupling.prediction import Prediction
+from softseam_protocol.messages import Advanced, Capabilities
+
+Floats = NDArray[np.float64]
+
+_NONE = np.zeros((0, 0))
+_FIRST_DOUBT = 0.3
+"""kappa of a part of which nothing is known [1]"""
+_DOUBT = 1.1
+"""growth of a kappa in a step that does not measure it [1]"""
+_SMALL = 0.02
+"""largest move that is not doubted, in cells [1]"""
+_SEEN = 0.02
+"""moves below this share of the tolerance measure no kappa [1]"""
+_STALE, _LEAST_AGE = 0.5, 8
+"""a part's compliance is asked for again where its kappa is larger [1] and so many steps have passed"""
+_EXACT = 1e-3
+"""share of the tolerance to which the gaps are closed linearly [1]"""
+
+
+@dataclass(frozen=True, slots=True)
+class PartRequest:
+    """What one part is asked for in one exchange. n coupling nodes."""
+
+    force: Floats
+    """on its coupling nodes (n, 3) [N]"""
+    renew: bool
+    """find its compliance anew"""
+    target: Floats | None = None
+    """where the parts beyond it would have its nodes (n, 3) [m]; None: it is solved without them"""
+    impedance: Floats | None = None
+    """theirs (3n, 3n) [N/m]; None: as sent before"""
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """By what a part is moved on before its step is committed."""
+
+    push: Floats
+    """force on its nodes (n, 3) [N] by whose linear answer it moves, its impedance behind it"""
+    force: Floats
+    """that acts on them then (n, 3) [N]"""
+
+
+Advance = Callable[[dict[str, PartRequest]], dict[str, Advanced]]
+Correct = Callable[[dict[str, Correction]], dict[str, Advanced]]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A step that the parts agree on or, where not `agreed`, the last of the exchanges that were allowed."""
+
+    replies: dict[str, Advanced]
+    """as corrected"""
+    multipliers: Floats
+    """of all rows (c, 3) [N]"""
+    gap: float
+    """largest, as corrected [m]"""
+    exchanges: int
+    agreed: bool
+
+
+class StepDiverged(RuntimeError):
+    """The parts' answers are not finite."""
+
+
+class StepRefused(RuntimeError):
+    """The parts do not agree within so many exchanges; in shorter steps they may."""
+
+    def __init__(self, exchanges: int) -> None:
+        super().__init__(f"not within {exchanges} exchanges")
+        self.exchanges = exchanges
+
+
+@dataclass(slots=True)
+class _Trust:
+    """How far a part's linear answer is believed; all of it evolves."""
+
+    kappa: float = _FIRST_DOUBT
+    n_contacts: int = 0
+    """at the end of the last step"""
+    age: int = 0
+    """steps since it told its compliance"""
+    renew: bool = True
+    """whether its compliance is to be asked for"""
+
+
+class OneWay:
+    """Takes steps of parts that meet at interfaces, for one epoch.
+
+    interfaces    in the order of their rows
+    n_nodes       coupling nodes of each part
+    mobility      1/mass of these nodes (n,) [1/kg]: how a part yields of which nothing is known yet
+    capabilities  of each part
+    tolerance     largest gap and doubt [m]
+    cell          edge of the smallest cell [m]
+    first         multipliers that belong to the parts' state (c, 3) [N]; None: zero
+    """
+
+    def __init__(
+        self,
+        interfaces: Sequence[Interface],
+        mobility: Mapping[str, Floats],
+        capabilities: Mapping[str, Capabilities],
+        tolerance: float,
+        cell: float,
+        first: Floats | None = None,
+    ) -> None:
+        self._parts, offset = parts_of(tuple(interfaces), {name: len(m) for name, m in mobility.items()})
+        self._closure = Closure(self._parts, offset)
+        self._mobility, self._capabilities = dict(mobility), dict(capabilities)
+        self._tolerance, self._cell = tolerance, cell
+        self._trust = {name: _Trust() for name in self._parts}
+        self._multipliers = Prediction(len(offset), first)
+        able = (name for name, part in self._parts.items() if part.sign and capabilities[name].impedance)
+        self._backed: str | None = next(able, None)  # that is solved with the others behind it
+        self._target = Prediction(0 if self._backed is None else len(mobility[self._backed]))
+        self._impedance = _NONE  # of the others, as it is to have it
+        self._sent = False  # and whether it does
+        self._dt = 0.0  # of the last step, 0 before the first [s]
+
+    def multipliers(self) -> Floats:
+        """The last committed ones (c, 3) [N]."""
+        return self._multipliers.last
+
+    def solve(self, advance: Advance, correct: Correct, dt: float, most: int, may_refuse: bool) -> Outcome:
+        """One step of length dt [s] in `most` exchanges at most. Raises StepDiverged.
+
+        may_refuse  where the parts do not agree, raise StepRefused and commit nothing; else keep the last exchange
+
+        A step that fails leaves everything as it was. What a part told in it may not have arrived: it is asked again.
+        """
+        held = {name: (replace(self._parts[name]), replace(self._trust[name])) for name in self._parts}
+        rest = self._closure.hold(), self._impedance, self._dt
+        try:
+            return self._solve(advance, correct, dt, most, may_refuse)
+        except BaseException:
+            for name, (part, trust) in held.items():
+                self._parts[name], self._trust[name] = part, trust
+            inverse, self._impedance, self._dt = rest
+            self._closure.go_back(inverse)
+            self._tell_anew()
+            raise
+
+    def _tell_anew(self) -> None:
+        """The part that is solved with the others behind it may lack their impedance, and is to tell how it yields."""
+        self._sent = False
+        if self._backed is not None:
+            self._trust[self._backed].renew = True
+
+    def _solve(self, advance: Advance, correct: Correct, dt: float, most: int, may_refuse: bool) -> Outcome:
+        if dt != self._dt:
+            self._change(dt)
+        multipliers = self._multipliers.predict(dt)
+        target = self._target.predict(dt) if self._target.known else None
+        x: dict[str, Floats] = {}
+        moves: dict[str, Floats] = {}
+        requests: dict[str, PartRequest] = {}
+        for exchange in range(1, most + 1):
+            before, asked = x, requests
+            requests = {name: self._request(name, multipliers, target) for name in self._parts}
+            replies = advance(requests)
+            x = {name: reply.seam_x for name, reply in replies.items()}
+            self._measure(replies, x, before, moves, requests, asked)
+            self._hear(replies, requests)
+            size = largest(self._closure.gap(x))
+            if not math.isfinite(size):
+                raise StepDiverged("a part's answer is not finite")
+            acted = {name: _acted(replies[name], request) for name, request in requests.items()}
+            found, pushes, moves = self._closure.solve(x, acted, multipliers, _EXACT * self._tolerance)
+            if all(reply.settles for reply in replies.values()):
+                if self._sure(moves):
+                    corrections = self._corrections(replies, found, pushes, moves)
+                else:
+                    corrections = None
+                if corrections is not None:
+                    replies = correct(corrections)
+                    x = {name: reply.seam_x for name, reply in replies.items()}
+                    return self._commit(replies, found, x, exchange, bool(before))
+            elif size <= self._tolerance:
+                return self._commit(replies, multipliers, x, exchange, bool(before))
+            if exchange < most:
+                multipliers = found
+                if self._backed is not None:
+                    target = self._closure.target(self._backed, {name: x[name] + moves[name] for name in x})
+        if may_refuse:
+            raise StepRefused(most)
+        return self._commit(replies, multipliers, x, most, True, agreed=False)
+
+    def forget_told(self) -> None:
+        """The parts took a snapshot or were restored: what they keep of one another is sent again, and a part that was
+        solved with an impedance tells anew how it yields."""
+        self._tell_anew()
+        if self._backed is not None:
+            part = self._parts[self._backed]
+            part.root = part.impedance = _NONE
+            part.compliance = np.diag(self._dt**2 * np.repeat(self._mobility[self._backed], 3))
+        self._closure.told()
+
+    def to_arrays(self) -> dict[str, Floats]:
+        """Everything that evolves, but what the parts tell anew, for a snapshot."""
+        arrays = {f"multipliers_{key}": array for key, array in self._multipliers.to_arrays().items()}
+        arrays |= {f"target_{key}": array for key, array in self._target.to_arrays().items()}
+        arrays |= {"impedance": self._impedance, "dt": np.array([self._dt])}
+        for name, trust in self._trust.items():
+            arrays[f"trust_{name}"] = np.array(
+                [trust.kappa, trust.n_contacts, trust.age, trust.renew], dtype=np.float64
+            )
+            arrays[f"compliance_{name}"] = self._parts[name].compliance
+            arrays[f"told_{name}"] = self._parts[name].told
+        return arrays
+
+    def take(self, arrays: Mapping[str, Floats]) -> None:
+        """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
+        for prefix, prediction in (("multipliers_", self._multipliers), ("target_", self._target)):
+            prediction.take({key[len(prefix) :]: array for key, array in arrays.items() if key.startswith(prefix)})
+        self._impedance, self._dt = np.array(arrays["impedance"]), float(arrays["dt"][0])
+        for name in self._parts:
+            kappa, n_contacts, age, renew = arrays[f"trust_{name}"].tolist()
+            self._trust[name] = _Trust(kappa, int(n_contacts), int(age), bool(renew))
+            self._parts[name].compliance = np.array(arrays[f"compliance_{name}"])
+            self._parts[name].told = np.array(arrays[f"told_{name}"])
+        self.forget_told()
+
+    def _change(self, dt: float) -> None:
+        """Steps are of another length from now on, and so is what every part yields in one."""
+        for name, trust in self._trust.items():
+            trust.renew = True
+            self._parts[name].root = _NONE
+            self._parts[name].compliance = np.diag(dt * dt * np.repeat(self._mobility[name], 3))
+            self._parts[name].told = _NONE
+        self._closure.told()
+        self._back(False)
+        self._dt = dt
+
+    def _back(self, on: bool) -> None:
+        """Let the part that can be solved with the others behind it, as they yield now; or without, until they told."""
+        if self._backed is not None:
+            self._impedance = self._closure.impedance(self._backed) if on else _NONE
+            self._sent = False
+
+    def _request(self, name: str, multipliers: Floats, target: Floats | None) -> PartRequest:
+        force, renew = self._parts[name].force(multipliers), self._trust[name].renew
+        if name != self._backed or target is None or not self._impedance.size:
+            return PartRequest(force, renew)
+        impedance = None if self._sent else self._impedance
+        self._sent = True
+        return PartRequest(force, renew, target, impedance)
+
+    def _measure(
+        self,
+        replies: Mapping[str, Advanced],
+        x: Mapping[str, Floats],
+        before: Mapping[str, Floats],
+        moves: Mapping[str, Floats],
+        requests: Mapping[str, PartRequest],
+        asked: Mapping[str, PartRequest],
+    ) -> None:
+        """A step was redone: compare where parts went with their linear answers, and teach those that can be taught."""
+        if not before:
+            return
+        for name, part in self._parts.items():
+            went = largest(moves[name])
+            if went > _SEEN * self._tolerance:
+                miss = x[name] - before[name] - moves[name]
+                self._trust[name].kappa = largest(miss) / went
+                change = requests[name].force - asked[name].force
+                if part.compliance.size and replies[name].settles and np.any(change):
+                    self._closure.taught(name, miss, change)
+
+    def _hear(self, replies: Mapping[str, Advanced], requests: Mapping[str, PartRequest]) -> None:
+        """Take what parts tell of how they yield."""
+        news = False
+        for name, part in self._parts.items():
+            reply, trust = replies[name], self._trust[name]
+            root, told = reply.seam_yield_root, reply.compliance
+            if not (root.size or told.size) or not np.isfinite(root).all() or not np.isfinite(told).all():
+                continue
+            if name == self._backed:
+                part.impedance = _NONE if requests[name].target is None else self._impedance
+                part.root, part.compliance = (root, _NONE) if root.size else (_NONE, told)
+            else:
+                part.root, part.compliance = _NONE, root @ root.T if root.size else told
+                part.told, part.back = part.compliance, _NONE
+                news = news or trust.renew
+            trust.renew, trust.age = False, 0
+            if name != self._backed or not part.pushed:
+                self._closure.told()
+        if news:
+            self._back(True)
+
+    def _sure(self, moves: Mapping[str, Floats]) -> bool:
+        """Whether linear answers of this size are what the parts would do, to the tolerance."""
+        for name, move in moves.items():
+            length = largest(move)
+            if length > _SMALL * self._cell or self._trust[name].kappa * length > self._tolerance:
+                return False
+        return True
+
+    def _corrections(
+        self, replies: Mapping[str, Advanced], found: Floats, pushes: Mapping[str, Floats], moves: Mapping[str, Floats]
+    ) -> dict[str, Correction] | None:
+        """What moves the parts to where they agree under the multipliers found (c, 3) [N]; None where it cannot."""
+        corrections = {}
+        for name, part in self._parts.items():
+            push, short = part.push_for(pushes[name], moves[name], replies[name].n_contacts == 0)
+            if largest(short) > self._tolerance:
+                return None
+            corrections[name] = Correction(push, part.force(found))
+        return corrections
+
+    def _commit(
+        self,
+        replies: dict[str, Advanced],
+        multipliers: Floats,
+        x: dict[str, Floats],
+        exchanges: int,
+        measured: bool,
+        agreed: bool = True,
+    ) -> Outcome:
+        for name, trust in self._trust.items():
+            n_contacts = replies[name].n_contacts
+            touches = (n_contacts > 0) != (trust.n_contacts > 0)
+            old = trust.kappa > _STALE and trust.age >= _LEAST_AGE
+            if name != self._backed:
+                trust.renew = trust.renew or touches or old
+            if not measured:
+                trust.kappa = min(1.0, _DOUBT * trust.kappa)
+            trust.n_contacts, trust.age = n_contacts, trust.age + 1
+        self._multipliers.commit(multipliers, self._dt)
+        if self._backed is not None:
+            self._target.commit(self._closure.target(self._backed, x), self._dt)
+        return Outcome(replies, multipliers, largest(self._closure.gap(x)), exchanges, agreed)
+
+
+def _acted(reply: Advanced, request: PartRequest) -> Floats:
+    """Force that acted on a part's nodes (n, 3) [N]."""
+    return reply.seam_force if len(reply.seam_force) else request.force
+
+
+def largest(vectors: Floats) -> float:
+    """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
+    return math.sqrt(float(np.einsum("si,si->s", vectors, vectors).max())) if len(vectors) else 0.0

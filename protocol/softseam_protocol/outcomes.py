@@ -1,0 +1,87 @@
+"""What messages say in one word, for programs to act on; texts beside them are for people, and nothing reads those."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    """What became of a participant's step; `Advanced.why` says it in words, with the remedy."""
+
+    CONVERGED = "converged"
+    REFUSED = "refused"
+    """the request cannot be served"""
+    UNCONVERGED = "unconverged"
+    """the equations were not solved"""
+    DIVERGED = "diverged"
+    """numbers grew beyond all bounds"""
+    DOUBTFUL = "doubtful"
+    """there is a state, which the participant does not believe"""
+
+
+class EventKind(StrEnum):
+    """What an event is about."""
+
+    ACCURACY = "accuracy"
+    """the estimated error is too large"""
+    BUS = "bus"
+    """what exchanges cost"""
+    CELLS = "cells"
+    """cells pass to full quadrature"""
+    ELEMENT = "element"
+    """the element is too stiff for the material"""
+    ENERGY = "energy"
+    """an alarm of the ledger"""
+    FORCE = "force"
+    """a phase ends off its force"""
+    LOST = "lost"
+    """the step that its header names counts, but what follows it was not done"""
+    MONITOR = "monitor"
+    """what a participant's monitor saw"""
+    PARTICIPANT_LOST = "participant_lost"
+    PARTICIPANT_RESTORED = "participant_restored"
+    RECORDING = "recording"
+    REFUSED = "refused"
+    """a switch of regions was taken back"""
+    REGIONS = "regions"
+    """regions switch"""
+    RESTORED = "restored"
+    """the simulation is back at a saved state"""
+    SEAM = "seam"
+    """the sides did not agree at once"""
+    SOLVER = "solver"
+    """a step was kept that had not converged"""
+    STEP = "step"
+    """FEM took the step in parts, of which the event has the number"""
+    TOOLS = "tools"
+
+
+class Detail(StrEnum):
+    """What an event or an alarm says besides its kind."""
+
+    CREATED = "created"
+    """energy from nowhere"""
+    GAP_KEPT = "gap_kept"
+    """a step was committed with a gap at the seam that is too large"""
+    INSIDE_OUT = "inside_out"
+    """cells or tetrahedra are"""
+    MET = "met"
+    """tools have met"""
+    PARTS = "parts"
+    """the seam was stepped in parts"""
+    REPEATED = "repeated"
+    """the step was repeated with more substeps"""
+    SEAM_WORK = "seam_work"
+    """the seam does work"""
+    SHORTER = "shorter"
+    """shorter substeps from here on"""
+    SWEEPS = "sweeps"
+    """more sweeps in this step"""
+    SWITCH = "switch"
+    """a switch of regions changed the energy"""
+    TOO_FAR = "too_far"
+    """a tool moves too far in a step"""
+    UNCONVERGED = "unconverged"
+    """the residual is large"""
+    UNFINISHED = "unfinished"
+    """the residual that the scene asks for was not reached"""

@@ -1,0 +1,23 @@
+"""At start: every name that a scene may say has its row in the tables of the solvers.
+
+The protocol has tables of what a scene can say, the services tables of what does it. Who adds a name to one and forgets
+the other hears of it when a service starts or a session opens in this process, not in the middle of a step.
+"""
+
+from __future__ import annotations
+
+from softseam_protocol.kinds import ELEMENTS, INTEGRATORS
+from softseam_protocol.scene_materials import MATERIALS
+from softseam_services.body.materials import LAWS
+from softseam_services.fem import elements
+from softseam_services.fem.integrators import table as integrators
+
+
+def check_tables() -> None:
+    """Raises MissingRow, which names the table and the row that it lacks."""
+    for said, done in (
+        (MATERIALS, LAWS),
+        (ELEMENTS, elements.ELEMENTS),
+        (INTEGRATORS, integrators.INTEGRATORS),
+    ):
+        done.require(said, f"the table of {said.title}")
