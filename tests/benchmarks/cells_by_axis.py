@@ -2,7 +2,7 @@
 
 FEM alone on cells to tools' edges, counted and graded along each axis by itself: 16x2x8/8x1x8/20 is about 16, 2 and 8
 cells along x, y and z, eight times thinner at edges and faces along x and z, in steps of 20 ms. Errors are those of a
-chart, against the run that is given last, which is to be the finest; docs/decisions/0176 has the table.
+chart, against the run that is given last, which is to be the finest; docs/decisions/16 has the table.
 """
 
 from __future__ import annotations

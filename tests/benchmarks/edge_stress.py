@@ -60,7 +60,7 @@ LEVELS: dict[str, tuple[Level, ...]] = {
 Lines = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """where cells end along x, y and z inside the cube, from its lower faces [mm]"""
 REFERENCES = {"grip": 2.86, "above": 3080.0, "beside": 1970.0, "under": 2630.0}
-"""docs/results/verification.md, docs/decisions/0147 [N, Pa]"""
+"""docs/results/verification.md, docs/decisions/19 [N, Pa]"""
 EVEN_MM, PAST_MM = (12.5, 25.0, 37.5), (7.5, 15.0, 25.0, 35.0, 42.5)
 FEW: tuple[Lines, ...] = (
     (EVEN_MM, EVEN_MM, EVEN_MM),

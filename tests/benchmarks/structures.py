@@ -251,7 +251,7 @@ def table_peer() -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["rest"]:
         kind, *n = sys.argv[2:]
-        print(json.dumps(at_rest(kind, (int(n[0]), int(n[1]), int(n[2])))))  # type: ignore[arg-type]
+        print(json.dumps(at_rest(kind, (int(n[0]), int(n[1]), int(n[2])))))
     else:
         wanted = sys.argv[1:] or ["cantilever", "grasp", "peer"]
         for name, table in (("cantilever", table_a), ("grasp", table_b), ("peer", table_peer)):

@@ -169,7 +169,7 @@ def test_a_start_compiles_no_more_than_it_did(model: str) -> None:
     """Counts, not seconds: each function costs some 0.1 s to type and translate, each thousand instructions 0.15 s.
 
     Where this fails, look whether a rare path can do without the common kernels, or an argument without a second type;
-    then raise the budget (docs/decisions/0097-compiled-once.md).
+    then raise the budget (docs/decisions/35-compiling-kernels.md).
     """
     done = subprocess.run([sys.executable, "-c", COUNT, model], capture_output=True, text=True, check=True, timeout=300)
     found: dict[str, tuple[int, int]] = json.loads(done.stdout)

@@ -57,7 +57,7 @@ class Part:
         if self.takes_impedance:
             if not self.told or request.renew:
                 behind = self.impedance if request.target is not None else np.zeros_like(self.yields)
-                root = np.linalg.cholesky(np.linalg.inv(np.linalg.inv(self.yields) + behind))
+                root = np.asarray(np.linalg.cholesky(np.linalg.inv(np.linalg.inv(self.yields) + behind)))
                 self.told = True
         elif request.renew:
             told = self.claims * self.yields
@@ -118,8 +118,8 @@ class Chain:
         return self.loop.solve(advance, correct, DT, most, may_refuse)
 
 
-def pair(**options: object) -> Chain:
-    return Chain({"a": part(1, **options), "b": part(2)}, [seam("a", "b")])
+def pair(takes_impedance: bool = False) -> Chain:
+    return Chain({"a": part(1, takes_impedance=takes_impedance), "b": part(2)}, [seam("a", "b")])
 
 
 @pytest.mark.parametrize("impedance", [False, True])

@@ -1,4 +1,4 @@
-"""A phase that a force ends holds that force, whatever the step and wherever the tools begin (docs/decisions/0177)."""
+"""A phase that a force ends holds that force, whatever the step and wherever the tools begin (docs/decisions/30)."""
 
 from __future__ import annotations
 

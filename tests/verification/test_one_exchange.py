@@ -1,6 +1,6 @@
 """FEM beside XPBD: one exchange a step in the common case, in free motion and in contact.
 
-Asked for at a gap of 1 % of a cell: 1.3 exchanges a step at most (docs/decisions/0099).
+Asked for at a gap of 1 % of a cell: 1.3 exchanges a step at most (docs/decisions/03).
 """
 
 from __future__ import annotations

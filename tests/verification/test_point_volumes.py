@@ -163,7 +163,7 @@ def test_a_march_counts_it_in_every_substep() -> None:
 def test_rims_of_pads_come_to_rest() -> None:
     """tofu_pads on 14^3 graded cells: when the pads stand still again, steps take few iterations.
 
-    By split quadrature alone they took 7 to 50, as points of the rims went to and fro (docs/decisions/0164).
+    By split quadrature alone they took 7 to 50, as points of the rims went to and fro (docs/decisions/10).
     """
     settings = (
         *AS_GIVEN,

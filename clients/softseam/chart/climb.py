@@ -198,7 +198,7 @@ def refines(frame: Frame, across: float) -> bool:
 
 def steps_at(frame: Frame) -> int:
     """Cells along the shortest edge at which the step is refined: as many as cost little, for what a step does to few
-    cells it need not do to many (docs/decisions/0148)."""
+    cells it need not do to many (docs/decisions/36)."""
     few = (across for across in range(STEPS_AT, COARSEST, -1) if frame.n_cells(frame.level(across)) <= STEPS_CELLS)
     return next(few, COARSEST)
 

@@ -29,7 +29,7 @@ FAINT = 0.01
 
 BELIEVED = 0.2
 """a stress that is known worse bounds no run: beside an edge it may grow without end, and levels that are so far from
-one another cannot tell (docs/decisions/0168) [1]"""
+one another cannot tell (docs/decisions/36) [1]"""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The limit of levels that scatter about their way to it: least squares over all of them (docs/decisions/0139).
+"""The limit of levels that scatter about their way to it: least squares over all of them (docs/decisions/36).
 
 Where tools' edges fall on cells differs from level to level: J = J* + C h^p and a scatter that falls about as sqrt(h).
 For an order p the values J* and C that fit the finest levels best, each weighed with 1/h, are

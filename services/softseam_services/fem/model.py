@@ -32,7 +32,7 @@ PENALTY = 20.0
 # In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for, at nodes
 # and at points inside faces: multipliers lag, and gain energy where r dt^2 is less than the mass they move
 # (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces
-# move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/0144).
+# move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/20).
 FIRM, FIRM_INSIDE = 20.0, 24.0
 _NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)
 

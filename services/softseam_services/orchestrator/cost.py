@@ -12,7 +12,7 @@ and CALL for a call of either. While no tool is near, FEM takes RESTING iteratio
 the body is round; PBD takes what it always does.
 
 The choice must be the same on every machine and in every replay: so nothing is timed while a simulation runs, and the
-constants were measured once (docs/decisions/0029, 0129).
+constants were measured once (docs/decisions/06).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ smaller would find, since the error of Galerkin's method is orthogonal to all th
 
 with the stresses that u and z lack to smoother ones (`fem.mesh_error`) and c of the element (`trust`); not told of a
 probe, for stress at a point is read where it is better than the rest of a cell's, and (2) has the wrong sign there
-(docs/decisions/0122). Both have a sign:
+(docs/decisions/07). Both have a sign:
 R. Becker, R. Rannacher, Acta Numerica 10 (2001) 1-102, eqs. (2.14) and (3.20); J. T. Oden, S. Prudhomme, J. Comput.
 Phys. 182 (2002) 496-515, of models. Cell by cell (1) is of no use, for models share out the same traction otherwise
 over the nodes of a face. So which cells ought to be FEM's is told by a bound of what PBD does there to J,

@@ -1,6 +1,6 @@
 """When the cells that the goal blames are looked for, and what was found last.
 
-A look costs two to four steps (docs/decisions/0122), so it is due when the body has four times the strain energy that
+A look costs two to four steps (docs/decisions/07), so it is due when the body has four times the strain energy that
 it had at the last one, and every hundred steps; in between, the last look counts. Where there is no goal yet, because
 nothing is gripped or strained, it is asked for every few steps, which costs next to nothing. Where there is one but no
 adjoint, the look has cost what it costs: the one before it counts until the next is due.

@@ -1,7 +1,7 @@
 """The participants of one body, and the seam between them: built for a cut, advanced until they agree, observed, saved.
 
 A step that fails leaves them as they were. What one side took alone is discarded, and a step in parts goes back to a
-snapshot; both when they are next asked for anything (docs/decisions/0098).
+snapshot; both when they are next asked for anything (docs/decisions/05).
 """
 
 from __future__ import annotations

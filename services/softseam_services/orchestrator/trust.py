@@ -10,7 +10,7 @@ fills with one material, whose estimates hold, of PBD's only boxes,
 
 e is the relative error in the energy norm. The force with which a body resists, and how far it gives way under a load,
 err by the square: the work of a load is twice the energy, and for Galerkin's method the energy's error is the error's
-energy. How well that holds of an element and of its estimate is c, which was measured (docs/decisions/0105).
+energy. How well that holds of an element and of its estimate is c, which was measured (docs/decisions/07).
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from .particles.kernels.coloring import MOST_COLORS, color_tiles
 Longs = NDArray[np.int64]
 
 VERY_FLAT, MOSTLY = 5.0, 5.0
-"""longest edge over the shortest, and a damping time in longest undamped substeps (0136)"""
+"""longest edge over the shortest, and a damping time in longest undamped substeps (decision 24)"""
 
 
 @dataclass(frozen=True)

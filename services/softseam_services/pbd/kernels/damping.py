@@ -13,7 +13,7 @@ would add to the spin. The turn is the one that fits F_n best to the F of the pr
 
 (tr(B) - B) w = sum f_a x df_a,  B = F_n F_n^T,   R = 1 + [w] + (w w^T - w.w)/2                                (2)
 
-What unresolved sweeps do (0136). One takes D = 1/(1 + kappa b h k) of what y lacks of P, k the block's own stiffness
+What unresolved sweeps do (decision 24). One takes D = 1/(1 + kappa b h k) of what y lacks of P, k the block's stiffness
 over mass. Where motion is slow beside h/D, y lags by (1/D - 1) h/(1 + c) dP/dt, and damping is
 
 b - (1/D - 1) h = b (1 - kappa k h^2),                                                                         (3)
