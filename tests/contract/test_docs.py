@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from pages.written import PAGES as GENERATED
 from pages.written import REFERENCE
@@ -46,6 +50,45 @@ def test_paths_exist(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     missing = [path for path in _PATH.findall(text) if "NAME" not in path and not any(ROOT.glob(path.rstrip("/")))]
     assert not missing
+
+
+def programs(text: str) -> list[str]:
+    """The Python programs of a page."""
+    return re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+WITH_PROGRAMS = [
+    page
+    for page in DOCUMENTS
+    if page != "docs/reference/python.md" and programs((ROOT / page).read_text(encoding="utf-8"))
+]
+"""but for signatures, which are no programs"""
+
+
+@pytest.mark.parametrize("page", WITH_PROGRAMS)
+def test_what_programs_import_is_there(page: str) -> None:
+    """Of softseam: a module that moved takes the examples with it."""
+    for program in programs((ROOT / page).read_text(encoding="utf-8")):
+        for one in ast.walk(ast.parse(program)):
+            if isinstance(one, ast.ImportFrom) and (one.module or "").startswith("softseam"):
+                module = import_module(one.module or "")
+                missing = [name.name for name in one.names if not hasattr(module, name.name)]
+                assert not missing, f"{one.module} has no {missing}"
+
+
+def test_the_recipe_s_extension_adds_its_rows() -> None:
+    """The material law of the page on recipes, run as it is printed: at small strains it is Hooke's."""
+    (program,) = programs((ROOT / "docs/contribute/recipes.md").read_text(encoding="utf-8"))
+    here: dict[str, Any] = {}
+    exec(compile(program, "recipes.md", "exec"), here)
+    try:
+        assert here["MATERIALS"]["gent"] is here["Gent"]
+        strained = here["response"](0.0, 0.0, 0.0, np.array([2.0, 3.0, 0.8]))
+        energy, by_i1, _, by_j = strained[:4]
+        assert (energy, by_i1, by_j) == (0.0, 1.0, -2.0)  # no energy; mu/2 and -mu, which is no stress
+    finally:
+        here["MATERIALS"].remove("gent")
+        here["LAWS"].remove("gent")
 
 
 @pytest.mark.parametrize("name", GENERATED)
