@@ -50,8 +50,8 @@ class Part:
         if request.target is not None:  # f = request.force + S (target - x) and x = free + H f
             n = self.free.size
             spring = self.impedance @ (request.target - self.free).ravel()
-            self.force = np.linalg.solve(
-                np.eye(n) + self.impedance @ self.yields, request.force.ravel() + spring
+            self.force = np.asarray(
+                np.linalg.solve(np.eye(n) + self.impedance @ self.yields, request.force.ravel() + spring)
             ).reshape(-1, 3)
         self.x = self.answer(self.force)
         if self.takes_impedance:

@@ -17,7 +17,9 @@ which takes one iteration then, and few where S is older than W.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,8 @@ _HARDLY = 1e-6
 """added to the diagonal of a compliance that is to be inverted, of its mean: directions that do not yield [1]"""
 _MOST = 30
 """iterations of GMRES"""
+_REFINEMENTS, _SHRINKS = 6, 0.3
+"""times that what is left of the gaps is closed by W's inverse, as long as that leaves no more than this share [1]"""
 
 
 @dataclass(slots=True)
@@ -204,12 +208,33 @@ class Closure:
 
         if self._inverse is None:
             self._inverse = self._invert([part for part in parts.values() if not part.pushed])
-        begin = np.zeros_like(told) if pushed else told
-        gap = self.gap(x)
-        left, *_ = answer(begin, False)
-        unknown = begin + _gmres(lambda u: answer(u, True)[0], self._inverse, -(gap + left), tolerance)
-        _, multipliers, push, move = answer(unknown, False)
+        inverse = self._inverse
+        unknown = np.zeros_like(told) if pushed else told
+        rest: list[Any]
+        left, *rest = answer(unknown, False)
+        left = left + self.gap(x)
+        for _ in range(_REFINEMENTS):
+            size = _norm(left)
+            if not size > tolerance:
+                break
+            step = -(inverse @ left.reshape(-1)).reshape(-1, 3)
+            change, *more = answer(step, True)
+            if not _norm(left + change) < _SHRINKS * size:  # the inverse is not near enough
+                step = _gmres(lambda u: answer(u, True)[0], inverse, -left, tolerance)
+                change, *more = answer(step, True)
+            left = left + change
+            rest = [_sum(one, other) for one, other in zip(rest, more, strict=True)]
+        multipliers, push, move = rest
         return multipliers, push, move
+
+
+def _norm(vectors: Floats) -> float:
+    return math.sqrt(float(np.vdot(vectors, vectors)))
+
+
+def _sum(one: Any, other: Any) -> Any:
+    """Of vectors, or of vectors by name."""
+    return {name: one[name] + other[name] for name in one} if isinstance(one, dict) else one + other
 
 
 def _gmres(apply, inverse: Floats, wanted: Floats, tolerance: float) -> Floats:  # type: ignore[no-untyped-def]

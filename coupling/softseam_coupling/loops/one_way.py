@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
+from softseam_coupling.kernels.quasi_newton import largest_node
 from softseam_coupling.loops.closure import Closure, parts_of
 from softseam_coupling.prediction import Prediction
 from softseam_protocol.messages import Advanced, Capabilities
@@ -39,7 +40,7 @@ _SMALL = 0.02
 """largest move that is not doubted, in cells [1]"""
 _SEEN = 0.02
 """moves below this share of the tolerance measure no kappa [1]"""
-_STALE, _LEAST_AGE = 0.5, 8
+_STALE, _LEAST_AGE = 0.5, 24
 """a part's compliance is asked for again where its kappa is larger [1] and so many steps have passed"""
 _EXACT = 1e-3
 """share of the tolerance to which the gaps are closed linearly [1]"""
@@ -367,4 +368,4 @@ def _acted(reply: Advanced, request: PartRequest) -> Floats:
 
 def largest(vectors: Floats) -> float:
     """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
-    return math.sqrt(float(np.einsum("si,si->s", vectors, vectors).max())) if len(vectors) else 0.0
+    return float(largest_node(vectors.reshape(-1))) if len(vectors) else 0.0
