@@ -90,7 +90,9 @@ Grey diamonds are what the project was asked to beat, a textbook's estimates and
 them, and charts of other scenes leave them out. The same as an interactive page, as CSV and as JSON are left in
 `out/chart-SCENE`.
 
-What the names of configurations say:
+Names of configurations are explained [below](#what-the-names-say).
+{sections}
+## What the names say
 
 | in a name | it means |
 |---|---|
@@ -110,7 +112,7 @@ What the names of configurations say:
 | sweeps 2 | XPBD solves each substep in 2 sweeps over its blocks; without it, in one |
 | hourglass fitted | [blocks](../concepts/xpbd.md) softer in bending; without it as stiff as the material |
 | one block a cell | XPBD has one block in a cell; without it, eight |
-{sections}
+
 ## How to read it, and what it leaves out
 
 - A real-time factor is of the median wall time of three runs, up to twelve of brief ones, fewer where those before

@@ -93,7 +93,7 @@ def draw(path: Path) -> None:
         if row == 0:
             axis.set_title(TITLES.get(near, near), fontsize=11)
         if column == 0:
-            axis.set_ylabel(f"{name}\n\nmass near / far", fontsize=9)
+            axis.set_ylabel(f"{name.replace(', ', chr(10))}\n\nmass near / far", fontsize=9)
         if row == len(SCHEMES) - 1:
             axis.set_xlabel("step / period", fontsize=9)
     figure.suptitle(
