@@ -220,6 +220,8 @@ class Advance:
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
     seam_force_start: Vectors = field(default_factory=_NO_VECTORS)
     """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
+    repeat_yield: bool = False
+    """tell `Advanced.seam_yield_root` also if it was told before"""
 
 
 @dataclass(frozen=True, slots=True)

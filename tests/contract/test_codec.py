@@ -119,12 +119,12 @@ def test_an_embedded_descriptor_is_enough_to_read_a_payload(cls: type) -> None:
     if cls is Advanced:
         message = advanced()
         read = foreign.FromString(encode(message))
-        assert read.message_type == "softseam.v1.Advanced" and read.header.step == 3 and read.n_contacts == 5
+        assert read.message_type == "softseam.v2.Advanced" and read.header.step == 3 and read.n_contacts == 5
         assert list(read.seam_x.shape) == [4, 3] and read.seam_x.dtype == "f8"
         np.testing.assert_array_equal(np.frombuffer(read.seam_x.data).reshape(4, 3), message.seam_x)
         # and what a foreigner writes is read by us, whatever the order of its fields
         moved = read.SerializeToString()
-        first = 2 + len("softseam.v1.Advanced")
+        first = 2 + len("softseam.v2.Advanced")
         assert same(decode(moved, Advanced), message)
         assert same(decode(moved[first:] + moved[:first], Advanced), message)
 

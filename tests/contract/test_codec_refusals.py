@@ -86,7 +86,7 @@ def test_a_bad_field_is_named(change: Any, text: str) -> None:
 def test_negative_ids_are_refused_where_they_mean_nothing() -> None:
     # written by a sender that checks nothing
     wire = protobuf_class("Fields").FromString(b"")
-    wire.message_type = "softseam.v1.Fields"
+    wire.message_type = "softseam.v2.Fields"
     wire.header.schema = SCHEMA_VERSION
     for name, shape in {"nodes": [2], "x": [0, 3], "v": [0, 3], "cauchy": [0, 8, 6], "points": [0], "point_x": [0, 3],
                         "contact_force": [0, 3], "contact_tool": [1]}.items():  # fmt: skip
@@ -102,8 +102,8 @@ def test_negative_ids_are_refused_where_they_mean_nothing() -> None:
 
 
 def test_another_schema_version_is_a_mismatch() -> None:
-    newer = encode(Committed(HEADER)).replace(b"softseam.v1.", b"softseam.v2.")
-    with pytest.raises(SchemaMismatch, match="schema version 2, this one speaks 1: install the same version"):
+    newer = encode(Committed(HEADER)).replace(b"softseam.v2.", b"softseam.v3.")
+    with pytest.raises(SchemaMismatch, match="schema version 3, this one speaks 2: install the same version"):
         decode(newer, Reply)
     with pytest.raises(SchemaMismatch, match="schema version 7"):
         decode(encode(Committed(dataclasses.replace(HEADER, schema=7))), Reply)
@@ -114,8 +114,8 @@ def test_a_foreign_message_is_named() -> None:
         decode(encode(Committed(HEADER)), Request)
     with pytest.raises(DecodeError, match="type Committed where one of these belongs: Commit"):
         decode(encode(Committed(HEADER)), Commit)
-    with pytest.raises(DecodeError, match=r"unknown message type 'softseam\.v1\.Nonsense'"):
-        decode(b"\x0a\x14softseam.v1.Nonsense", Request)
+    with pytest.raises(DecodeError, match=r"unknown message type 'softseam\.v2\.Nonsense'"):
+        decode(b"\x0a\x14softseam.v2.Nonsense", Request)
     for foreign in (b"", b"hello", b"{}", b"\x00" * 100, encode(Committed(HEADER))[1:]):
         with pytest.raises(DecodeError, match="not a softseam message"):
             decode(foreign, Request)

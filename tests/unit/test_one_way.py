@@ -55,7 +55,7 @@ class Part:
             ).reshape(-1, 3)
         self.x = self.answer(self.force)
         if self.takes_impedance:
-            if not self.told or request.renew:
+            if not self.told or request.repeat:
                 behind = self.impedance if request.target is not None else np.zeros_like(self.yields)
                 root = np.asarray(np.linalg.cholesky(np.linalg.inv(np.linalg.inv(self.yields) + behind)))
                 self.told = True

@@ -54,6 +54,8 @@ class PartRequest:
     """on its coupling nodes (n, 3) [N]"""
     renew: bool
     """find its compliance anew"""
+    repeat: bool
+    """tell how it yields by the factor at hand, also if that was told before"""
     target: Floats | None = None
     """where the parts beyond it would have its nodes (n, 3) [m]; None: it is solved without them"""
     impedance: Floats | None = None
@@ -269,11 +271,13 @@ class OneWay:
 
     def _request(self, name: str, multipliers: Floats, target: Floats | None) -> PartRequest:
         force, renew = self._parts[name].force(multipliers), self._trust[name].renew
+        by_itself = self._capabilities[name].impedance  # it tells of every new factor
+        renew, repeat = renew and not by_itself, renew and by_itself
         if name != self._backed or target is None or not self._impedance.size:
-            return PartRequest(force, renew)
+            return PartRequest(force, renew, repeat)
         impedance = None if self._sent else self._impedance
         self._sent = True
-        return PartRequest(force, renew, target, impedance)
+        return PartRequest(force, renew, repeat, target, impedance)
 
     def _measure(
         self,

@@ -153,7 +153,7 @@ class FemSolver:
             end.x += now.x
         stepper.couple(request.seam_anchor, request.seam_stiffness)
         status = stepper.take(now, end, request, tools)
-        if status == CONVERGED and request.compliance and not (stepper.by_error or stepper.settles):
+        if status == CONVERGED and request.compliance and not stepper.by_error:
             status = stepper.derive(now, end, request, tools)
         if status != CONVERGED:
             return self._failed(request, STATUS[status], stepper.why(status, self._solved.cells), began)
@@ -187,7 +187,7 @@ class FemSolver:
             reduction.add_up(self._next, self._tools, out, wrench)
         numbers = out.tolist()
         settles = converged and stepper.settles
-        whole = request.compliance and converged and not settles
+        whole = request.compliance and converged
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
             request.header,
@@ -217,7 +217,7 @@ class FemSolver:
             alarm=alarm,
             seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
             settles=settles,
-            seam_yield_root=stepper.news_of_yield(request.compliance) if settles else _NONE,
+            seam_yield_root=stepper.news_of_yield(request.repeat_yield) if settles else _NONE,
             why=why,
             alarm_details=[Detail.INSIDE_OUT] if alarm else [],
         )

@@ -66,7 +66,9 @@ class OneWaySeam:
             outcome = self._loop.solve(
                 lambda wanted: ask(
                     {
-                        name: SideRequest(one.force, one.renew, one.target, one.impedance, fields=False)
+                        name: SideRequest(
+                            one.force, one.renew, one.target, one.impedance, fields=False, repeat=one.repeat
+                        )
                         for name, one in wanted.items()
                     }
                 ),

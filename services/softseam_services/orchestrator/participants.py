@@ -183,7 +183,7 @@ class Participants:
                 stiffness = _KEPT if side.stiffness is None else side.stiffness
                 start = _FREE if side.start is None else side.start
                 requests[name] = Advance(
-                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start
+                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, side.repeat
                 )
             return self._advanced(self._exchange(requests))
 

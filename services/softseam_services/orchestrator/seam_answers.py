@@ -29,6 +29,8 @@ class SideRequest:
     """force at the step's start, where it is linear in time"""
     fields: bool = True
     """whether its fields could be those of the step: not where it is to be corrected"""
+    repeat: bool = False
+    """tell again how it yields by the factor at hand"""
 
 
 Ask = Callable[[dict[str, SideRequest]], dict[str, Advanced]]
