@@ -18,30 +18,33 @@ from typing import Any
 import numpy as np
 
 from softseam.variants import Model, with_model, with_settings
+from softseam_coupling.loops import closure
 from softseam_protocol.messages import StepReport
 from softseam_protocol.scene_file import bundle_scene, load_scene
 from softseam_services.fem import solver as fem
-from softseam_services.fem.kernels import step as fem_step
-from softseam_services.orchestrator import embedded, linked, regions, seam_loop, simulation
+from softseam_services.fem import step as fem_step
+from softseam_services.orchestrator import embedded, one_way_seam, participants, regions, simulation
 from softseam_services.pbd import solver as pbd
+from softseam_services.pbd import step as pbd_step
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ("tofu_slab", "tofu_grasp", "cantilever")
 RUNS = 3
 PARTS: tuple[tuple[str, Any, str], ...] = (
-    ("FEM: steps", fem_step, "advance"),
-    ("FEM: yield of the seam", fem, "seam_root"),
-    ("FEM: settling", fem, "settle"),
+    ("FEM: steps", fem_step.Stepper, "take"),
+    ("FEM: yield of the seam", fem_step.Stepper, "news_of_yield"),
+    ("FEM: corrections", fem.FemSolver, "correct"),
     ("FEM: Python", fem.FemSolver, "advance"),
-    ("PBD: steps", pbd.PbdSolver, "_try"),
+    ("PBD: steps", pbd_step.Stepper, "take"),
     ("PBD: probes", pbd.PbdSolver, "_probe_again"),
-    ("PBD: settling", pbd.PbdSolver, "settle"),
+    ("PBD: corrections", pbd.PbdSolver, "correct"),
     ("PBD: Python", pbd.PbdSolver, "advance"),
-    ("seam: linked rounds", linked.Link, "solve"),
-    ("seam: the rest", seam_loop.SeamLoop, "solve"),
+    ("seam: closing the gaps", closure.Closure, "solve"),
+    ("seam: compliances inverted", closure.Closure, "_invert"),
+    ("seam: the rest", one_way_seam.OneWaySeam, "solve"),
     ("messages", embedded.EmbeddedTransport, "exchange"),
-    ("cuts", regions.Regions, "_configure"),
-    ("snapshots", regions.Regions, "snapshot"),
+    ("cuts", regions.Regions, "_switch"),
+    ("snapshots", participants.Participants, "snapshot"),
     ("region rule", regions.Regions, "follow"),
     ("ledger, reports, motion", simulation.Simulation, "step"),
 )
