@@ -6,14 +6,12 @@ import json
 import re
 from io import StringIO
 from pathlib import Path
-from typing import get_args
 
 import pytest
 from rich.console import Console
 
 from softseam.checking import check_scene
-from softseam.columns import UNITS
-from softseam_protocol.scene import Quantity
+from softseam_protocol.quantities import QUANTITIES
 from softseam_protocol.scene_file import scene_schema
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -46,7 +44,7 @@ def test_every_key_is_explained_here_or_where_this_page_leads() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("quantity", get_args(Quantity))
+@pytest.mark.parametrize("quantity", list(QUANTITIES))
 def test_every_quantity_has_its_unit(quantity: str) -> None:
     row = next(line for line in PAGE.partition("## Quantities")[2].splitlines() if f"`{quantity}`" in line)
-    assert UNITS[quantity] in [unit.strip() for unit in row.split("|")[2].split(",")]
+    assert QUANTITIES[quantity].unit in [unit.strip() for unit in row.split("|")[2].split(",")]
