@@ -15,7 +15,6 @@ from softseam_protocol.messages import Bundle
 from softseam_protocol.quantities import QUANTITIES, Quantity
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import SceneError, parse_scene
-from softseam_protocol.table import MissingRow
 from softseam_services.orchestrator.quantities import MEASUREMENTS, Look, Measurement
 
 LENGTH = 0.04
