@@ -323,6 +323,14 @@ def health(connect: Endpoint = None, deployment: Deployment = None) -> None:
 
 
 @app.command()
+def quantities() -> None:
+    """What a scene's `quantities` may name: units and meanings."""
+    from softseam.listing import quantity_table
+
+    _out().print(quantity_table())
+
+
+@app.command()
 def schema(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to this file instead of printing.")] = None,
 ) -> None:

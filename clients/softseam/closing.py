@@ -9,11 +9,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.columns import unit_of
+from softseam.columns import shown_unit
 from softseam.view.colors import label
 
-_SHOWN = {"N": ("N", 1.0), "m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "": ("", 1.0)}
-"""unit that people read and its factor, for each that is reported"""
 _DAMPED = 0.05
 """part of the largest energy of a free body that its run may lose without a word"""
 _COLOR = {"lifted": "green", "set down": "green", "finished": "green"}
@@ -28,15 +26,7 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
         console.print(Text(f"symmetric {report['symmetry']}", style="dim"))
     _print_trust(console, report["estimated_error"])
     _print_damping(console, report["energy"])
-    table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
-    table.add_column("")
-    for heading in ("at the end", "largest"):
-        table.add_column(heading, justify="right")
-    for name, found in report["quantities"].items():
-        unit, factor = _SHOWN.get(unit_of(name), ("", 0.0))
-        if found["max"] is not None and factor and not name.endswith("_mean"):
-            table.add_row(label(name), _figure(found["final"], factor, unit), _figure(found["max"], factor, unit))
-    console.print(table)
+    console.print(_quantities(report["quantities"]))
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))
         grid = Table.grid(padding=(0, 2))
@@ -47,6 +37,23 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
             grid.add_row(*row)
         console.print(grid)
     _print_events(console, report["events"])
+
+
+def _quantities(found: Mapping[str, Mapping[str, Any]]) -> Table:
+    """What the scene asks for, then, dimmed, what else was reported and was not nothing throughout."""
+    table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
+    table.add_column("")
+    for heading in ("at the end", "least", "most"):
+        table.add_column(heading, justify="right")
+    for asked in (True, False):
+        for name, entry in found.items():
+            extremes = entry["min"], entry["max"]
+            if entry["asked"] != asked or entry["max"] is None or not (asked or any(extremes)):
+                continue
+            unit, factor = shown_unit(name)
+            figures = (_figure(value, factor, unit) for value in (entry["final"], *extremes))
+            table.add_row(label(name), *figures, style="" if asked else "dim")
+    return table
 
 
 def _print_trust(console: Console, estimate: Mapping[str, Any] | None) -> None:

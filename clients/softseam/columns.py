@@ -6,40 +6,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import StepReport
+from softseam_protocol.quantities import QUANTITIES, quantity
 
 Floats = NDArray[np.float64]
 
-UNITS = {
-    "grip_force": "N",
-    "lift_height": "m",
-    "slip": "m",
-    "peak_von_mises": "Pa",
-    "sag": "m",
-    "compression": "1",
-    "tip_deflection": "m",
-    "model_error": "1",
-    "mesh_error": "1",
-    "traction_jump": "Pa",
-    "worst_stretch": "1",
-    "stretch_violation": "1",
-    "stretch_violation_mean": "1",
-    "bending_violation": "1",
-    "bending_violation_mean": "1",
-    "stretch_energy": "J",
-    "bending_energy": "J",
-    "held": "particles",
-}
-PROBED = {"von_mises": "Pa", "displacement": "m"}
-"""what is reported at a probe, as NAME.von_mises"""
 LEDGER = (
     *("kinetic", "strain", "gravity", "drive_work", "contact_loss", "tool_work", "seam_work", "dissipation", "switch"),
 )
 SPENT = ("fem", "pbd", "coupling", "bus", "record", "total")
 
 
-def unit_of(quantity: str) -> str:
-    """Unit of a quantity, or of what a probe reports; '' where it has none that we know."""
-    return UNITS.get(quantity, PROBED.get(quantity.rpartition(".")[2], ""))
+_SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "J": ("mJ", 1e3)}
+
+
+def unit_of(name: str) -> str:
+    """Unit of a quantity, or of what a probe reports. Raises MissingRow."""
+    return quantity(name).unit
+
+
+def shown_unit(name: str) -> tuple[str, float]:
+    """Unit in which people read a quantity, and its factor. Raises MissingRow."""
+    unit = unit_of(name)
+    return _SHOWN.get(unit, (unit, 1.0))
 
 
 class Columns:
@@ -88,7 +76,7 @@ class Columns:
     def names(self, prefix: str) -> list[str]:
         """Names after a prefix such as 'quantity.', the known ones first, in a fixed order."""
         found = {name.removeprefix(prefix) for row in self._rows for name in row if name.startswith(prefix)}
-        known = [name for name in (*UNITS, *LEDGER) if name in found]
+        known = [name for name in (*QUANTITIES, *LEDGER) if name in found]
         return known + sorted(found.difference(known))
 
     def __getitem__(self, name: str) -> Floats:

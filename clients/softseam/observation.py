@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
@@ -55,8 +55,6 @@ class Observation:
     """the fields' message, None where they were not asked for"""
     tool_names: tuple[str, ...]
     """in the scene's order"""
-    at_rest: Mapping[str, float] = field(default_factory=dict)
-    """of the start: quantities that no step has measured yet, as they are at rest"""
 
     @cached_property
     def tools(self) -> Mapping[str, ToolView]:
@@ -74,8 +72,6 @@ class Observation:
     @property
     def quantities(self) -> Mapping[str, float]:
         """Every quantity of the scene, SI units. Those that need fields are missing after a step without fields."""
-        if self.at_rest:
-            return MappingProxyType({**self.at_rest, **self.report.quantities})
         return MappingProxyType(self.report.quantities)
 
     @property

@@ -25,6 +25,7 @@ from softseam.symmetric import symmetric
 from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.outcomes import EventKind
+from softseam_protocol.quantities import probed
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import scene_hash
 
@@ -147,16 +148,20 @@ class ReportBuilder:
         }
 
     def _quantities(self) -> dict[str, Any]:
+        """By name: its values, and whether the scene asks for it; what it does not ask for is always reported."""
         c = self.columns
+        asked = {*self._scene.quantities, *probed(self._scene.probes)}
         found = {}
         for name in c.names("quantity."):
             values = c[f"quantity.{name}"]
             known = values[np.isfinite(values)]
             found[name] = {
                 "unit": unit_of(name),
+                "asked": name in asked,
                 "time": _list(c["time"]),
                 "values": _list(values),
                 "final": _number(values[-1]),
+                "min": _number(known.min()) if len(known) else None,
                 "max": _number(known.max()) if len(known) else None,
             }
         return found

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from softseam.at_rest import at_rest
 from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
 from softseam.observation import Observation, observation_from
@@ -292,8 +291,6 @@ class Session:
 
     def _observe(self, message: messages.Observation) -> Observation:
         observation = observation_from(message, self._tools)
-        if observation.step == 0:
-            observation = replace(observation, at_rest=at_rest(self.scene, observation.frame))
         self._last = observation
         return observation
 

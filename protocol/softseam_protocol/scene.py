@@ -11,6 +11,7 @@ from pydantic_core import PydanticCustomError
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.kinds import integrator_problem
 from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
+from softseam_protocol.quantities import QUANTITIES, QuantityName
 from softseam_protocol.scene_materials import AnyMaterial, InclusionSpec, MaterialSpec
 from softseam_protocol.scene_models import DampingSpec, ModelsSpec
 from softseam_protocol.scene_motion import (
@@ -27,39 +28,6 @@ from softseam_protocol.scene_tools import PlaneTool, ToolName, ToolSpec
 from softseam_protocol.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
 from softseam_protocol.tool_borders import tool_borders
 
-Quantity = Literal[
-    "grip_force",
-    "lift_height",
-    "slip",
-    "peak_von_mises",
-    "sag",
-    "compression",
-    "tip_deflection",
-    "model_error",
-    "mesh_error",
-    "traction_jump",
-    "worst_stretch",
-    "stretch_violation",
-    "stretch_violation_mean",
-    "bending_violation",
-    "bending_violation_mean",
-    "stretch_energy",
-    "bending_energy",
-    "held",
-]
-OF_CELLS = ("peak_von_mises", "model_error", "mesh_error", "traction_jump")
-"""quantities that only a body in cells has"""
-OF_PARTICLES = (
-    "worst_stretch",
-    "stretch_violation",
-    "stretch_violation_mean",
-    "bending_violation",
-    "bending_violation_mean",
-    "stretch_energy",
-    "bending_energy",
-    "held",
-)
-"""quantities that only a sheet or rope has"""
 ProbeName = ToolName
 
 MOST_CELLS = 200_000
@@ -234,7 +202,7 @@ class Scene(Spec):
         description="axes across which the scene is symmetric, about planes through the middle of the body: where fem "
         "has all cells it solves for a half, a quarter or an eighth; refused where the scene is not symmetric",
     )
-    quantities: tuple[Quantity, ...] = Field(default=(), description="reported for every step")
+    quantities: tuple[QuantityName, ...] = Field(default=(), description="reported for every step")
     probes: dict[ProbeName, Vector] = Field(
         default={}, description="points of the body at rest [m]; von Mises stress and displacement are reported there"
     )
@@ -310,7 +278,7 @@ class Scene(Spec):
         if self.probes:
             raise wrong(f"{have}, and has no stress to probe", "probes")
         for i, quantity in enumerate(self.quantities):
-            if quantity in OF_CELLS:
+            if QUANTITIES[quantity].of == "cells":
                 raise wrong(f"{have}, and has no {quantity}", "quantities", i)
         for i, phase in enumerate(self.motion):
             if isinstance(phase, ClosePhase) and phase.force is not None:
@@ -373,7 +341,7 @@ class Scene(Spec):
             self._known(body.shape.towards, "body", "shape", "towards")
             tool_borders(body.shape.size, body.position, self.tools, body.shape.towards)
         for i, name in enumerate(self.quantities):
-            if name in OF_PARTICLES:
+            if QUANTITIES[name].of == "particles":
                 raise wrong(f"only sheets and ropes have {name}", "quantities", i)
         if self.models.pbd.method == "leapfrog" and "pbd" in models:
             meets = "a seam" if near is not None else "tools" if self.tools else ""

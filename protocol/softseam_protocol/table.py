@@ -55,6 +55,11 @@ class Table(Mapping[str, Row], Generic[Row]):
     def __contains__(self, name: object) -> bool:
         return name in self._rows
 
+    @property
+    def described(self) -> str:
+        """How messages call the table."""
+        return f"the table of {self.title}"
+
     def problem(self, name: str) -> str:
         """What to tell of a name that is no row: the nearest one, and all that there are."""
         near = get_close_matches(name, self._rows, n=1)

@@ -13,7 +13,7 @@ from softseam.chart.configurations import Configuration, Fem, configurations
 from softseam.chart.errors import Truth
 from softseam.chart.frame import Frame, frame_of
 from softseam.chart.landmarks import ASKED, asked_of, read_rivals
-from softseam.chart.measure import BRIEF, INDICATORS, MOST, Outcome, measure, quantity_names
+from softseam.chart.measure import BRIEF, MOST, Outcome, measure, quantity_names
 from softseam.chart.reference import Part, Reference
 from softseam.chart.series import Series
 from softseam.chart.store import Identity, Store, cache_folder
@@ -24,7 +24,6 @@ from softseam.scenes import load_scene
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.scene import BlockShape, BodySpec
 from softseam_services.body.build import build_body
-from softseam_services.orchestrator.indicators import MEASURED
 
 HERE = Identity("a scene", "some code", "a machine")
 SERIES = Series(np.array([0.1, 0.2]), np.zeros(2), {"sag": np.array([1.0, 2.0])})
@@ -162,7 +161,6 @@ def test_cells_to_edges_are_those_that_are_named(name: str) -> None:
 
 
 def test_what_a_run_says_of_its_own_errors_is_not_compared() -> None:
-    assert set(INDICATORS) == MEASURED
     scene = load_scene("tofu_grasp").model_copy(update={"quantities": ("mesh_error", "sag", "traction_jump")})
     assert quantity_names(scene) == ("sag",)
     with pytest.raises(BadInput, match="asks for no quantities to compare"):

@@ -126,7 +126,6 @@ def test_the_start_has_the_quantities_that_the_steps_have(path: Path) -> None:
             assert {name: seen.quantities[name] for name in needs_fields} == pytest.approx(
                 dict.fromkeys(needs_fields, 0.0), abs=1e-6
             )
-            assert needs_fields.isdisjoint(seen.report.quantities), "the message is as it came"
         bare = session.step(CLOSE, fields=False)
         assert set(step.quantities) - set(bare.quantities) == needs_fields | errors
 

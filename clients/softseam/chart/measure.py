@@ -9,12 +9,12 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, Literal, get_args
 
-from softseam.at_rest import probed
 from softseam.chart.series import Series, SeriesBuilder
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import Session, open_as_given
+from softseam_protocol.quantities import QUANTITIES, probed
 from softseam_protocol.scene import Scene
 
 RUNS = 3
@@ -126,14 +126,12 @@ class Outcome:
 
 
 _PLAIN = ("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes")
-INDICATORS = ("mesh_error", "model_error", "traction_jump")
-"""quantities that a run estimates its own errors by: none of them is compared"""
 
 
 def quantity_names(scene: Scene) -> tuple[str, ...]:
     """The quantities to compare: the scene's, and what it asks of its probes; not what a run says of its own errors,
     which is nothing in truth."""
-    names = (*(name for name in scene.quantities if name not in INDICATORS), *probed(scene))
+    names = (*(name for name in scene.quantities if QUANTITIES[name].group != "error"), *probed(scene.probes))
     if not names:
         raise BadInput(
             f"the scene {scene.name!r} asks for no quantities to compare: add some, e.g. quantities: [grip_force, sag]"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.observation import Observation
+from softseam_protocol.quantities import quantity
 
 Floats = NDArray[np.float64]
 
@@ -81,12 +82,20 @@ class SeriesBuilder:
             self._travelled[name] = self._travelled.get(name, 0.0) + way
         self._time.append(observation.time)
         self._travel.append(max(self._travelled.values(), default=0.0))
-        self._rows.append([observation.report.quantities.get(name, np.nan) for name in self.names])
+        names = self.names if observation.step else [name for name in self.names if _begins(name)]
+        found = {name: observation.report.quantities.get(name, np.nan) for name in names}
+        self._rows.append([found.get(name, np.nan) for name in self.names])
 
     def build(self) -> Series:
         columns = np.array(self._rows, dtype=np.float64).reshape(-1, len(self.names)).T
         values = {name: column.copy() for name, column in zip(self.names, columns, strict=True)}
         return Series(np.array(self._time), np.array(self._travel), values)
+
+
+def _begins(name: str) -> bool:
+    """Whether a series has the value at rest: of what is looked at now and then, it begins with the first look."""
+    row = quantity(name)
+    return row.always and row.at_rest is not None
 
 
 def _plain(values: Floats) -> list[float | None]:

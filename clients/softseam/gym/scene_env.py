@@ -12,7 +12,6 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import ArrayLike, NDArray
 
-from softseam.at_rest import probed
 from softseam.duration import expected_duration
 from softseam.errors import BadInput, NotReset, SimulationFailed
 from softseam.observation import Observation
@@ -21,6 +20,7 @@ from softseam.scenes import bundle_of
 from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
 from softseam_protocol.outcomes import EventKind
+from softseam_protocol.quantities import probed
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_tools import PlaneTool
 
@@ -82,7 +82,7 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         self._varied: tuple[str, ...] = ()
         self.tools = moved(self.scene)
         """that actions move"""
-        self._quantities = (*self.scene.quantities, *probed(self.scene))
+        self._quantities = (*self.scene.quantities, *probed(self.scene.probes))
         each = [f"{tool}.{what}" for tool in self.tools for what in (*_AXES, *_WRENCH)]
         self.names = (*each, *self._quantities)
         """of what `see` returns where it is not overridden"""

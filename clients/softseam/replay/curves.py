@@ -8,14 +8,13 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from softseam.columns import Columns, unit_of
+from softseam.columns import Columns, shown_unit
 from softseam.replay import paths
 from softseam.view import colors
+from softseam_protocol.quantities import quantity
 from softseam_protocol.scene import Scene
 
-_GRIP = ("grip_force", "lift_height", "slip", "peak_von_mises")
-_ERROR = ("model_error", "mesh_error", "traction_jump")
-_SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "N": ("N", 1.0)}
+_TABS = {"grip": "Grip", "shape": "Shape", "error": "Error"}
 
 
 @dataclass
@@ -33,9 +32,9 @@ def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> di
     writer = _Writer(stream, columns)
     tabs: dict[str, list[Plot]] = {"Grip": [], "Shape": [], "Error": []}
     for name in columns.names("quantity."):
-        unit, factor = _SHOWN.get(unit_of(name), (unit_of(name), 1.0))
+        unit, factor = shown_unit(name)
         plot = writer.plot(f"{colors.label(name)} [{unit}]", f"quantities/{name}")
-        tab = tabs["Grip" if name in _GRIP else "Error" if name in _ERROR else "Shape"]
+        tab = tabs[_TABS[quantity(name).group]]
         writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab))
         tab.append(plot)
     tabs["Seam"] = _seam(writer, columns)

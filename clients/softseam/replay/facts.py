@@ -30,7 +30,8 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str
     lines += ["| | |", "|---|---|"]
     for name, entry in report["quantities"].items():
         if entry["max"] is not None:
-            lines.append(f"| {colors.label(name)}, most | {_figure(entry['max'], entry['unit'])} |")
+            least, most = (_figure(entry[end], entry["unit"]) for end in ("min", "max"))
+            lines.append(f"| {colors.label(name)} | {least} to {most} |")
     lines += [
         f"| worst seam gap | {colors.engineering(seam['worst_gap']['value'], 'm')} |",
         f"| exchanges a step | {report['exchanges']['mean']:.2f} |",

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from softseam.columns import Columns, unit_of
+from softseam.columns import Columns, shown_unit
 from softseam.recording import Recording
 from softseam.report import ReportBuilder
 from softseam.verdict import lifters, tool_rise
@@ -18,7 +18,6 @@ from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
 
 Floats = NDArray[np.float64]
 
-_SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "N": ("N", 1.0)}
 _STILL = 1e-6
 """way of tools that is none [m]"""
 _TIME = "simulated time [s]"
@@ -42,7 +41,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     for axes in every[n_plots:]:
         axes.set_axis_off()
     for i, name in enumerate(quantities):
-        unit, factor = _SHOWN.get(unit_of(name), (unit_of(name), 1.0))
+        unit, factor = shown_unit(name)
         plain(every[i], f"{colors.label(name)} [{unit}]")
         values = columns[f"quantity.{name}"]
         seen = np.isfinite(values)  # some are measured in some steps only

@@ -7,14 +7,12 @@ import hashlib
 import numpy as np
 
 from softseam_protocol import codec
-from softseam_protocol.messages import SCHEMA_VERSION, Event, Header, Observation, SeamReport, StepReport
+from softseam_protocol.messages import SCHEMA_VERSION, Event, Frame, Header, Observation, SeamReport, StepReport
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 
-AT_REST = ("grip_force", "lift_height", "slip", "sag")
-"""quantities that are zero before the first step"""
 FAILURES = (StepFailed, ParticipantFailed, ParticipantLost)
 """what a step may raise"""
 
@@ -41,7 +39,7 @@ def observation(
     told, events[:] = list(events), []
     steps = round(simulation.time / simulation.scene.step)
     header = Header(SCHEMA_VERSION, session, "", 0, steps, 0, simulation.time)
-    report = resting_report(simulation, header) if last is None else last
+    report = resting_report(simulation, header, frame) if last is None else last
     return Observation(header, report, frame, told)
 
 
@@ -50,7 +48,7 @@ def counted(error: Exception, taken: int, asked: int) -> Exception:
     return StepFailed(f"{error} ({taken} of the {asked} steps asked for were taken)") if taken else error
 
 
-def resting_report(simulation: Simulation, header: Header) -> StepReport:
+def resting_report(simulation: Simulation, header: Header, frame: Frame | None) -> StepReport:
     """The report before any step: nothing touches, nothing moves."""
     tools = simulation.tools
     n_tools = len(tools.names)
@@ -60,7 +58,7 @@ def resting_report(simulation: Simulation, header: Header) -> StepReport:
         tool_position=tools.position.copy(),
         tool_orientation=tools.orientation.copy(),
         wrench=np.zeros((n_tools, 6)),
-        quantities=dict.fromkeys(AT_REST, 0.0),
+        quantities=simulation.at_rest(frame),
         seam=SeamReport(0.0, 0, 0, 0.0, 0.0),
         regions={},
         energy={},

@@ -16,9 +16,6 @@ from softseam_services.orchestrator.tie import face_corners, seam_faces
 
 Floats = NDArray[np.float64]
 
-MEASURED = frozenset({"model_error", "mesh_error", "traction_jump"})
-"""quantities that are made of indicators"""
-
 
 def measure(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Indicators:
     """The indicators of the whole body; fields were asked for with indicators, neighbours (C, 6) as in `CellGrid`."""
@@ -34,14 +31,15 @@ def measure(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Map
     return Indicators(model, mesh, jump, gap)
 
 
-def summarise(indicators: Indicators, strain: float) -> dict[str, float]:
-    """The errors of model and mesh in the energy norm, relative to the strain energy [1]; the seam's jump [Pa]."""
-    found = {}
-    for name, energy in (("model_error", indicators.model_error), ("mesh_error", indicators.mesh_error)):
-        found[name] = float(np.sqrt(energy.sum() / strain)) if strain > 0.0 else 0.0
-    at_seam = indicators.traction_jump[indicators.traction_jump > 0.0]
-    found["traction_jump"] = float(np.sqrt((at_seam**2).mean())) if len(at_seam) else 0.0
-    return found
+def energy_error(energy: Floats, strain: float) -> float:
+    """Error in the energy norm, relative to the strain energy [J], of the energies of cells' errors (C,) [J]."""
+    return float(np.sqrt(energy.sum() / strain)) if strain > 0.0 else 0.0
+
+
+def root_mean_square(jump: Floats) -> float:
+    """Of the jumps (C,) of cells that have one; 0 where none has."""
+    at_seam = jump[jump > 0.0]
+    return float(np.sqrt((at_seam**2).mean())) if len(at_seam) else 0.0
 
 
 def _jumps(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Floats:

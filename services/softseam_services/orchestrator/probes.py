@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_protocol.messages import Frame
+from softseam_protocol.quantities import PROBED
 from softseam_protocol.spec import Vector
+from softseam_protocol.table import Table
 from softseam_services.body.body import Body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27
@@ -20,6 +22,15 @@ from softseam_services.orchestrator.stress import von_mises
 Floats = NDArray[np.float64]
 _REACH = 1e-9
 """by how much of a cell a probe may lie outside, for rounding"""
+
+PROBE_MEASUREMENTS: Table[Callable[[Floats, Floats], Floats]] = Table(
+    "measurements at probes",
+    {
+        "von_mises": lambda cauchy, moved: von_mises(cauchy),
+        "displacement": lambda cauchy, moved: np.asarray(np.linalg.norm(moved, axis=1)),
+    },
+)
+"""from stresses (p, 6) [Pa] and displacements (p, 3) [m] of p probes: one value each (p,)"""
 
 
 class Probes:
@@ -43,7 +54,7 @@ class Probes:
         self._near = np.zeros(0, dtype=np.int8)
 
     def measure(self, frame: Frame, near_model: str, far_model: str) -> dict[str, float]:
-        """NAME.von_mises [Pa] of the recovered stress and NAME.displacement [m] of every probe."""
+        """PROBE.von_mises [Pa] of the recovered stress and PROBE.displacement [m] of every probe."""
         if not self._names:
             return {}
         if self._recovery is None or not np.array_equal(frame.cell_near, self._near):
@@ -52,10 +63,17 @@ class Probes:
             self._recovery = self._recover(np.where(frame.cell_near == 1, near, far))
         cauchy = self._recovery @ frame.cauchy.reshape(-1, 6)
         moved = np.einsum("pa,pai->pi", self._weight, frame.x[self._nodes]) - self._rest
-        found = {}
-        for name, stress, distance in zip(self._names, von_mises(cauchy), np.linalg.norm(moved, axis=1), strict=True):
-            found[f"{name}.von_mises"], found[f"{name}.displacement"] = float(stress), float(distance)
-        return found
+        columns = {what: PROBE_MEASUREMENTS[what](cauchy, moved).tolist() for what in PROBED}
+        return {f"{name}.{what}": column[i] for i, name in enumerate(self._names) for what, column in columns.items()}
+
+    def at_rest(self) -> dict[str, float]:
+        """The same before the first step; what has no value then is left out."""
+        return {
+            f"{name}.{what}": row.at_rest
+            for name in self._names
+            for what, row in PROBED.items()
+            if row.at_rest is not None
+        }
 
     def _recover(self, sample: Floats) -> csr_array:
         """Matrix that takes the stress of all octants to the probes, each in its own material; sample (C,)."""

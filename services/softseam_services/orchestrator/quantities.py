@@ -1,46 +1,203 @@
-"""The quantities of interest of a step, from the participants' replies."""
+"""How the quantities of a step are measured, from the participants' replies and the body's fields.
+
+One row for each of `softseam_protocol.quantities`, which has their units and meanings.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advanced, Frame
-from softseam_protocol.scene import OF_PARTICLES
+from softseam_protocol.quantities import PROBED, QUANTITIES
+from softseam_protocol.table import Table
+from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.indicators import MEASURED, summarise
+from softseam_services.orchestrator.indicators import energy_error, root_mean_square
+from softseam_services.orchestrator.probes import PROBE_MEASUREMENTS
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
 
-NEEDS_FIELDS = frozenset({"peak_von_mises", "tip_deflection"}) | MEASURED
-"""quantities that cost a look at the fields"""
 
+class RestingBody:
+    """What quantities compare with: the body's box, weight and end at rest."""
 
-class Quantities:
-    """Measures a body in its tools' hands."""
-
-    def __init__(self, body: AnyBody, program: Program, wanted: Collection[str]) -> None:
-        self._program = program
-        self._wants_tip = "tip_deflection" in wanted
+    def __init__(self, body: AnyBody) -> None:
+        self.body = body
         low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
-        self._top = float(high[2])
-        self._bottom = float(low[2])
-        self._weight = float(body.total_mass * np.linalg.norm(body.gravity))
-        centre = 0.5 * (low + high)
+        self.centre: Floats = 0.5 * (low + high)
+        self.bottom, self.top = float(low[2]), float(high[2])
+        """[m]"""
+        self.weight = float(body.total_mass * np.linalg.norm(body.gravity))
+        """[N]"""
+
+    @cached_property
+    def tip(self) -> int:
+        """Node in the middle of the end farthest from what is fixed; without any, of the +x end."""
+        body = self.body
         clamped = body.x_rest[body.fixed]
         away = np.array([1.0, 0.0, 0.0])
         if len(clamped):
-            away = centre - clamped.mean(axis=0)
+            away = self.centre - clamped.mean(axis=0)
         far_end = body.x_rest @ away
         end = np.flatnonzero(far_end >= far_end.max() - 1e-9 * np.ptp(far_end))
         middle = body.x_rest[end].mean(axis=0)
-        self._tip = int(end[np.argmin(np.linalg.norm(body.x_rest[end] - middle, axis=1))])
-        self._tip_rest = body.x_rest[self._tip, 2]
+        return int(end[np.argmin(np.linalg.norm(body.x_rest[end] - middle, axis=1))])
+
+
+@dataclass(slots=True)
+class Look:
+    """A body in its tools' hands as it stands after a step, or at rest: what measurements read."""
+
+    rest: RestingBody
+    program: Program
+    replies: Mapping[str, Advanced]
+    """of the participants, by region; none at rest"""
+    position: Floats
+    """of the tools (t, 3) [m]"""
+    orientation: Floats
+    """of the tools (t, 4)"""
+    frame: Frame | None
+    """the body's fields, where somebody looked at them"""
+    grip_force: float = 0.0
+    """see `Quantities.grip_force` [N]"""
+    rise: float = 0.0
+    """height above where the lift began [m]"""
+
+    @property
+    def fields(self) -> Frame:
+        """The frame, for measurements that need fields."""
+        assert self.frame is not None
+        return self.frame
+
+    @property
+    def strain(self) -> float:
+        """Strain energy of the body [J]."""
+        return sum(reply.strain for reply in self.replies.values())
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One quantity: what measuring it needs, and how it is done.
+
+    needs  pose: where the tools are, known at rest, too; step: the replies of a step; fields: a frame, known at rest,
+           too; indicators: a frame with the participants' error indicators, and the step's replies
+    """
+
+    needs: Literal["pose", "step", "fields", "indicators"]
+    measure: Callable[[Look], float]
+
+    def can(self, look: Look) -> bool:
+        """Whether all that it needs is at hand."""
+        if self.needs == "step":
+            return bool(look.replies)
+        if self.needs == "fields":
+            return look.frame is not None
+        if self.needs == "indicators":
+            return bool(look.replies) and look.frame is not None and look.frame.indicators is not None
+        return True
+
+
+def _slip(look: Look) -> float:
+    return max(reply.slip for reply in look.replies.values())
+
+
+def _sag(look: Look) -> float:
+    low, high = math.inf, -math.inf
+    for reply in look.replies.values():
+        low, high = min(reply.bounds.item(2), low), max(reply.bounds.item(5), high)
+    return (look.rest.top - look.rest.bottom) - (high - low)
+
+
+def _compression(look: Look) -> float:
+    return max(0.0, look.program.compression(look.position, look.orientation))
+
+
+def _peak_von_mises(look: Look) -> float:
+    return float(von_mises(look.fields.cauchy).max())
+
+
+def _tip_deflection(look: Look) -> float:
+    tip = look.rest.tip
+    return float(look.fields.x[tip, 2] - look.rest.body.x_rest[tip, 2])
+
+
+def _error(name: str) -> Measurement:
+    def measure(look: Look) -> float:
+        return energy_error(getattr(look.fields.indicators, name), look.strain)
+
+    return Measurement("indicators", measure)
+
+
+def _traction_jump(look: Look) -> float:
+    assert look.fields.indicators is not None
+    return root_mean_square(look.fields.indicators.traction_jump)
+
+
+def _of_particles(name: str) -> Measurement:
+    def measure(look: Look) -> float:
+        found = [getattr(reply.particles, name) for reply in look.replies.values() if reply.particles is not None]
+        return float(found[-1])
+
+    return Measurement("step", measure)
+
+
+MEASUREMENTS: Table[Measurement] = Table(
+    "measurements of quantities",
+    {
+        "grip_force": Measurement("step", lambda look: look.grip_force),
+        "lift_height": Measurement("step", lambda look: look.rise),
+        "slip": Measurement("step", _slip),
+        "peak_von_mises": Measurement("fields", _peak_von_mises),
+        "sag": Measurement("step", _sag),
+        "compression": Measurement("pose", _compression),
+        "tip_deflection": Measurement("fields", _tip_deflection),
+        "model_error": _error("model_error"),
+        "mesh_error": _error("mesh_error"),
+        "traction_jump": Measurement("indicators", _traction_jump),
+    }
+    | {
+        name: _of_particles(name)
+        for name in (
+            "worst_stretch",
+            "stretch_violation",
+            "stretch_violation_mean",
+            "bending_violation",
+            "bending_violation_mean",
+            "stretch_energy",
+            "bending_energy",
+            "held",
+        )
+    },
+)
+
+
+class Quantities:
+    """Measures what the scene asks for, and what is always reported. Raises MissingRow where a table lacks a row."""
+
+    def __init__(self, body: AnyBody, program: Program, wanted: Collection[str]) -> None:
+        MEASUREMENTS.require(QUANTITIES, QUANTITIES.described)
+        QUANTITIES.require(MEASUREMENTS, MEASUREMENTS.described)
+        PROBE_MEASUREMENTS.require(PROBED, PROBED.described)
+        self._program, self._rest = program, RestingBody(body)
+        kinds = ("any", "cells" if isinstance(body, Body) else "particles")
+        self._rows = [
+            (name, row, MEASUREMENTS[name])
+            for name, row in QUANTITIES.items()
+            if row.of in kinds and (row.always or name in wanted)
+        ]
+        asked = [MEASUREMENTS[name].needs for name in wanted]
+        self.need_fields = "fields" in asked or "indicators" in asked
+        """whether some that the scene asks for cost a look at the fields"""
+        self.need_indicators = "indicators" in asked
 
     def grip_force(self, wrench: Floats, orientation: Floats) -> float:
         """Mean force of the body on the gripping tools along the line between them [N]; orientations (t, 4)."""
@@ -49,9 +206,9 @@ class Quantities:
 
     def height(self, replies: Mapping[str, Advanced]) -> float:
         """How far the centre of mass rose since rest, against gravity [m]; without gravity, the lowest point."""
-        if self._weight > 0.0:
-            return sum(reply.gravity for reply in replies.values()) / self._weight
-        return min(float(reply.bounds[0, 2]) for reply in replies.values()) - self._bottom
+        if self._rest.weight > 0.0:
+            return sum(reply.gravity for reply in replies.values()) / self._rest.weight
+        return min(float(reply.bounds[0, 2]) for reply in replies.values()) - self._rest.bottom
 
     def measure(
         self,
@@ -62,32 +219,17 @@ class Quantities:
         frame: Frame | None,
         rise: float,
     ) -> dict[str, float]:
-        """All quantities of the step; those that need fields only where there is a frame.
+        """All quantities of the step; those that need fields only where there is a frame. Arguments as in `Look`."""
+        look = Look(self._rest, self._program, replies, position, orientation, frame, grip_force, rise)
+        return {name: row.measure(look) for name, _, row in self._rows if row.can(look)}
 
-        grip_force  [N]
-        position, orientation  of the tools (t, 3) [m], (t, 4)
-        rise        height above where the lift began [m]
-        """
-        low, high, slip = math.inf, -math.inf, -math.inf
-        for reply in replies.values():
-            low, high = min(reply.bounds.item(2), low), max(reply.bounds.item(5), high)
-            slip = max(reply.slip, slip)
-        found = {
-            "grip_force": grip_force,
-            "lift_height": rise,
-            "slip": slip,
-            "sag": (self._top - self._bottom) - (high - low),
-            "compression": max(0.0, self._program.compression(position, orientation)),
-        }
-        for reply in replies.values():
-            if reply.particles is not None:
-                found.update({name: float(getattr(reply.particles, name)) for name in OF_PARTICLES})
-        if frame is not None:
-            if len(frame.cauchy):
-                found["peak_von_mises"] = float(von_mises(frame.cauchy).max())
-            if frame.indicators is not None:
-                strain = sum(reply.strain for reply in replies.values())
-                found.update(summarise(frame.indicators, strain))
-            if self._wants_tip:
-                found["tip_deflection"] = float(frame.x[self._tip, 2] - self._tip_rest)
+    def at_rest(self, position: Floats, orientation: Floats, frame: Frame | None) -> dict[str, float]:
+        """The same before the first step; those that only a step can tell are left out."""
+        look = Look(self._rest, self._program, {}, position, orientation, frame)
+        found = {}
+        for name, described, row in self._rows:
+            if described.at_rest is not None:
+                found[name] = described.at_rest
+            elif row.can(look):
+                found[name] = row.measure(look)
         return found

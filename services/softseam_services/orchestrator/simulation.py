@@ -21,11 +21,10 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.grip import grips_by_phase
-from softseam_services.orchestrator.indicators import MEASURED
 from softseam_services.orchestrator.notices import Notices
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program, Progress
-from softseam_services.orchestrator.quantities import NEEDS_FIELDS, Quantities
+from softseam_services.orchestrator.quantities import Quantities
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedState
@@ -70,8 +69,8 @@ class Simulation:
         self._program = Program(self.scene.motion, self.scene.step, self.tools, grips, self._drives.phases)
         self._quantities = Quantities(self.body, self._program, self.scene.quantities)
         self._probes = Probes(self.body, self.scene.probes) if isinstance(self.body, Body) else None
-        self._wants_fields = bool(self.scene.probes) or not NEEDS_FIELDS.isdisjoint(self.scene.quantities)
-        self._wants_indicators = not MEASURED.isdisjoint(self.scene.quantities)
+        self._wants_fields = bool(self.scene.probes) or self._quantities.need_fields
+        self._wants_indicators = self._quantities.need_indicators
         self._duration = self.scene.duration
         self._trust = Trust(self.body, self.scene)
         self._notices = Notices(self.scene, self._event)
@@ -229,6 +228,11 @@ class Simulation:
             if frame is not None:
                 self._emit(frame)
         return report
+
+    def at_rest(self, frame: Frame | None) -> dict[str, float]:
+        """Quantities before the first step; those that need fields only with a frame."""
+        found = self._quantities.at_rest(self.tools.position, self.tools.orientation, frame)
+        return found if self._probes is None else found | self._probes.at_rest()
 
     def frame(self) -> Frame:
         """The whole body as it stands."""

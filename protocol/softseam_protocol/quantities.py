@@ -1,0 +1,106 @@
+"""What steps report: quantities by name, with their units and meanings.
+
+Services measure them (`softseam_services.orchestrator.quantities`): each row here has one there, which is checked when
+a simulation starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from softseam_protocol.row_name import RowName
+from softseam_protocol.table import Table
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number a step."""
+
+    unit: str
+    """SI; 1 for a ratio"""
+    meaning: str
+    """one line"""
+    of: Literal["any", "cells", "particles"] = "any"
+    """bodies that have it"""
+    always: bool = False
+    """reported wherever what it needs is at hand, asked for or not"""
+    at_rest: float | None = None
+    """before the first step, where that needs no measuring; None: measured then, if it can be without a step"""
+    group: Literal["grip", "shape", "error"] = "shape"
+    """with which others it is drawn"""
+
+
+def _of_particles(unit: str, meaning: str) -> Quantity:
+    return Quantity(unit, meaning, of="particles", always=True, at_rest=0.0)
+
+
+def _indicator(unit: str, meaning: str) -> Quantity:
+    return Quantity(unit, meaning, of="cells", always=True, group="error")
+
+
+QUANTITIES: Table[Quantity] = Table(
+    "quantities",
+    {
+        "grip_force": Quantity(
+            "N",
+            "mean force on the tools that close, along the line between them",
+            always=True,
+            at_rest=0.0,
+            group="grip",
+        ),
+        "lift_height": Quantity(
+            "m",
+            "how far the centre of mass has risen since a tool first moved up; without gravity the lowest point",
+            always=True,
+            at_rest=0.0,
+            group="grip",
+        ),
+        "slip": Quantity(
+            "m", "farthest that a touching point has slid along a tool", always=True, at_rest=0.0, group="grip"
+        ),
+        "peak_von_mises": Quantity(
+            "Pa", "largest von Mises stress of any octant of a cell", of="cells", always=True, group="grip"
+        ),
+        "sag": Quantity("m", "how much lower the body is than at rest, top to bottom", always=True, at_rest=0.0),
+        "compression": Quantity(
+            "1", "1 - (gap between the tools that close)/(the body's width there at rest)", always=True
+        ),
+        "tip_deflection": Quantity(
+            "m", "rise of the middle of the end farthest from what is fixed; negative downwards", at_rest=0.0
+        ),
+        "model_error": _indicator("1", "XPBD's estimated error against finite elements, energy norm"),
+        "mesh_error": _indicator("1", "FEM's estimated error against smaller cells, energy norm"),
+        "traction_jump": _indicator("Pa", "difference of the two sides' tractions, root mean square over the seam"),
+        "worst_stretch": _of_particles("1", "largest relative change of a spring's length, or strain of a tetrahedron"),
+        "stretch_violation": _of_particles("1", "farthest that a spring is from its own law, relative to its length"),
+        "stretch_violation_mean": _of_particles("1", "the same, mean over the springs"),
+        "bending_violation": _of_particles("1", "farthest that a bend is from its own law, relative to the spacing"),
+        "bending_violation_mean": _of_particles("1", "the same, mean over the bends"),
+        "stretch_energy": _of_particles("J", "energy of the springs, or of the tetrahedra"),
+        "bending_energy": _of_particles("J", "energy of the bends"),
+        "held": _of_particles("particles", "how many particles tools hold"),
+    },
+)
+QuantityName = Annotated[str, RowName(QUANTITIES)]
+
+PROBED: Table[Quantity] = Table(
+    "quantities of probes",
+    {
+        "von_mises": Quantity("Pa", "von Mises stress at the probe", of="cells", at_rest=0.0),
+        "displacement": Quantity("m", "how far the probe is from its place at rest", of="cells", at_rest=0.0),
+    },
+)
+"""what is reported at each probe, as PROBE.von_mises"""
+
+
+def quantity(name: str) -> Quantity:
+    """The row of a quantity, or of what is reported at a probe. Raises MissingRow."""
+    probe, _, what = name.rpartition(".")
+    return PROBED[what] if probe else QUANTITIES[name]
+
+
+def probed(probes: Iterable[str]) -> tuple[str, ...]:
+    """Names of what is reported at probes."""
+    return tuple(f"{probe}.{what}" for probe in probes for what in PROBED)
