@@ -18,8 +18,8 @@ from softseam.errors import (
     SoftseamError,
 )
 from softseam_protocol import errors, topics
-from softseam_protocol.bus import Bus
-from softseam_protocol.live_tokens import CLIENT
+from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.liveness import CLIENT
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Bundle,

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from softseam_protocol.codec import is_name
 from softseam_protocol.messages import (
     Advanced,
     Begin,
@@ -50,6 +49,7 @@ from softseam_protocol.messages import (
     Step,
     StepReport,
 )
+from softseam_protocol.wire.codec import is_name
 
 ROOT = "softseam"
 EVERY_NODE = f"{ROOT}/@node/*"

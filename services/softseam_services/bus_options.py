@@ -7,7 +7,7 @@ import secrets
 from dataclasses import dataclass
 from typing import Any
 
-from softseam_protocol.bus import Bus
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.topics import DEFAULT_DEPLOYMENT, DEFAULT_ENDPOINT, Keys
 
 DIRECT = "tcp/127.0.0.1:0"

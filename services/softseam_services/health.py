@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from softseam_protocol.bus import Bus
-from softseam_protocol.codec import decode
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages import Progress
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode
 
 EXPECTED = ("fem", "pbd", "orchestrator", "recorder")
 _BEATS = 1.0

@@ -8,10 +8,10 @@ from __future__ import annotations
 import logging
 from collections import Counter
 
-from softseam_protocol.codec import decode, encode
 from softseam_protocol.errors import DecodeError, Refused, SchemaMismatch
 from softseam_protocol.messages import Configure, Failure
 from softseam_protocol.topics import ParticipantRequest
+from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.progress import tell_progress

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from softseam_protocol.bus import Bus, Server
-from softseam_protocol.codec import encode
+from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.server import Server
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages import Progress
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import encode
 from softseam_services.lifeline import Lifeline
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_protocol.bus import Router
+from softseam_protocol.bus.client import Router
 from softseam_services.lifeline import Lifeline
 
 

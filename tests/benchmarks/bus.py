@@ -21,11 +21,12 @@ import numpy as np
 
 import softseam
 from softseam.variants import Model
-from softseam_protocol.bus import Bus, Inbox, Received
-from softseam_protocol.codec import decode
+from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.inbox import Inbox, Received
 from softseam_protocol.facts import machine
 from softseam_protocol.messages import Event
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode
 from softseam_services.bus_options import BusOptions
 from softseam_services.launch import UpOptions, supervisor
 

@@ -14,13 +14,14 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from softseam_protocol import bus as bus_module
-from softseam_protocol.bus import Bus, Inbox, Received, Router
-from softseam_protocol.bus_server import MOST_WAITING
-from softseam_protocol.codec import decode, encode
+from softseam_protocol.bus import client as bus_module
+from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.inbox import Inbox, Received
+from softseam_protocol.bus.server import MOST_WAITING
 from softseam_protocol.errors import BusError, BusTimeout, DecodeError, ForkedBus, NoReply, NoRouter, PortBusy, Refused
 from softseam_protocol.messages import SCHEMA_VERSION, Commit, Committed, Event, Failure, Header, Observe, Release
 from softseam_protocol.topics import Keys, Live
+from softseam_protocol.wire.codec import decode, encode
 
 KEYS = Keys("test")
 KEY = KEYS.participant("fem")
@@ -220,7 +221,7 @@ def test_a_client_waits_for_a_router_that_comes_late() -> None:
 
 _SERVER = """
 import sys, threading
-from softseam_protocol.bus import Bus
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.topics import Keys
 bus = Bus(sys.argv[1])
 keys = Keys("test")
@@ -348,7 +349,7 @@ def test_a_full_server_says_busy(bus: Bus, other: Bus) -> None:
 def test_a_forked_bus_refuses_to_work(endpoint: str) -> None:
     program = (
         "import os, sys\n"
-        "from softseam_protocol.bus import Bus\n"
+        "from softseam_protocol.bus.client import Bus\n"
         "from softseam_protocol.errors import ForkedBus\n"
         "bus = Bus(sys.argv[1])\n"
         "child = os.fork()\n"
@@ -369,7 +370,7 @@ def test_a_forked_bus_refuses_to_work(endpoint: str) -> None:
 def test_forgetting_to_close_does_not_hang_the_interpreter(endpoint: str) -> None:
     program = (
         "import sys\n"
-        "from softseam_protocol.bus import Bus\n"
+        "from softseam_protocol.bus.client import Bus\n"
         "bus = Bus(sys.argv[1])\n"
         "bus.serve({'softseam/test/forgotten': lambda p: p}).start()\n"
         "inbox = bus.subscribe('softseam/test/**')\n"

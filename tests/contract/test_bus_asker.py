@@ -13,12 +13,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from softseam_protocol.bus import Asker, Bus, Router
-from softseam_protocol.bus_session import LEASE
-from softseam_protocol.codec import decode, encode
+from softseam_protocol.bus.asking import Asker
+from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.session import LEASE
 from softseam_protocol.errors import BusError, BusTimeout, ForkedBus, NoReply, Refused
 from softseam_protocol.messages import SCHEMA_VERSION, Commit, Committed, Failure, Header
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode, encode
 
 KEYS = Keys("asker")
 KEY = KEYS.participant("fem")
@@ -26,7 +27,7 @@ HEADER = Header(SCHEMA_VERSION, "s", "near", 0, 1, 0, 0.0)
 PEER = {"mode": "peer", "listen/endpoints": ["tcp/127.0.0.1:0"]}
 _SERVER = """
 import sys, threading
-from softseam_protocol.bus import Bus
+from softseam_protocol.bus.client import Bus
 bus = Bus(sys.argv[1])
 def handle(payload):
     if payload == b"hang":

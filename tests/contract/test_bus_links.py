@@ -12,12 +12,13 @@ from typing import Any
 import pytest
 import zenoh
 
-from softseam_protocol.bus import _INTRODUCTION as INTRODUCTION
-from softseam_protocol.bus import Asker, Bus, Router
-from softseam_protocol.bus_session import LEASE, direct
+from softseam_protocol.bus.asking import Asker
+from softseam_protocol.bus.client import _INTRODUCTION as INTRODUCTION
+from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
+from softseam_protocol.bus.peer_links import PeerLinks
+from softseam_protocol.bus.session import LEASE, direct
 from softseam_protocol.errors import NoReply
-from softseam_protocol.inbox import Inbox, LiveChange, Received
-from softseam_protocol.peer_links import PeerLinks
 from softseam_protocol.topics import EVERY_NODE, Keys
 from softseam_services.bus_options import BusOptions
 

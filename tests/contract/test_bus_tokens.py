@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from softseam_protocol.bus import Bus, Router
-from softseam_protocol.live_tokens import LiveTokens
+from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.liveness import LiveTokens
 from softseam_protocol.topics import Keys
 
 KEYS = Keys("tokens")

@@ -11,9 +11,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sample_messages import HEADER, TOOLS, advanced
 
-from softseam_protocol import codec
-from softseam_protocol.codec import decode, encode
-from softseam_protocol.descriptors import FIELDS, MESSAGES, PACKAGE, protobuf_class
 from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
@@ -27,6 +24,9 @@ from softseam_protocol.messages import (
     Request,
     Step,
 )
+from softseam_protocol.wire import codec
+from softseam_protocol.wire.codec import decode, encode
+from softseam_protocol.wire.descriptors import FIELDS, MESSAGES, PACKAGE, protobuf_class
 
 
 def tampered(cls: type, message: Any, change: Any) -> bytes:

@@ -15,11 +15,11 @@ from squeeze import Squeeze
 from softseam import connected
 from softseam.connected import ConnectedBackend
 from softseam.errors import NoConnection, ServicesFailed
-from softseam_protocol.bus import Bus, Router
-from softseam_protocol.codec import decode, encode
+from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages import SCHEMA_VERSION, Close, Failure, Header, Observation, SeamReport, StepReport
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode, encode
 
 KEYS = Keys()
 

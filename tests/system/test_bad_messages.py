@@ -10,8 +10,7 @@ import pytest
 from real_services import Services
 from trajectory import bits
 
-from softseam_protocol.bus import Bus
-from softseam_protocol.codec import MAX_BYTES, decode, encode
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import DecodeError, Refused
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
@@ -35,6 +34,7 @@ from softseam_protocol.messages import (
     ToolMotion,
 )
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import MAX_BYTES, decode, encode
 from softseam_services.participant_service import ParticipantHandler
 
 pytestmark = pytest.mark.slow

@@ -24,7 +24,7 @@ from real_services import free_port
 from trajectory import first_difference
 
 from softseam.connected import ConnectedBackend
-from softseam_protocol.bus import Bus
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.messages import Bundle, StepReport
 from softseam_protocol.topics import Keys
 from softseam_services.health import EXPECTED, probe

@@ -9,7 +9,7 @@ from real_services import free_port, squeezed_bar
 
 from softseam.errors import FieldsNotObserved
 from softseam.observation import observation_from
-from softseam_protocol.bus import Bus, Router
+from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Advance,

@@ -15,8 +15,8 @@ from contextlib import ExitStack
 
 import pytest
 
-from softseam_protocol.bus import Bus, Router
-from softseam_protocol.bus_session import LEASE
+from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.session import LEASE
 from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
 

@@ -14,12 +14,12 @@ from real_services import free_port
 
 from softseam.connected import ConnectedBackend
 from softseam.errors import SimulationFailed
-from softseam_protocol.bus import Bus, Router
-from softseam_protocol.codec import decode
+from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.messages import Bundle, End
 from softseam_protocol.scene import Scene
 from softseam_protocol.scene_file import bundle_scene, scene_json
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode
 from softseam_services.bus_options import BusOptions
 from softseam_services.lifeline import Lifeline
 from softseam_services.orchestrator import service

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 from real_services import READY, free_port
 
-from softseam_protocol.bus import Bus, Router
+from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.topics import Keys
 from softseam_services.health import probe
 from softseam_services.orchestrator import alone

@@ -15,11 +15,11 @@ from trajectory import first_difference, same_frame
 from softseam.connected import ConnectedBackend
 from softseam.errors import SoftseamError
 from softseam.variants import with_settings
-from softseam_protocol.bus import Bus
-from softseam_protocol.codec import decode
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.messages import Bundle, Event, Frame, Observation, StepReport
 from softseam_protocol.scene_file import bundle_scene, parse_scene
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

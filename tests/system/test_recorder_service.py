@@ -16,12 +16,12 @@ import pytest
 from squeeze import Squeeze
 
 from softseam.recording import Recording
-from softseam_protocol.bus import Bus, Router
-from softseam_protocol.codec import encode
+from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages import SCHEMA_VERSION, Commit, End, Event, Frame, Header, Recorded, StepReport
 from softseam_protocol.outcomes import EventKind
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import encode
 from softseam_services.bus_options import BusOptions
 from softseam_services.orchestrator.recorder_feed import MOST_MESSAGES, PATIENCE, RecorderFeed
 

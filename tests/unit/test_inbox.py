@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from softseam_protocol.inbox import Inbox
+from softseam_protocol.bus.inbox import Inbox
 
 
 def test_what_does_not_fit_is_dropped_and_counted() -> None:

@@ -19,8 +19,8 @@ from mcap.stream_reader import StreamReader
 from squeeze import Squeeze
 
 from softseam.recording import Recording
-from softseam_protocol import codec
 from softseam_protocol.messages import Event, Frame, StepReport
+from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import log_time
 from softseam_services.recorder.recorder import McapRecorder
 from softseam_services.recorder.whole_file import RecordError, WholeFile

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from squeeze import Squeeze
 
 from softseam.recording import Recording, RecordingError
-from softseam_protocol import codec
+from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import LogFile
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 
-from softseam_protocol.bus import Bus
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import BusError
 from softseam_protocol.topics import Keys
 

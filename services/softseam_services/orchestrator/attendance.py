@@ -11,9 +11,9 @@ import threading
 import time
 from collections.abc import Collection
 
-from softseam_protocol.bus import Bus
+from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.liveness import CLIENT
 from softseam_protocol.errors import BusError
-from softseam_protocol.live_tokens import CLIENT
 from softseam_protocol.topics import Keys
 
 _PERIOD = 1.0

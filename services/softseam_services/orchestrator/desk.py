@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softseam_protocol.bus import Bus
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.messages import (
     SCHEMA_VERSION,
     Begin,

@@ -11,11 +11,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from softseam_protocol.bus import Bus
-from softseam_protocol.codec import decode, encode
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
 from softseam_protocol.messages import Begin, End, Event, Frame, Recorded, StepReport
 from softseam_protocol.topics import Keys, topic_of
+from softseam_protocol.wire.codec import decode, encode
 
 MOST_MESSAGES = 2048
 MOST_BYTES = 48 * 2**20

@@ -27,8 +27,7 @@ import logging
 import threading
 import time
 
-from softseam_protocol.bus import Bus
-from softseam_protocol.codec import decode, encode
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
 from softseam_protocol.messages import (
     Close,
@@ -46,6 +45,7 @@ from softseam_protocol.messages import (
 )
 from softseam_protocol.scene_file import SceneError
 from softseam_protocol.topics import ClientReply, ClientRequest, Keys
+from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.orchestrator.alone import wait_alone

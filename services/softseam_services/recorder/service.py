@@ -11,11 +11,11 @@ import logging
 import threading
 from pathlib import Path
 
-from softseam_protocol.bus import Bus
-from softseam_protocol.codec import decode, encode
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages import Begin, Commit, End, Failure, Recorded
 from softseam_protocol.topics import Keys, RecorderRequest
+from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.progress import tell_progress

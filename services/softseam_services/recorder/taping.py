@@ -6,11 +6,11 @@ import threading
 import time
 from pathlib import Path
 
-from softseam_protocol.bus import Bus
-from softseam_protocol.codec import decode, encode
+from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages import Begin, End, Event, Frame, Recorded, StepReport
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode, encode
 from softseam_services.recorder.recorder import McapRecorder
 
 _TELL = 0.1

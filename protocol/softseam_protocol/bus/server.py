@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from softseam_protocol.codec import encode
 from softseam_protocol.errors import DecodeError, Refused, SchemaMismatch
 from softseam_protocol.messages import Failure
+from softseam_protocol.wire.codec import encode
 
 Handler = Callable[[bytes], bytes]
 """answers a request's payload; raises Refused to refuse it"""

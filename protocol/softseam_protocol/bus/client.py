@@ -19,16 +19,16 @@ from typing import Any
 
 import zenoh
 
-from softseam_protocol.bus_client import Asker, Pending, understood
-from softseam_protocol.bus_server import Handler, Server
-from softseam_protocol.bus_session import LEASE, BusSession, as_endpoints, direct, first_sentence
-from softseam_protocol.codec import encode
-from softseam_protocol.declared import Declared
+from softseam_protocol.bus.asking import Asker, Pending, understood
+from softseam_protocol.bus.declared import Declared
+from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
+from softseam_protocol.bus.liveness import LiveTokens
+from softseam_protocol.bus.peer_links import PeerLinks
+from softseam_protocol.bus.server import Handler, Server
+from softseam_protocol.bus.session import LEASE, BusSession, as_endpoints, direct, first_sentence
 from softseam_protocol.errors import BusError, NoRouter, PortBusy
-from softseam_protocol.inbox import Inbox, LiveChange, Received
-from softseam_protocol.live_tokens import LiveTokens
-from softseam_protocol.peer_links import PeerLinks
 from softseam_protocol.topics import DEFAULT_ENDPOINT, EVERY_NODE, node
+from softseam_protocol.wire.codec import encode
 
 _INTRODUCTION = 1.0
 """time in which a publisher learns of those who have subscribed before [s]"""

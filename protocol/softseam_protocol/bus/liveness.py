@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from softseam_protocol.inbox import Inbox, LiveChange
+from softseam_protocol.bus.inbox import Inbox, LiveChange
 
 CLIENT = "session"
 """service in the tokens of clients, whose instance is the client's session"""

@@ -16,7 +16,7 @@ from typing import Any, Self
 
 import zenoh
 
-from softseam_protocol.declared import Declared
+from softseam_protocol.bus.declared import Declared
 from softseam_protocol.errors import BusError, ForkedBus
 from softseam_protocol.topics import DEFAULT_ENDPOINT
 

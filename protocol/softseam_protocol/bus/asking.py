@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from softseam_protocol.codec import decode, encode
-from softseam_protocol.declared import Declared
+from softseam_protocol.bus.declared import Declared
 from softseam_protocol.errors import BusTimeout, DecodeError, NoReply, ProtocolError, Refused
 from softseam_protocol.messages import Failure
+from softseam_protocol.wire.codec import decode, encode
 
 _TIMEOUT_REPLY = b"Timeout"
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from softseam_protocol.descriptors import Field, shape_text
 from softseam_protocol.messages import Array
+from softseam_protocol.wire.descriptors import Field, shape_text
 
 _MAX_AXIS = 2**31
 _NAME = re.compile(r"[A-Za-z0-9_-]{0,64}")

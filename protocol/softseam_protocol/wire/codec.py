@@ -18,7 +18,9 @@ from typing import Any, TypeVar, overload
 
 from google.protobuf.message import DecodeError as ProtobufDecodeError
 
-from softseam_protocol.descriptors import (
+from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
+from softseam_protocol.messages import SCHEMA_VERSION, Header
+from softseam_protocol.wire.descriptors import (
     FIELDS,
     MESSAGES,
     PACKAGE,
@@ -27,9 +29,7 @@ from softseam_protocol.descriptors import (
     full_name,
     protobuf_class,
 )
-from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
-from softseam_protocol.messages import SCHEMA_VERSION, Header
-from softseam_protocol.wire_fields import Wrong, field_reader, field_writer, is_name
+from softseam_protocol.wire.fields import Wrong, field_reader, field_writer, is_name
 
 __all__ = ["MAX_BYTES", "decode", "encode", "file_descriptor_set", "full_name", "is_name", "peek"]
 
