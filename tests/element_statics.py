@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import splu
 
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region

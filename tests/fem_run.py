@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Advance, Advanced, BodyState, Header, ToolMotion
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region

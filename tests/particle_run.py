@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, Bundle, Header
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.particles.solver import ParticleSolver
 from softseam_services.server import build_setup

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, BodyState, Fields, Header
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.pbd.kernels.block import N_STRESS

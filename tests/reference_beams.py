@@ -14,7 +14,7 @@ from fem_run import FemRun, block
 from reference_values import TIP, Found
 
 from softseam_protocol.messages import Advanced
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.models import FemSpec
 
 
 def _beam(n: int, seam: bool, **keys: Any) -> FemRun:

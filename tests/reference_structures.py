@@ -8,8 +8,8 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import eigsh
 
 from softseam_coupling.mortar import TRACES
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
 
 # Cook's membrane, plane strain, nu 0.4999, a quarter of the full load: tip uy [m], dolfinx Q2/Q1 mixed, case 03_cook.
 COOK = 1.94546e-3

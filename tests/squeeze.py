@@ -22,7 +22,7 @@ from softseam_protocol.messages import (
     StepReport,
 )
 from softseam_protocol.outcomes import EventKind
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.recorder.begin import begin

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from softseam.scenes import load_scene
     from softseam.session import Session
     from softseam.variants import with_model, with_settings
-    from softseam_protocol.scene import Scene
+    from softseam_protocol.scene.scene import Scene
 
 __all__ = [
     "BadInput",
@@ -66,7 +66,7 @@ __all__ = [
 
 _HOME = {
     "Observation": "softseam.observation",
-    "Scene": "softseam_protocol.scene",
+    "Scene": "softseam_protocol.scene.scene",
     "Session": "softseam.session",
     "ToolView": "softseam.observation",
     "load_scene": "softseam.scenes",

@@ -21,8 +21,8 @@ from softseam.scenes import bundle_of, inputs_of
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
     from softseam_services.calibration.measure import Shown, Wanted

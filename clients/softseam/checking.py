@@ -21,10 +21,10 @@ from softseam.symmetric import symmetric
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
-from softseam_protocol.scene import BlockShape, BodySpec, Scene
-from softseam_protocol.scene_file import bundle_scene, scene_hash
-from softseam_protocol.scene_materials import SpherePart
-from softseam_protocol.spec import BoxRegion
+from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.materials import SpherePart
+from softseam_protocol.scene.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene.spec import BoxRegion
 
 _MANY = 100_000
 """unknowns whose factor takes 1.5 GB, and seconds"""

@@ -335,7 +335,7 @@ def schema(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to this file instead of printing.")] = None,
 ) -> None:
     """The JSON Schema of scene files, for an editor's completion."""
-    from softseam_protocol.scene_file import scene_schema
+    from softseam_protocol.scene.file import scene_schema
 
     if out is None:
         sys.stdout.write(scene_schema())

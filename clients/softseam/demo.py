@@ -21,7 +21,7 @@ from softseam.running import follow, note_recording, print_recording
 from softseam.scenes import bundle_of, inputs_of
 from softseam.showing import draw, drawing_errors, save_rrd
 from softseam.variants import Model
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 
 def run_demo(name: str, out: Path | None, console: Console) -> None:

@@ -25,8 +25,8 @@ from softseam_protocol.messages import (
     Vector3,
 )
 from softseam_protocol.outcomes import EventKind
-from softseam_protocol.scene import BodySpec, Scene
-from softseam_protocol.scene_file import SceneError, scene_from_bundle
+from softseam_protocol.scene.file import SceneError, scene_from_bundle
+from softseam_protocol.scene.scene import BodySpec, Scene
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation

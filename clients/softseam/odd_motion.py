@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene.scene import Scene
 
 _TURNS = 2.0
 """more full turns are unlike a hand's"""

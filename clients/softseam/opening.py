@@ -9,7 +9,7 @@ from pathlib import Path
 from softseam.scenes import bundle_of
 from softseam.session import Session, open_as_given
 from softseam.variants import Model, with_settings
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 
 def open(

@@ -14,7 +14,7 @@ from rich.console import Console
 from softseam.bar import Bar
 from softseam.duration import expected_duration
 from softseam.observation import Observation
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 _REFRESH = 0.1
 """time between updates of the bar [s]"""

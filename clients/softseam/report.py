@@ -26,8 +26,8 @@ from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.outcomes import EventKind
 from softseam_protocol.quantities import probed
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import scene_hash
+from softseam_protocol.scene.file import scene_hash
+from softseam_protocol.scene.scene import Scene
 
 REPORT_VERSION = 1
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from softseam.errors import SceneRefused
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import SceneError, bundle_scene, files_of, place_of
-from softseam_protocol.scene_file import load_scene as _load
+from softseam_protocol.scene.file import SceneError, bundle_scene, files_of, place_of
+from softseam_protocol.scene.file import load_scene as _load
+from softseam_protocol.scene.scene import Scene
 
 _NAMED = re.compile(rf"(?:^|: )((?:{'|'.join(Scene.model_fields)})(?:\.[\w-]+)*): ")
 _CHECKOUT = Path(__file__).parents[2] / "scenes"

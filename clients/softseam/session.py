@@ -20,9 +20,9 @@ from softseam.scenes import bundle_of, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
 from softseam_protocol.messages import Vector3
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
-from softseam_protocol.scene_motion import LARGEST_TURN
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.motion import LARGEST_TURN
+from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

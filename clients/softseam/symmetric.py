@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 PARTS = ("all", "a half", "a quarter", "an eighth")
 """of a body, by the number of planes of symmetry"""

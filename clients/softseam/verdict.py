@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.columns import Columns
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import ClosePhase, MovePhase, ReleasePhase
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, ReleasePhase
+from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 

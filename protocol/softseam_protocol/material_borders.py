@@ -10,8 +10,8 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from softseam_protocol.scene_materials import BoxPart, InclusionSpec
-from softseam_protocol.spec import Vector
+from softseam_protocol.scene.materials import BoxPart, InclusionSpec
+from softseam_protocol.scene.spec import Vector
 
 Planes = tuple[float, ...]
 """along one axis, from the block's lower face, inside it, ascending [m]"""

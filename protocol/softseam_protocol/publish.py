@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from softseam_protocol.messages import Array
-from softseam_protocol.scene_file import scene_schema
+from softseam_protocol.scene.file import scene_schema
 from softseam_protocol.wire.descriptors import FIELDS, PACKAGE, Field, shape_text, type_text
 
 PROTO = Path("protocol/softseam_protocol/softseam.proto")

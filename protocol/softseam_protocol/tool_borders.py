@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from softseam_protocol.material_borders import half_edges
-from softseam_protocol.scene_tools import BoxTool, ToolSpec
-from softseam_protocol.spec import Vector, wrong
+from softseam_protocol.scene.spec import Vector, wrong
+from softseam_protocol.scene.tools import BoxTool, ToolSpec
 
 _ROUNDING = 1e-9
 _AT = ("body", "shape", "towards")

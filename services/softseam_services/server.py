@@ -32,8 +32,8 @@ from softseam_protocol.messages import (
     Snapshot,
     SnapshotTaken,
 )
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import scene_from_bundle
+from softseam_protocol.scene.file import scene_from_bundle
+from softseam_protocol.scene.scene import Scene
 from softseam_services.blas import use_one_thread
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody, build_any_body

@@ -6,8 +6,8 @@ the other hears of it when a service starts or a session opens in this process, 
 
 from __future__ import annotations
 
-from softseam_protocol.kinds import ELEMENTS, INTEGRATORS
-from softseam_protocol.scene_materials import MATERIALS
+from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
+from softseam_protocol.scene.materials import MATERIALS
 from softseam_services.body.materials import LAWS
 from softseam_services.fem import elements
 from softseam_services.fem.integrators import table as integrators

@@ -34,8 +34,8 @@ from softseam_protocol.messages import (
     Snapshot,
     SnapshotTaken,
 )
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_regions import RegionsSpec
+from softseam_protocol.scene.regions import RegionsSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup

@@ -29,7 +29,7 @@ SCENE = Path(__file__).resolve().parents[2] / "scenes" / "tofu_grasp.yaml"
 def grasp(n: int, step: float, lift: bool) -> dict[str, float]:
     """Forces [N] of n^3 cells and this step [s], with wall seconds and peak memory [MB]."""
     from softseam.variants import with_model, with_settings
-    from softseam_protocol.scene_file import bundle_scene, load_scene
+    from softseam_protocol.scene.file import bundle_scene, load_scene
     from softseam_services.orchestrator.embedded import EmbeddedTransport
     from softseam_services.orchestrator.simulation import Simulation
 

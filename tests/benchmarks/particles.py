@@ -21,7 +21,7 @@ from rich.table import Table
 from timing import least
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, Header
-from softseam_protocol.scene_file import load_scene
+from softseam_protocol.scene.file import load_scene
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.fem.elements.tetrahedra import kuhn
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -48,7 +48,7 @@ from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
-from softseam_protocol.scene_file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import bundle_scene, scene_hash
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = (

@@ -21,7 +21,7 @@ from softseam.embedded import solver_digest
 from softseam.variants import Model, with_model
 from softseam_protocol.facts import machine
 from softseam_protocol.messages import StepReport
-from softseam_protocol.scene_file import bundle_scene, load_scene
+from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

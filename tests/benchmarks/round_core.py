@@ -12,7 +12,7 @@ from typing import Literal
 
 from softseam.chart.measure import measure
 from softseam.variants import with_model
-from softseam_protocol.scene_file import load_scene
+from softseam_protocol.scene.file import load_scene
 
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "stiff_inclusion.yaml"
 EDGE = 0.05

@@ -27,10 +27,10 @@ from fem_run import FemRun, block
 
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
-from softseam_protocol.kinds import ElementKind, IntegratorKind
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.kinds import ElementKind, IntegratorKind
+from softseam_protocol.scene.models import FemSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

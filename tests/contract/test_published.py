@@ -14,7 +14,7 @@ from google.protobuf import descriptor_pb2
 from softseam_protocol import publish
 from softseam_protocol.messages import Header
 from softseam_protocol.publish import broken_promises, field_lines, proto_text
-from softseam_protocol.scene_file import scene_schema
+from softseam_protocol.scene.file import scene_schema
 from softseam_protocol.topics import SESSION_TOPICS, Keys, table, topic_of
 from softseam_protocol.wire.descriptors import MESSAGES, file_descriptor_set
 
@@ -83,7 +83,7 @@ def test_importing_the_protocol_is_light() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.strip() == "[]"
     program = (
-        "import sys, softseam_protocol.wire.codec, softseam_protocol.scene_file, softseam_protocol.topics;"
+        "import sys, softseam_protocol.wire.codec, softseam_protocol.scene.file, softseam_protocol.topics;"
         "print('zenoh' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)

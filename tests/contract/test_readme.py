@@ -11,7 +11,7 @@ import pytest
 import softseam
 from softseam.cli import app
 from softseam.duration import expected_duration
-from softseam_protocol.scene_file import parse_scene
+from softseam_protocol.scene.file import parse_scene
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from softseam.checking import check_scene
 from softseam_protocol.quantities import QUANTITIES
-from softseam_protocol.scene_file import scene_schema
+from softseam_protocol.scene.file import scene_schema
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "reference" / "scene.md").read_text(encoding="utf-8")

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import pytest
 
 import softseam
-from softseam_protocol import kinds
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene import kinds
+from softseam_protocol.scene.scene import Scene
 from softseam_services.fem.elements import ELEMENTS, ElementTable
 from softseam_services.fem.elements.hexahedra import linear
 from softseam_services.fem.elements.table import split

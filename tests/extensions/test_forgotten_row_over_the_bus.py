@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 HALF = """
-from softseam_protocol.scene_materials import MATERIALS, NeoHookeanMaterial
+from softseam_protocol.scene.materials import MATERIALS, NeoHookeanMaterial
 MATERIALS.add("forgotten", NeoHookeanMaterial)
 """
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import softseam
-from softseam_protocol import kinds
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene import kinds
+from softseam_protocol.scene.scene import Scene
 from softseam_services.fem.integrators.table import INTEGRATORS, Setting, of_family
 
 ALPHA = 0.3

@@ -15,8 +15,8 @@ from pydantic import Field
 from scipy.optimize import brentq
 
 import softseam
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_materials import MATERIALS, MaterialSpec
+from softseam_protocol.scene.materials import MATERIALS, MaterialSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.materials import LAWS, Law
 
 

@@ -13,8 +13,8 @@ import softseam
 from softseam.report import ReportBuilder
 from softseam_protocol.messages import Bundle
 from softseam_protocol.quantities import QUANTITIES, Quantity
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import SceneError, parse_scene
+from softseam_protocol.scene.file import SceneError, parse_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.quantities import MEASUREMENTS, Look, Measurement
 
 LENGTH = 0.04

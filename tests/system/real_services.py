@@ -6,7 +6,7 @@ import socket
 import threading
 from pathlib import Path
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.bus_options import BusOptions
 from softseam_services.supervisor import Limits, Supervisor
 

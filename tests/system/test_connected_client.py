@@ -16,7 +16,7 @@ import softseam
 from softseam import connected
 from softseam.recording import Recording
 from softseam_protocol.bus.client import Router
-from softseam_protocol.scene_file import scene_json
+from softseam_protocol.scene.file import scene_json
 
 SQUEEZE = {"front": [0.0, 0.02, 0.0], "back": [0.0, -0.02, 0.0]}
 

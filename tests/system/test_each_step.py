@@ -21,7 +21,7 @@ from softseam_protocol.messages import (
     Request,
     Step,
 )
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator import desk
 from softseam_services.orchestrator.bus_transport import BusTimes

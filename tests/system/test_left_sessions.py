@@ -16,8 +16,8 @@ from softseam.connected import ConnectedBackend
 from softseam.errors import SimulationFailed
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.messages import Bundle, End
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene, scene_json
+from softseam_protocol.scene.file import bundle_scene, scene_json
+from softseam_protocol.scene.scene import Scene
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode
 from softseam_services.bus_options import BusOptions
@@ -46,8 +46,8 @@ SHEET = Scene.model_validate(
 VICTIM = """
 import sys
 from softseam.connected import ConnectedBackend
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.file import bundle_scene
 bundle = bundle_scene(Scene.model_validate_json(sys.argv[2]))
 sessions = [ConnectedBackend(bundle, sys.argv[1], record=False, timeout=20.0) for _ in range(int(sys.argv[3]))]
 for one in sessions:

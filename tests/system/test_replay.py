@@ -23,7 +23,7 @@ from softseam.replay import ReplayError, replay, verify
 from softseam.replay.screenshot import screenshots
 from softseam.replay.show import free_port, viewer, web_address, web_command
 from softseam_protocol.messages import Bundle, Frame
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.recorder.begin import begin

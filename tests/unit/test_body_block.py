@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.interpolate import Functions, point_weights, rest_points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.check import BodyCheck, check_body
 

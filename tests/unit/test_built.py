@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softseam.variants import with_settings
 from softseam_protocol.messages import SCHEMA_VERSION, Configure, Header
-from softseam_protocol.scene_file import bundle_scene, load_scene
+from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.body.body import Body
 from softseam_services.body.region import build_region
 from softseam_services.built import Built

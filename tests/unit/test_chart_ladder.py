@@ -20,7 +20,7 @@ from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import load_scene
 from softseam.session import open_as_given
 from softseam.variants import AS_GIVEN, with_settings
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 TIME = np.arange(0.0, 1.0, 0.01)
 

@@ -13,8 +13,8 @@ import softseam
 from softseam.embedded import EmbeddedBackend
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import HoldPhase
+from softseam_protocol.scene.motion import HoldPhase
+from softseam_protocol.scene.scene import Scene
 
 SCENE = """\
 softseam: 1

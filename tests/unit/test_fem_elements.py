@@ -12,9 +12,9 @@ from element_statics import Statics, lattice
 from fem_run import block
 from numpy.typing import NDArray
 
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind, MaterialKind
-from softseam_protocol.scene_materials import MATERIALS
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind, MaterialKind
+from softseam_protocol.scene.materials import MATERIALS
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError

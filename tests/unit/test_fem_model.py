@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam_protocol.kinds import ELEMENTS as FACTS
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.region import build_region
 from softseam_services.fem.model import build_model

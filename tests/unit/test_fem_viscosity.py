@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from element_statics import Floats, Statics, lattice
 
-from softseam_protocol.kinds import ElementKind, MaterialKind
+from softseam_protocol.scene.kinds import ElementKind, MaterialKind
 
 TIME, DT = 0.5, 0.01
 KINDS: list[tuple[MaterialKind, ElementKind]] = [

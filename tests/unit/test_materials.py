@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.scene_materials import MATERIALS, MooneyRivlinMaterial, material_spec
+from softseam_protocol.scene.kinds import MaterialKind
+from softseam_protocol.scene.materials import MATERIALS, MooneyRivlinMaterial, material_spec
 from softseam_services.body.body import Material
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.errors import LawError

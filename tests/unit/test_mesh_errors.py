@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from solids import BOX_TRIANGLES, box, join, obj, sphere
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.embed import read_solid

@@ -12,10 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam.variants import with_settings
-from softseam_protocol.kinds import ELEMENTS
 from softseam_protocol.messages import Advanced
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene, load_scene, parse_scene
+from softseam_protocol.scene.file import bundle_scene, load_scene, parse_scene
+from softseam_protocol.scene.kinds import ELEMENTS
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region

@@ -17,7 +17,7 @@ from softseam_protocol.messages import (
     Observe,
     ToolMotion,
 )
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.server import _SEATS_KEPT, ParticipantServer
 
 SCENE = Scene.model_validate(

@@ -16,9 +16,9 @@ from softseam.recording import Recording
 from softseam.replay.verify import verify
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Configure, Configured, Failure, Header
-from softseam_protocol.particle_bodies import SheetBody
-from softseam_protocol.scene import BodySpec, Scene
-from softseam_protocol.scene_file import SceneError, parse_scene
+from softseam_protocol.scene.file import SceneError, parse_scene
+from softseam_protocol.scene.particles import SheetBody
+from softseam_protocol.scene.scene import BodySpec, Scene
 from softseam_services.body.skin import rope_skin, sheet_skin
 from softseam_services.body.surface_check import enclosed_volume
 from softseam_services.pbd.particles.batches import batches

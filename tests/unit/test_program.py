@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.grip import grips_by_phase

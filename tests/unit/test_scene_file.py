@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam_protocol import scene_file
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import BodySpec, MeshShape
-from softseam_protocol.scene_file import (
+from softseam_protocol.scene import file as scene_file
+from softseam_protocol.scene.file import (
     SceneError,
     bundle_scene,
     load_scene,
@@ -21,7 +20,8 @@ from softseam_protocol.scene_file import (
     scene_hash,
     scene_json,
 )
-from softseam_protocol.scene_motion import ClosePhase, HoldPhase, MovePhase
+from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase
+from softseam_protocol.scene.scene import BodySpec, MeshShape
 
 GOOD = """\
 # a cube between two plates

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Frame, Header
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import parse_scene
+from softseam_protocol.scene.file import parse_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError

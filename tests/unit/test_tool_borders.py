@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import SceneError, parse_scene
+from softseam_protocol.scene.file import SceneError, parse_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.build import build_body
 from softseam_services.body.graded import bordered_line

@@ -7,7 +7,7 @@ import pytest
 
 import softseam
 from softseam_protocol.messages import Event
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion

@@ -9,7 +9,7 @@ import pytest
 import solids
 from solids import obj, sphere
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError
 from softseam_services.tools.build import build_tools

@@ -17,7 +17,7 @@ from softseam.recording import Recording
 from softseam.verdict import Verdict, judge, lifters, tool_rise, with_failures
 from softseam.view import charts
 from softseam_protocol.messages import StepReport
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 FINGERS = ["left", "right"]
 CLOSE = {"tools": FINGERS, "close": 0.02, "until": {"compression": 0.15}}

@@ -19,7 +19,7 @@ from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import rotate, tool_shapes
 from softseam_protocol.messages import ToolSurface
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pbd_run import Energy, PbdRun, block_scene
 
 from softseam_protocol.inner_ball import inner_ball
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene import BodySpec, Scene
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.scene import BodySpec, Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body

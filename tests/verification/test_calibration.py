@@ -11,7 +11,7 @@ from hexahedra import mesh
 from pbd_run import block_scene, cantilever
 
 from softseam import cli
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.calibration.measure import Bench, cheapest, oscillation, settings

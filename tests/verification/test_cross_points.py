@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from softseam_coupling.mortar import mortar_tie
 from softseam_coupling.regions import CellGrid
 from softseam_coupling.seam import SeamSolver
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides, cut

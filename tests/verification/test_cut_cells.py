@@ -15,9 +15,9 @@ from scipy.optimize import brentq
 from scipy.sparse import bmat, csc_array
 from scipy.sparse.linalg import splu
 
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.filled import FULL_MOMENTS, mean_gradients

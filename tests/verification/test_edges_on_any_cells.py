@@ -11,7 +11,7 @@ from hexahedra import mesh
 from test_tool_edges import REFERENCE, press
 
 from softseam_protocol.messages import Header
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region

@@ -9,7 +9,7 @@ import solids
 from fem_run import FemRun
 from scipy.optimize import brentq
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.interpolate import rest_points
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from solids import box, cylinder, join, obj, sphere
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS, filled_centroids

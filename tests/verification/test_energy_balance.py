@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun
 
 from softseam_protocol.messages import Advanced
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

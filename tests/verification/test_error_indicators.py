@@ -10,10 +10,10 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from pbd_run import PbdRun, static_solution
 
-from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import BodyState, Fields, Header
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.lattice import LOCAL
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -11,10 +11,10 @@ from fem_run import CLOSE, FemRun, block, tofu
 from scipy.optimize import brentq
 
 from softseam_coupling.mortar import TRACES, mortar_tie
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.materials import point
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.hex27 import SHARES

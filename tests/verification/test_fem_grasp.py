@@ -7,8 +7,8 @@ import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 
 from softseam_protocol.messages import Advanced
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_models import ModelsSpec
+from softseam_protocol.scene.models import ModelsSpec
+from softseam_protocol.scene.scene import Scene
 
 UP = {"left": (0.0, 0.0, 0.05), "right": (0.0, 0.0, 0.05)}
 

@@ -9,11 +9,11 @@ import pytest
 from fem_run import FemRun, block, tofu
 from numpy.typing import NDArray
 
-from softseam_protocol.kinds import INTEGRATORS, IntegratorKind
 from softseam_protocol.messages import BodyState
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.kinds import INTEGRATORS, IntegratorKind
+from softseam_protocol.scene.models import FemSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.fem.integrators.symplectic_euler import SAFETY
 from softseam_services.fem.kernels.cells import strain_energy
 from softseam_services.orchestrator.embedded import EmbeddedTransport

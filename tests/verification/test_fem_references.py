@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference_structures import AXIAL, COOK, FREQUENCIES, TORQUE, cook, frequencies, twist
 
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene.kinds import ElementKind
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 # Tip uz [m] of the clamped beam 0.1 x 0.02 x 0.02 m, E 100 kPa, rho 1000, under gravity: reference case
 # 02_cantilever_static (felupe, CalculiX, dolfinx mixed), uncertainties 0.03 % and 0.08 %.

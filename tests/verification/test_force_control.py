@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from softseam_protocol.messages import Bundle, StepReport
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport

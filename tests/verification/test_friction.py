@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Bundle, StepReport
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

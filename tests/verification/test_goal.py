@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from softseam_protocol.messages import ErrorEstimate, Observe, Reply, Request
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.errors import MeshError
 from softseam_services.orchestrator import goal as goals

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from softseam.variants import Model, with_model, with_settings
-from softseam_protocol.kinds import MaterialKind
-from softseam_protocol.scene import BodySpec, Scene
-from softseam_protocol.scene_file import bundle_scene, load_scene
-from softseam_protocol.scene_materials import MATERIALS, material_spec
+from softseam_protocol.scene.file import bundle_scene, load_scene
+from softseam_protocol.scene.kinds import MaterialKind
+from softseam_protocol.scene.materials import MATERIALS, material_spec
+from softseam_protocol.scene.scene import BodySpec, Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

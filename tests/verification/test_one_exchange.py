@@ -25,7 +25,7 @@ from softseam_protocol.messages import (
     SnapshotTaken,
     StepReport,
 )
-from softseam_protocol.scene_file import bundle_scene, load_scene
+from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

@@ -13,10 +13,10 @@ from hexahedra import Floats, distorted, lattice, mesh, vtk
 
 import softseam
 from softseam_coupling.regions import CellGrid
-from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import Header
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pbd_run import CLAMP_LEFT, Energy, PbdRun, block_scene, static_solution
 
-from softseam_protocol.scene_materials import MATERIALS
+from softseam_protocol.scene.materials import MATERIALS
 from softseam_services.body.materials import point
 from softseam_services.pbd.kernels.general import solve_nine
 from softseam_services.pbd.kernels.sweep import batch_energies, new_workspace, strain_energy

@@ -15,9 +15,9 @@ from test_pbd_dynamics import BODIES
 from test_pbd_leapfrog import kicked, modes, scene_of
 
 from softseam_protocol.messages import Advanced
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import load_scene
-from softseam_protocol.scene_models import PbdSpec
+from softseam_protocol.scene.file import load_scene
+from softseam_protocol.scene.models import PbdSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region

@@ -12,8 +12,8 @@ from pbd_cases import BEAM, BEAM_RESTS, newton
 from pbd_run import Energy, PbdRun, block_scene, cantilever, static_solution
 
 from softseam_coupling.regions import CellGrid
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_materials import MATERIALS
+from softseam_protocol.scene.materials import MATERIALS
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.lattice import LOCAL
 from softseam_services.body.materials import point

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pbd_run import Energy, PbdRun, Vector, block_scene
 from test_pbd_dynamics import BODIES
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.pbd.kernels import summary as k
 from softseam_services.pbd.model import EXPLICIT
 

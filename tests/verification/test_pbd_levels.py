@@ -12,8 +12,8 @@ from pbd_run import Energy, PbdRun, block_scene, cantilever
 
 from softseam_coupling.regions import CellGrid
 from softseam_protocol.messages import Bundle, Correct
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_materials import MATERIALS
+from softseam_protocol.scene.materials import MATERIALS
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.calibration.measure import Bench

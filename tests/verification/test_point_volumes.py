@@ -9,10 +9,10 @@ from fem_run import FemRun, block
 
 from softseam.scenes import load_scene
 from softseam.variants import AS_GIVEN, with_settings
-from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import BodyState
-from softseam_protocol.scene_file import bundle_scene
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.models import FemSpec
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.integrators.table import longest_substep
 from softseam_services.fem.kernels.crushed import share_cells

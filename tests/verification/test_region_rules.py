@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from softseam_protocol.messages import Event
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator import regions
 from softseam_services.orchestrator.embedded import EmbeddedTransport

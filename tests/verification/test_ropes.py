@@ -9,7 +9,7 @@ import pytest
 from particle_run import G, ParticleRun, particle_scene
 from scipy.optimize import brentq
 
-from softseam_protocol.scene_file import load_scene
+from softseam_protocol.scene.file import load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

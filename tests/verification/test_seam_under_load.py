@@ -9,8 +9,8 @@ from __future__ import annotations
 import pytest
 
 from softseam.atlas.scenes import EDGE, press, pressed
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

@@ -7,7 +7,7 @@ import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.fem.face_forces import point_positions
 

@@ -7,11 +7,11 @@ import pytest
 from fem_run import FemRun, block
 from pbd_run import PbdRun
 
-from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import BodyState, Fields, Header
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.models import FemSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.materials.point import energy
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

@@ -10,10 +10,10 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_integrators import kicked, with_integrator
 
-from softseam_protocol.kinds import IntegratorKind
 from softseam_protocol.messages import BodyState
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.kinds import IntegratorKind
+from softseam_protocol.scene.scene import Scene
 from softseam_services.fem.substeps import DEEPEST
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

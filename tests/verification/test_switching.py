@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softseam_protocol.messages import Bundle, Configured, Reply, Request
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -18,8 +18,8 @@ from softseam.scenes import load_scene
 from softseam.session import open_as_given
 from softseam.variants import with_model, with_settings
 from softseam_protocol.messages import Advanced, BodyState, Header
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import SceneError, bundle_scene, parse_scene
+from softseam_protocol.scene.file import SceneError, bundle_scene, parse_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import SettingError
 from softseam_services.tools.build import build_tools

@@ -9,7 +9,7 @@ import pytest
 import solids
 
 from softseam_protocol.messages import Bundle
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

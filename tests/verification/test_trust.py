@@ -19,8 +19,8 @@ from softseam.embedded import EmbeddedBackend
 from softseam.report import ReportBuilder
 from softseam.session import open_as_given
 from softseam_protocol.messages import ErrorEstimate, Observe, Reply, Request
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator import trust
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

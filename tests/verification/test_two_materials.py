@@ -16,10 +16,10 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import softseam
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_regions import RegionsSpec
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.regions import RegionsSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import cauchy_stress

@@ -16,10 +16,10 @@ import softseam
 from softseam.chart.configurations import configurations
 from softseam.chart.frame import Frame
 from softseam.chart.ladder import Ladder
-from softseam_protocol.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.messages import Advanced, BodyState
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
+from softseam_protocol.scene.models import FemSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.calibration.measure import Bench, oscillation
 from softseam_services.fem.kernels.elements import subtract_forces

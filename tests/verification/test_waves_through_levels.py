@@ -15,7 +15,7 @@ import pytest
 from pbd_run import PbdRun, block_scene
 
 from softseam_protocol.messages import BodyState, Bundle
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.sides import FAR, NEAR

@@ -10,8 +10,8 @@ from typing import Literal
 from softseam.atlas.verdicts import Verdict
 from softseam_protocol.messages import Advance, Configure, Reply, Request
 from softseam_protocol.outcomes import EventKind
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.scene import Scene
 
 Fault = Literal["repeated", "request lost", "reply lost", "an old one comes late", "killed", "killed in recovery"]
 

@@ -13,8 +13,8 @@ from softseam.observation import Observation
 from softseam.session import open_as_given
 from softseam_protocol.messages import Event
 from softseam_protocol.outcomes import Detail, EventKind
-from softseam_protocol.scene import BodySpec, Scene
-from softseam_protocol.scene_file import SceneError, parse_scene
+from softseam_protocol.scene.file import SceneError, parse_scene
+from softseam_protocol.scene.scene import BodySpec, Scene
 
 Measure = Callable[[Observation], float]
 

@@ -30,8 +30,8 @@ from softseam.scenes import bundle_of, inputs_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.scene import Scene
 
 CHART_VERSION = 1
 LEFT = ("chart.png", "chart.html", "chart.csv", "chart.json")

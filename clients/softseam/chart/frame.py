@@ -24,10 +24,10 @@ from softseam_protocol.material_borders import (
     pieces,
     wanted_for,
 )
-from softseam_protocol.scene import BlockShape, BodySpec, Scene
-from softseam_protocol.scene_motion import ClosePhase, MovePhase, TurnPhase
-from softseam_protocol.scene_tools import BoxTool, CylinderTool, PlaneTool, ToolSpec
-from softseam_protocol.spec import Vector
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene.spec import Vector
+from softseam_protocol.scene.tools import BoxTool, CylinderTool, PlaneTool, ToolSpec
 from softseam_protocol.tool_borders import tool_borders
 
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ from softseam.errors import BadInput, SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import Session, open_as_given
 from softseam_protocol.quantities import QUANTITIES, probed
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 RUNS = 3
 """timed runs of a configuration"""

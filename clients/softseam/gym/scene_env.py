@@ -21,8 +21,8 @@ from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
 from softseam_protocol.outcomes import EventKind
 from softseam_protocol.quantities import probed
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_tools import PlaneTool
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.tools import PlaneTool
 
 Numbers = NDArray[np.float32]
 

@@ -14,7 +14,7 @@ from softseam.chart.frame import Frame
 from softseam.chart.measure import Outcome
 from softseam.chart.store import Store
 from softseam.plan.foretold import Run
-from softseam_protocol.spec import Vector
+from softseam_protocol.scene.spec import Vector
 
 _PREFIX = "beside-"
 

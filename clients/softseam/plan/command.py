@@ -32,8 +32,8 @@ from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
-from softseam_protocol.scene import BodySpec, Scene
-from softseam_protocol.scene_file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.scene import BodySpec, Scene
 
 MINUTES = 5.0
 """that a search may run where nobody says how long"""

@@ -26,7 +26,7 @@ from softseam.chart.reference import Reference
 from softseam.chart.richardson import SLOWEST
 from softseam.chart.series import Series
 from softseam.plan.foretold import Made, Run, by_cells, with_steps
-from softseam_protocol.spec import Vector
+from softseam_protocol.scene.spec import Vector
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from softseam.columns import Columns, shown_unit
 from softseam.replay import paths
 from softseam.view import colors
 from softseam_protocol.quantities import quantity
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 _TABS = {"grip": "Grip", "shape": "Shape", "error": "Error"}
 

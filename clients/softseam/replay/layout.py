@@ -11,8 +11,8 @@ from softseam.replay.world import Scales
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import grid_spacing
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_tools import PlaneTool
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.tools import PlaneTool
 
 _BACKGROUND = (24, 27, 34)
 

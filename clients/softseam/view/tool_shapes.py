@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import ToolSurface
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool
 
 Floats = NDArray[np.float64]
 Mesh = tuple[Floats, Floats, NDArray[np.int64]]

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.kinds import ELEMENTS, Functions
-from softseam_protocol.scene_models import ModelsSpec
+from softseam_protocol.scene.kinds import ELEMENTS, Functions
+from softseam_protocol.scene.models import ModelsSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.kernels.shape_functions import (
     QUADRATIC,

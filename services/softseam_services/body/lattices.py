@@ -21,8 +21,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.particle_bodies import RopeBody, SheetBody
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.particles import RopeBody, SheetBody
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.particles import ParticleBody, assemble, bends_of, placed, springs_of
 from softseam_services.body.skin import rope_skin, sheet_skin

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.particle_bodies import ParticleBodySpec
-from softseam_protocol.scene import Scene
-from softseam_protocol.spec import BoxRegion
+from softseam_protocol.scene.particles import ParticleBodySpec
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.spec import BoxRegion
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.skin import Skin

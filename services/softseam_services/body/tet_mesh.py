@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from softseam_protocol.particle_bodies import MOST_PARTICLES, TetMeshBody
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.particles import MOST_PARTICLES, TetMeshBody
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.errors import MeshError
 from softseam_services.body.mesh_io import read_tetrahedra

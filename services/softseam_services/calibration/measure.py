@@ -25,8 +25,8 @@ import numpy as np
 
 from softseam_protocol.messages import SCHEMA_VERSION, Advance, BodyState, Header
 from softseam_protocol.outcomes import Status
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_models import PbdSpec
+from softseam_protocol.scene.models import PbdSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.region import build_region
 from softseam_services.pbd.solver import PbdSolver

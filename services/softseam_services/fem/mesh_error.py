@@ -18,8 +18,8 @@ from functools import cache
 
 import numpy as np
 
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import FILL_FLOOR, filled_centroids, filled_moments
 from softseam_services.body.interpolate import hex27

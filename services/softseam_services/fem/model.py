@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import point_weights

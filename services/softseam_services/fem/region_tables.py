@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Region
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tables, build_model

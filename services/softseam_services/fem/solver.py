@@ -10,7 +10,7 @@ import numpy as np
 
 from softseam_protocol.messages import Advance, Advanced, BodyState, Capabilities, Correct, Fields, Header
 from softseam_protocol.outcomes import Detail, Status
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.failures import STATUS

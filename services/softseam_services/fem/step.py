@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.messages import Advance, Correct
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem import substeps
 from softseam_services.fem.failures import why

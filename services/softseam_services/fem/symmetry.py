@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.region import build_region, node_of_point
 from softseam_services.body.symmetry import SAME, SymmetryPlane, asymmetric, match, mirrored, symmetry_plane

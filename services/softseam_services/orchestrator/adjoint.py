@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.messages import BodyState, ToolMotion
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.region import build_region
 from softseam_services.fem.face_forces import taken_over

@@ -22,8 +22,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.kinds import ElementKind
-from softseam_protocol.scene_models import ModelsSpec, PbdSpec
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.models import ModelsSpec, PbdSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.sides import Sides
 from softseam_services.pbd.model import EXPLICIT, STABLE, TOUCHED, TWO_SWEEPS, shorter_by

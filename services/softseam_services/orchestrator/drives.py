@@ -29,9 +29,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import ClosePhase, MovePhase
-from softseam_protocol.scene_tools import PlaneTool, ToolSpec
+from softseam_protocol.scene.motion import ClosePhase, MovePhase
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body, Material
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.grip import Grip

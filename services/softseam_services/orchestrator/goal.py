@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import Fields
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.errors import MeshError
 from softseam_services.body.region import build_region

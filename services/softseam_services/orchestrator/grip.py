@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import ClosePhase
+from softseam_protocol.scene.motion import ClosePhase
+from softseam_protocol.scene.scene import Scene
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.outline import extent_along
 from softseam_services.tools.tool_set import ToolSet

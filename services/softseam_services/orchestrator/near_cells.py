@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
 from softseam_protocol.messages import Advanced, Fields
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_regions import NearSpec
+from softseam_protocol.scene.regions import NearSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.cost import one_is_enough, step_cost
 from softseam_services.orchestrator.sides import NEAR, Sides, cut

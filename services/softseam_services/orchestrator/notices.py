@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from softseam_coupling.ledger import Alarm
-from softseam_protocol.kinds import element_warning
 from softseam_protocol.messages import Advanced, ErrorEstimate
 from softseam_protocol.outcomes import Detail
-from softseam_protocol.scene import BodySpec, Scene
+from softseam_protocol.scene.kinds import element_warning
+from softseam_protocol.scene.scene import BodySpec, Scene
 
 _TOO_FAR = (
     "moves half its thickness in a step: the body may come out behind it; shorten the step, or move it more slowly"

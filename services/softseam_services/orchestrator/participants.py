@@ -38,7 +38,7 @@ from softseam_protocol.messages import (
     Worked,
 )
 from softseam_protocol.outcomes import Detail, Status
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.notices import Tell

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from softseam_protocol.messages import Frame
 from softseam_protocol.quantities import PROBED
-from softseam_protocol.spec import Vector
+from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table
 from softseam_services.body.body import Body
 from softseam_services.body.errors import MeshError

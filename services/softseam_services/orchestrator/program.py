@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene_motion import ClosePhase, GripPhase, HoldPhase, MovePhase, Phase, ReleasePhase, TurnPhase
+from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, Phase, ReleasePhase, TurnPhase
 from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.participants import StepFailed

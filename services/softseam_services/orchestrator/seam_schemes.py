@@ -13,8 +13,8 @@ from softseam_coupling.accelerations.memory import Acceleration
 from softseam_coupling.interface import Interface
 from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import SeamSolver
-from softseam_protocol.kinds import SeamAcceleration
-from softseam_protocol.scene_regions import SeamSpec
+from softseam_protocol.scene.kinds import SeamAcceleration
+from softseam_protocol.scene.regions import SeamSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.accelerated_seam import AccelerationLoop
 from softseam_services.orchestrator.one_way_seam import OneWaySeam

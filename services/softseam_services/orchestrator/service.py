@@ -43,7 +43,7 @@ from softseam_protocol.messages import (
     Saved,
     Step,
 )
-from softseam_protocol.scene_file import SceneError
+from softseam_protocol.scene.file import SceneError
 from softseam_protocol.topics import ClientReply, ClientRequest, Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance

@@ -21,9 +21,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.kinds import ElementKind
 from softseam_protocol.messages import ErrorEstimate, Fields
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.fem.elements.hex27 import SHARES

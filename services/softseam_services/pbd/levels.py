@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from softseam_protocol.scene_models import CoarseSpec
+from softseam_protocol.scene.models import CoarseSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.tools.kernels import cell_distances

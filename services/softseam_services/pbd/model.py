@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_models import PbdSpec
+from softseam_protocol.scene.models import PbdSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.errors import SettingError
 from softseam_services.body.interpolate import point_weights

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from softseam_protocol.messages import ToolSurface
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import HoldPhase
-from softseam_protocol.scene_tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, ToolSpec
+from softseam_protocol.scene.motion import HoldPhase
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, ToolSpec
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.errors import MeshError
 from softseam_services.body.particles import ParticleBody

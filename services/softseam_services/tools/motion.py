@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages import ToolMotion
-from softseam_protocol.scene_motion import LARGEST_TURN
+from softseam_protocol.scene.motion import LARGEST_TURN
 from softseam_services.tools.pose import quaternion_turning, turned
 from softseam_services.tools.tool_set import ToolSet
 

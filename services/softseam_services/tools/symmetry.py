@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene import Scene
-from softseam_protocol.scene_motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.symmetry import SAME, SymmetryPlane, asymmetric, symmetry_plane
 from softseam_services.tools.kernels.symmetry import tool_astray

@@ -9,7 +9,7 @@ from softseam.atlas.faults import Fault, Told, disturbed, judged
 from softseam.atlas.maps.grid import Cell, Map, Panel
 from softseam.atlas.scenes import MODELS, Model, press
 from softseam.atlas.verdicts import Verdict
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 EVERY = (64, 32, 16, 8, 4)
 FAULTS: tuple[Fault, ...] = tuple(reversed(get_args(Fault)))

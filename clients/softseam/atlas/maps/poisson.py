@@ -9,8 +9,8 @@ from softseam.atlas.maps.grid import Cell, Map, Panel
 from softseam.atlas.trace import Trace, follow
 from softseam.atlas.verdicts import Verdict, judge
 from softseam.observation import Observation
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
 
 RATIOS = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
 ELEMENTS: tuple[ElementKind, ...] = tuple(reversed(list(FACTS)))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from softseam.atlas.maps.grid import Cell, Map, Panel
 from softseam.atlas.verdicts import Verdict, percent
-from softseam_protocol.kinds import INTEGRATORS as FACTS
+from softseam_protocol.scene.kinds import INTEGRATORS as FACTS
 
 if TYPE_CHECKING:
     from softseam_coupling.schemes.split import Scheme, Split, SplitState

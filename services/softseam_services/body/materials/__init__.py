@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_protocol.scene_materials import MaterialSpec, MooneyRivlinMaterial
+from softseam_protocol.scene.materials import MaterialSpec, MooneyRivlinMaterial
 from softseam_protocol.table import Table
 from softseam_services.body.body import Material
 from softseam_services.body.elastic_constants import ElasticConstants

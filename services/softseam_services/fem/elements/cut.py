@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.kinds import ELEMENTS as FACTS
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.filled import FULL_MOMENTS, mean_gradients, mean_trilinear_gradients
 from softseam_services.body.interpolate import hex27

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_protocol.kinds import ElementKind
+from softseam_protocol.scene.kinds import ElementKind
 from softseam_services.body.body import Floats
 from softseam_services.fem.elements.hexahedra import quadratic
 from softseam_services.fem.elements.table import Table, split

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_protocol.scene_models import FemSpec
+from softseam_protocol.scene.models import FemSpec
 from softseam_protocol.table import Table
 from softseam_services.fem.integrators import bdf2, generalised_alpha, midpoint, newmark
 from softseam_services.fem.integrators.scheme import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softseam_protocol.scene_models import PbdSpec
+from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.particles import ParticleBody

@@ -20,7 +20,7 @@ from softseam_protocol.messages import (
     ToolMotion,
 )
 from softseam_protocol.outcomes import Detail, Status
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.kernels.lanes import aligned
 from softseam_services.request_check import problem_of

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from softseam_protocol.kinds import ModelKind, SeamAcceleration, SeamScheme
-from softseam_protocol.spec import BoxRegion, Positive, Spec, wrong
+from softseam_protocol.scene.kinds import ModelKind, SeamAcceleration, SeamScheme
+from softseam_protocol.scene.spec import BoxRegion, Positive, Spec, wrong
 
 
 class NearSpec(Spec):

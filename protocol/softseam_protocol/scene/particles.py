@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from softseam_protocol.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
 
 MOST_PARTICLES = 1_000_000
 COVERS = math.sqrt(0.5)

@@ -21,7 +21,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from softseam_protocol.spec import Direction, NonNegative, Positive, Spec, Vector, not_among, wrong
+from softseam_protocol.scene.spec import Direction, NonNegative, Positive, Spec, Vector, not_among, wrong
 from softseam_protocol.table import Table
 
 

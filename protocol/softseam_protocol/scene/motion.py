@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from softseam_protocol.spec import NonNegative, Positive, Spec, Vector, wrong
+from softseam_protocol.scene.spec import NonNegative, Positive, Spec, Vector, wrong
 
 LARGEST_TURN = 0.5
 """of a tool in one step [rad]"""

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from softseam_protocol.scene import Scene
+from softseam_protocol.scene.scene import Scene
 
 Loc = tuple[str | int, ...]
 

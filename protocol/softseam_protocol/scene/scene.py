@@ -9,12 +9,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from softseam_protocol.inner_ball import inner_ball
-from softseam_protocol.kinds import integrator_problem
-from softseam_protocol.particle_bodies import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.quantities import QUANTITIES, QuantityName
-from softseam_protocol.scene_materials import AnyMaterial, InclusionSpec, MaterialSpec
-from softseam_protocol.scene_models import DampingSpec, ModelsSpec
-from softseam_protocol.scene_motion import (
+from softseam_protocol.scene.kinds import integrator_problem
+from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
+from softseam_protocol.scene.models import DampingSpec, ModelsSpec
+from softseam_protocol.scene.motion import (
     LARGEST_TURN,
     ClosePhase,
     GripPhase,
@@ -23,9 +22,10 @@ from softseam_protocol.scene_motion import (
     ReleasePhase,
     TurnPhase,
 )
-from softseam_protocol.scene_regions import RegionsSpec, SeamSpec
-from softseam_protocol.scene_tools import PlaneTool, ToolName, ToolSpec
-from softseam_protocol.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.particles import ParticleBodySpec, RopeBody, SheetBody, TetMeshBody
+from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
+from softseam_protocol.scene.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.tools import PlaneTool, ToolName, ToolSpec
 from softseam_protocol.tool_borders import tool_borders
 
 ProbeName = ToolName

@@ -14,14 +14,14 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from softseam_protocol import marked_yaml
-from softseam_protocol.marked_yaml import Mark, Marked
 from softseam_protocol.messages import Bundle
-from softseam_protocol.particle_bodies import TetMeshBody
-from softseam_protocol.scene import BodySpec, MeshShape, Scene
-from softseam_protocol.scene_keys import described, keys_allowed
-from softseam_protocol.scene_motion import PHASE_KEYS
-from softseam_protocol.scene_tools import MeshTool
+from softseam_protocol.scene import marked_yaml
+from softseam_protocol.scene.keys import described, keys_allowed
+from softseam_protocol.scene.marked_yaml import Mark, Marked
+from softseam_protocol.scene.motion import PHASE_KEYS
+from softseam_protocol.scene.particles import TetMeshBody
+from softseam_protocol.scene.scene import BodySpec, MeshShape, Scene
+from softseam_protocol.scene.tools import MeshTool
 
 MAX_SCENE_BYTES = 2**20
 MAX_FILE_BYTES = 128 * 2**20

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from softseam_protocol.spec import Direction, NonNegative, Positive, Spec, Vector
+from softseam_protocol.scene.spec import Direction, NonNegative, Positive, Spec, Vector
 
 
 class PlaneTool(Spec):

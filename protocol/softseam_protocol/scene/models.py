@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from softseam_protocol.kinds import ELEMENTS, INTEGRATORS
-from softseam_protocol.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, wrong
+from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, wrong
 
 
 class FemSpec(Spec):
