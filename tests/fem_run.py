@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Header, ToolMotion
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Advance, Advanced, BodyState, ToolMotion
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.build import build_body

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import SCHEMA_VERSION, Advance, Advanced, Bundle, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Advance, Advanced, Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.particles.solver import ParticleSolver

@@ -13,7 +13,7 @@ from element_statics import Floats
 from fem_run import FemRun, block
 from reference_values import TIP, Found
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.models import FemSpec
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from element_statics import Statics, lattice
 from reference_values import Found
 
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery
 from softseam_services.fem.kernels.elements import cauchy_stress

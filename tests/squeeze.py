@@ -10,18 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
-    Begin,
-    Bundle,
-    Event,
-    Frame,
-    Header,
-    RegionReport,
-    SeamReport,
-    StepReport,
-)
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import Begin
+from softseam_protocol.messages.session import Event, Frame, RegionReport, SeamReport, StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body

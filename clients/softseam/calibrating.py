@@ -20,7 +20,7 @@ from softseam.report import write_report
 from softseam.scenes import bundle_of, inputs_of
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene, scene_hash
 from softseam_protocol.scene.scene import Scene
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.quantities import QUANTITIES, quantity
 
 Floats = NDArray[np.float64]

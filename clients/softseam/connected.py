@@ -20,27 +20,24 @@ from softseam.errors import (
 from softseam_protocol import errors, topics
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.liveness import CLIENT
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
-    Bundle,
+from softseam_protocol.messages.arrays import Vector3
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Bundle, Failure
+from softseam_protocol.messages.recording import End, Recorded
+from softseam_protocol.messages.session import (
     Close,
     Closed,
-    End,
     ErrorEstimate,
     Estimate,
     Estimated,
-    Failure,
-    Header,
     Load,
     Observation,
     Observations,
     Open,
-    Recorded,
     Reset,
     Save,
     Saved,
     Step,
-    Vector3,
 )
 
 Reply = TypeVar("Reply", Observation, Observations, Saved, Estimated, Closed)

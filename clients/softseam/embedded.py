@@ -12,19 +12,12 @@ from typing import TYPE_CHECKING
 
 import softseam_protocol
 from softseam.errors import BadInput, BadSnapshot, SceneRefused, SimulationFailed, missing_extra
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
-    Bundle,
-    ErrorEstimate,
-    Event,
-    Frame,
-    Header,
-    Observation,
-    Recorded,
-    StepReport,
-    Vector3,
-)
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.arrays import Vector3
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import Recorded
+from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import BodySpec, Scene
 

@@ -13,8 +13,16 @@ from numpy.typing import NDArray
 from softseam.errors import FieldsNotObserved
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol import messages
-from softseam_protocol.messages import ErrorEstimate, Event, Frame, Indicators, RegionReport, SeamReport, StepReport
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.session import (
+    ErrorEstimate,
+    Event,
+    Frame,
+    Indicators,
+    RegionReport,
+    SeamReport,
+    StepReport,
+)
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,10 @@ from mcap.records import Attachment, Channel, Header, Message, Metadata
 
 from softseam.record_stream import MAGIC, Damage, Group, groups
 from softseam_protocol.errors import ProtocolError
-from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Event, Frame, StepReport, SurfaceMesh
+from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import SurfaceMesh
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.wire import codec
 

@@ -23,8 +23,10 @@ from softseam.columns import SPENT, Columns, unit_of
 from softseam.outputs import cannot_write
 from softseam.symmetric import symmetric
 from softseam.verdict import Verdict, judge, with_failures
-from softseam_protocol.messages import SCHEMA_VERSION, Bundle, ErrorEstimate, Event, Frame, StepReport
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.quantities import probed
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene

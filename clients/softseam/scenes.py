@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from softseam.errors import SceneRefused
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import SceneError, bundle_scene, files_of, place_of
 from softseam_protocol.scene.file import load_scene as _load
 from softseam_protocol.scene.scene import Scene

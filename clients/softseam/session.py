@@ -19,7 +19,7 @@ from softseam.one_thread import one_thread
 from softseam.scenes import bundle_of, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol import messages
-from softseam_protocol.messages import Vector3
+from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.motion import LARGEST_TURN
 from softseam_protocol.scene.scene import Scene

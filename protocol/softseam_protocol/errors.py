@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_protocol.messages import Failure
+from softseam_protocol.messages.participant import Failure
 
 
 class ProtocolError(Exception):

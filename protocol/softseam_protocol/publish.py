@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from softseam_protocol.messages import Array
+from softseam_protocol.messages.arrays import Array
 from softseam_protocol.scene.file import scene_schema
 from softseam_protocol.wire.descriptors import FIELDS, PACKAGE, Field, shape_text, type_text
 

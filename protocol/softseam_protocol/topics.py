@@ -19,33 +19,33 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from softseam_protocol.messages import (
+from softseam_protocol.messages.participant import (
     Advanced,
-    Begin,
-    Close,
-    Closed,
     Commit,
     Committed,
     Configured,
-    End,
+    Failure,
+    Fields,
+    Released,
+    Request,
+    Restored,
+    SnapshotTaken,
+)
+from softseam_protocol.messages.recording import Begin, End, Recorded
+from softseam_protocol.messages.session import (
+    Close,
+    Closed,
     Estimate,
     Estimated,
     Event,
-    Failure,
-    Fields,
     Frame,
     Load,
     Observation,
     Observations,
     Open,
-    Recorded,
-    Released,
-    Request,
     Reset,
-    Restored,
     Save,
     Saved,
-    SnapshotTaken,
     Step,
     StepReport,
 )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softseam_protocol.messages import Configure
+from softseam_protocol.messages.participant import Configure
 from softseam_services.body.body import Body
 
 if TYPE_CHECKING:  # a participant of PBD does not load FEM

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
-from softseam_protocol.messages import Progress
+from softseam_protocol.messages.operations import Progress
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode
 

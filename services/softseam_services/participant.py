@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from softseam_protocol.messages import (
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     Capabilities,
@@ -21,7 +22,6 @@ from softseam_protocol.messages import (
     Configured,
     Correct,
     Fields,
-    Header,
 )
 
 

@@ -9,7 +9,7 @@ import logging
 from collections import Counter
 
 from softseam_protocol.errors import DecodeError, Refused, SchemaMismatch
-from softseam_protocol.messages import Configure, Failure
+from softseam_protocol.messages.participant import Configure, Failure
 from softseam_protocol.topics import ParticipantRequest
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from softseam_protocol.messages import Advance
+from softseam_protocol.messages.participant import Advance
 from softseam_services.tools.kernels import all_finite
 
 

@@ -10,8 +10,8 @@ import hashlib
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
+from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     Bundle,

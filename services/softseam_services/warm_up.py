@@ -18,15 +18,14 @@ from pathlib import Path
 import numpy as np
 from numba import config
 
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import (
     Advance,
     Bundle,
     Commit,
     Configure,
     Correct,
     Failure,
-    Header,
     Observe,
     Release,
     Request,

@@ -24,7 +24,7 @@ from softseam.variants import Model
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.inbox import Inbox, Received
 from softseam_protocol.facts import machine
-from softseam_protocol.messages import Event
+from softseam_protocol.messages.session import Event
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode
 from softseam_services.bus_options import BusOptions

@@ -28,7 +28,7 @@ from hexahedra import lattice, vtk
 
 from softseam.embedded import solver_digest
 from softseam.variants import with_model, with_settings
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import load_scene, scene_json
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

@@ -20,7 +20,8 @@ from rich.console import Console
 from rich.table import Table
 from timing import least
 
-from softseam_protocol.messages import SCHEMA_VERSION, Advance, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Advance
 from softseam_protocol.scene.file import load_scene
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.fem.elements.tetrahedra import kuhn

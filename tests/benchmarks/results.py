@@ -20,7 +20,7 @@ from rich.progress import Progress
 from softseam.embedded import solver_digest
 from softseam.variants import Model, with_model
 from softseam_protocol.facts import machine
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

@@ -19,7 +19,7 @@ import numpy as np
 
 from softseam.variants import Model, with_model, with_settings
 from softseam_coupling.loops import closure
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.fem import solver as fem
 from softseam_services.fem import step as fem_step

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from softseam_protocol.messages import SCHEMA_VERSION, Advanced, Header, ToolMotion
-from softseam_protocol.outcomes import Status
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.participant import Advanced, ToolMotion
 
 HEADER = Header(SCHEMA_VERSION, "s", "near", 0, 3, 1, 0.02)
 TOOLS = ToolMotion(np.zeros((2, 3)), np.zeros((2, 4)), np.zeros((2, 3)), np.zeros((2, 4)))

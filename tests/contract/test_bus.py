@@ -19,7 +19,9 @@ from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.inbox import Inbox, Received
 from softseam_protocol.bus.server import MOST_WAITING
 from softseam_protocol.errors import BusError, BusTimeout, DecodeError, ForkedBus, NoReply, NoRouter, PortBusy, Refused
-from softseam_protocol.messages import SCHEMA_VERSION, Commit, Committed, Event, Failure, Header, Observe, Release
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Commit, Committed, Failure, Observe, Release
+from softseam_protocol.messages.session import Event
 from softseam_protocol.topics import Keys, Live
 from softseam_protocol.wire.codec import decode, encode
 

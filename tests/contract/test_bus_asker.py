@@ -17,7 +17,8 @@ from softseam_protocol.bus.asking import Asker
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.session import LEASE
 from softseam_protocol.errors import BusError, BusTimeout, ForkedBus, NoReply, Refused
-from softseam_protocol.messages import SCHEMA_VERSION, Commit, Committed, Failure, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Commit, Committed, Failure
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 

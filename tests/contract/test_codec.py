@@ -17,16 +17,10 @@ from hypothesis import strategies as st
 from sample_messages import HEADER, TOOLS, advanced
 
 from softseam_protocol.errors import DecodeError, EncodeError
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
-    Advance,
-    Advanced,
-    Array,
-    Bundle,
-    Failure,
-    Header,
-    Step,
-)
+from softseam_protocol.messages.arrays import Array
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Advance, Advanced, Bundle, Failure
+from softseam_protocol.messages.session import Step
 from softseam_protocol.wire.codec import decode, encode, file_descriptor_set, full_name, peek
 from softseam_protocol.wire.descriptors import FIELDS, MESSAGES, Field, protobuf_class
 
@@ -132,7 +126,7 @@ def test_an_embedded_descriptor_is_enough_to_read_a_payload(cls: type) -> None:
 def test_equal_messages_have_equal_bytes_in_every_process() -> None:
     """A repeated request is recognised by its bytes; protobuf orders maps differently in each process."""
     program = (
-        "import sys\nfrom softseam_protocol.wire.codec import encode\nfrom softseam_protocol.messages import Bundle\n"
+        "import sys\nfrom softseam_protocol.wire.codec import encode\nfrom softseam_protocol.messages.participant import Bundle\n"
         "names = [f'file{i}' for i in range(50)]\n"
         "print(encode(Bundle('', {n: n.encode() for n in names[::int(sys.argv[1])]})).hex())"
     )

@@ -12,18 +12,9 @@ from hypothesis import strategies as st
 from sample_messages import HEADER, TOOLS, advanced
 
 from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
-    Advance,
-    Advanced,
-    Commit,
-    Committed,
-    Failure,
-    Observation,
-    Reply,
-    Request,
-    Step,
-)
+from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.participant import Advance, Advanced, Commit, Committed, Failure, Reply, Request
+from softseam_protocol.messages.session import Observation, Step
 from softseam_protocol.wire import codec
 from softseam_protocol.wire.codec import decode, encode
 from softseam_protocol.wire.descriptors import FIELDS, MESSAGES, PACKAGE, protobuf_class

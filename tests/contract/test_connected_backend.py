@@ -17,7 +17,9 @@ from softseam.connected import ConnectedBackend
 from softseam.errors import NoConnection, ServicesFailed
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused
-from softseam_protocol.messages import SCHEMA_VERSION, Close, Failure, Header, Observation, SeamReport, StepReport
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Failure
+from softseam_protocol.messages.session import Close, Observation, SeamReport, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 

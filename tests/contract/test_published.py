@@ -12,7 +12,7 @@ import pytest
 from google.protobuf import descriptor_pb2
 
 from softseam_protocol import publish
-from softseam_protocol.messages import Header
+from softseam_protocol.messages.header import Header
 from softseam_protocol.publish import broken_promises, field_lines, proto_text
 from softseam_protocol.scene.file import scene_schema
 from softseam_protocol.topics import SESSION_TOPICS, Keys, table, topic_of

@@ -12,7 +12,7 @@ from fem_run import FemRun, block
 from particle_run import ParticleRun, particle_scene
 from pbd_run import PbdRun, block_scene
 
-from softseam_protocol.messages import Advance, ToolMotion
+from softseam_protocol.messages.participant import Advance, ToolMotion
 from softseam_services.participant import Solver
 
 GROUND = {"ground": {"kind": "plane", "friction": 0.5}}

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import softseam
 from softseam.report import ReportBuilder
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.quantities import QUANTITIES, Quantity
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.scene import Scene

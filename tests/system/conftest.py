@@ -8,7 +8,7 @@ import pytest
 from real_services import LIMITS, Lines, Services, free_port, squeezed_bar
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.bus_options import BusOptions
 from softseam_services.launch import UpOptions, supervisor

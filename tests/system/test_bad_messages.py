@@ -12,27 +12,21 @@ from trajectory import bits
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import DecodeError, Refused
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     Bundle,
-    Close,
     Configure,
     Configured,
-    Header,
-    Observation,
     Observe,
-    Open,
     Release,
     Released,
-    Save,
-    Saved,
     Snapshot,
     SnapshotTaken,
-    Step,
     ToolMotion,
 )
+from softseam_protocol.messages.session import Close, Observation, Open, Save, Saved, Step
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import MAX_BYTES, decode, encode
 from softseam_services.participant_service import ParticipantHandler

@@ -25,7 +25,8 @@ from trajectory import first_difference
 
 from softseam.connected import ConnectedBackend
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.messages import Bundle, StepReport
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.topics import Keys
 from softseam_services.health import EXPECTED, probe
 

@@ -10,17 +10,9 @@ from real_services import free_port, squeezed_bar
 from softseam.errors import FieldsNotObserved
 from softseam.observation import observation_from
 from softseam_protocol.bus.client import Bus, Router
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
-    Advance,
-    Header,
-    Observation,
-    Observations,
-    Observe,
-    Reply,
-    Request,
-    Step,
-)
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Advance, Observe, Reply, Request
+from softseam_protocol.messages.session import Observation, Observations, Step
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator import desk

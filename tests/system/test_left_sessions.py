@@ -15,7 +15,8 @@ from real_services import free_port
 from softseam.connected import ConnectedBackend
 from softseam.errors import SimulationFailed
 from softseam_protocol.bus.client import Bus, Router
-from softseam_protocol.messages import Bundle, End
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import End
 from softseam_protocol.scene.file import bundle_scene, scene_json
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.topics import Keys

@@ -16,7 +16,8 @@ from softseam.connected import ConnectedBackend
 from softseam.errors import SoftseamError
 from softseam.variants import with_settings
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.messages import Bundle, Event, Frame, Observation, StepReport
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import Event, Frame, Observation, StepReport
 from softseam_protocol.scene.file import bundle_scene, parse_scene
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode

@@ -18,8 +18,11 @@ from squeeze import Squeeze
 from softseam.recording import Recording
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused
-from softseam_protocol.messages import SCHEMA_VERSION, Commit, End, Event, Frame, Header, Recorded, StepReport
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.participant import Commit
+from softseam_protocol.messages.recording import End, Recorded
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import encode
 from softseam_services.bus_options import BusOptions

@@ -22,7 +22,8 @@ from softseam.recording import Recording
 from softseam.replay import ReplayError, replay, verify
 from softseam.replay.screenshot import screenshots
 from softseam.replay.show import free_port, viewer, web_address, web_command
-from softseam_protocol.messages import Bundle, Frame
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

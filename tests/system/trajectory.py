@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from softseam_protocol.messages import Frame, StepReport
+from softseam_protocol.messages.session import Frame, StepReport
 
 _DIAGNOSTICS = {"seconds", "header"}
 """fields that say how a run went, not where the body is"""

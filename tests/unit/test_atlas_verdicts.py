@@ -32,8 +32,9 @@ from softseam.atlas.trace import (
 )
 from softseam.atlas.verdicts import KINDS, Kind, Verdict, judge, percent
 from softseam.errors import BadInput
-from softseam_protocol.messages import SCHEMA_VERSION, Event, Header
-from softseam_protocol.outcomes import Detail, EventKind
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Detail, EventKind
+from softseam_protocol.messages.session import Event
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam.variants import with_settings
-from softseam_protocol.messages import SCHEMA_VERSION, Configure, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Configure
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.body.body import Body
 from softseam_services.body.region import build_region

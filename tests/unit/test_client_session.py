@@ -12,7 +12,7 @@ import pytest
 import softseam
 from softseam.embedded import EmbeddedBackend
 from softseam.stress import principal_stress, von_mises
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.motion import HoldPhase
 from softseam_protocol.scene.scene import Scene
 

@@ -10,7 +10,7 @@ from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
-from softseam_protocol.messages import Advance, Advanced, Bundle, Commit, Configure, Correct, Failure
+from softseam_protocol.messages.participant import Advance, Advanced, Bundle, Commit, Configure, Correct, Failure
 from softseam_services.body.body import Body
 from softseam_services.body.region import shared_nodes
 from softseam_services.fem.face_forces import point_positions

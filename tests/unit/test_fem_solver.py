@@ -10,7 +10,8 @@ import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Advance, BodyState, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Advance, BodyState
 from softseam_services.body.body import Body
 from softseam_services.body.region import shared_nodes
 

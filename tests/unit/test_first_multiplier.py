@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport

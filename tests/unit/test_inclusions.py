@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from solids import obj, sphere
 
 from softseam.view.surface import DisplaySurface
-from softseam_protocol.messages import SCHEMA_VERSION, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.scene import BodySpec
 from softseam_services.body.borders import border_lines

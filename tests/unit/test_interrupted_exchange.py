@@ -8,7 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from softseam_protocol.messages import SCHEMA_VERSION, Commit, Header, Reply, Request
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Commit, Reply, Request
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.server import ParticipantServer
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam.variants import with_settings
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.file import bundle_scene, load_scene, parse_scene
 from softseam_protocol.scene.kinds import ELEMENTS
 from softseam_protocol.scene.scene import Scene

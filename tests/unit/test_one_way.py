@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
 from softseam_coupling.loops.one_way import Correction, OneWay, Outcome, PartRequest, StepDiverged, StepRefused, largest
-from softseam_protocol.messages import Advanced, Capabilities, Header
-from softseam_protocol.outcomes import Status
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.participant import Advanced, Capabilities
 
 Floats = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     Bundle,
@@ -13,7 +13,6 @@ from softseam_protocol.messages import (
     Configured,
     Failure,
     Fields,
-    Header,
     Observe,
     ToolMotion,
 )

@@ -15,7 +15,8 @@ from softseam.pictures import draw_pictures
 from softseam.recording import Recording
 from softseam.replay.verify import verify
 from softseam.view.surface import DisplaySurface
-from softseam_protocol.messages import SCHEMA_VERSION, Bundle, Configure, Configured, Failure, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Bundle, Configure, Configured, Failure
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.particles import SheetBody
 from softseam_protocol.scene.scene import BodySpec, Scene

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pbd_run import Floats, PbdRun, block_scene, cantilever
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 from softseam_services.body.region import shared_nodes
 
 GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.6}

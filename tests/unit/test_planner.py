@@ -20,7 +20,7 @@ from softseam.plan.counted import counts_to
 from softseam.plan.kept import Goal, Plan
 from softseam.plan.planner import NoPlan, choose
 from softseam.plan.watch import PlanWatch
-from softseam_protocol.messages import ErrorEstimate
+from softseam_protocol.messages.session import ErrorEstimate
 
 TIME = np.linspace(0.0, 1.0, 5)
 FLAT = np.ones(5)

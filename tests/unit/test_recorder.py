@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader
 from squeeze import Squeeze
 
 from softseam.recording import Recording
-from softseam_protocol.messages import Event, Frame, StepReport
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import log_time
 from softseam_services.recorder.recorder import McapRecorder

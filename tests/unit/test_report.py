@@ -15,7 +15,7 @@ from squeeze import Squeeze
 
 from softseam.recording import Recording
 from softseam.report import ReportBuilder, write_report
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import scene_hash
 from softseam_services.recorder.recorder import McapRecorder
 

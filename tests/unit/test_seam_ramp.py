@@ -11,7 +11,7 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from pbd_run import CLAMP_LEFT, PbdRun, block_scene
 
-from softseam_protocol.messages import Advance, Advanced
+from softseam_protocol.messages.participant import Advance, Advanced
 from softseam_protocol.scene.kinds import INTEGRATORS
 from softseam_protocol.scene.scene import Scene
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at

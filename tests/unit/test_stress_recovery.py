@@ -10,7 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Frame, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.file import parse_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import softseam
-from softseam_protocol.messages import Event
+from softseam_protocol.messages.session import Event
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.tools.build import build_tools

@@ -16,7 +16,7 @@ from softseam.columns import Columns
 from softseam.recording import Recording
 from softseam.verdict import Verdict, judge, lifters, tool_rise, with_failures
 from softseam.view import charts
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 
 FINGERS = ["left", "right"]

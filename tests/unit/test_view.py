@@ -18,7 +18,7 @@ from softseam.view.colors import engineering, round_up, stress_colors
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import rotate, tool_shapes
-from softseam_protocol.messages import ToolSurface
+from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.scene import Scene
 
 

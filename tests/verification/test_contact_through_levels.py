@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pbd_run import PbdRun, block_scene
 
-from softseam_protocol.messages import BodyState, Bundle, Correct
+from softseam_protocol.messages.participant import BodyState, Bundle, Correct
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.body.region import shared_nodes

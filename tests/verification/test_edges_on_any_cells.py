@@ -10,7 +10,7 @@ from fem_run import FemRun, block
 from hexahedra import mesh
 from test_tool_edges import REFERENCE, press
 
-from softseam_protocol.messages import Header
+from softseam_protocol.messages.header import Header
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam.variants import Model, with_model
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene, load_scene, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -16,7 +16,7 @@ from fem_run import CLOSE, FemRun, tofu
 from numpy.typing import NDArray
 from pbd_run import PbdRun
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -10,7 +10,8 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from pbd_run import PbdRun, static_solution
 
-from softseam_protocol.messages import BodyState, Fields, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import BodyState, Fields
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.scene import Scene

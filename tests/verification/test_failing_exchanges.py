@@ -12,8 +12,17 @@ import pytest
 import softseam
 from softseam.atlas.scenes import press
 from softseam.variants import with_model
-from softseam_protocol.messages import Advance, Advanced, Configure, Correct, Observe, Reply, Request, Snapshot
-from softseam_protocol.outcomes import EventKind, Status
+from softseam_protocol.messages.outcomes import EventKind, Status
+from softseam_protocol.messages.participant import (
+    Advance,
+    Advanced,
+    Configure,
+    Correct,
+    Observe,
+    Reply,
+    Request,
+    Snapshot,
+)
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -8,7 +8,7 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_statics import _beam
 
-from softseam_protocol.messages import BodyState
+from softseam_protocol.messages.participant import BodyState
 
 
 def _tip_path(run: FemRun, length: float, time: float, dt: float) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from fem_run import CLOSE, FemRun, block, tofu
 from scipy.optimize import brentq
 
 from softseam_coupling.mortar import TRACES, mortar_tie
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.scene import Scene

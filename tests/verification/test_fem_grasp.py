@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.scene import Scene
 

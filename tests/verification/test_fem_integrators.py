@@ -9,7 +9,7 @@ import pytest
 from fem_run import FemRun, block, tofu
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import BodyState
+from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import INTEGRATORS, IntegratorKind
 from softseam_protocol.scene.models import FemSpec

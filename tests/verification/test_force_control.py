@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam_protocol.messages import Bundle, StepReport
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives

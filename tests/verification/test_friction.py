@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Bundle, StepReport
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport

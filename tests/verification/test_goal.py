@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam_protocol.messages import ErrorEstimate, Observe, Reply, Request
+from softseam_protocol.messages.participant import Observe, Reply, Request
+from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam.variants import Model, with_model, with_settings
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -15,7 +15,7 @@ from fem_run import FemRun
 from numpy.typing import NDArray
 from pbd_run import PbdRun, static_solution
 
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

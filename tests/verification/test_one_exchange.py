@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from softseam.variants import with_model, with_settings
-from softseam_protocol.messages import (
+from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     Committed,
@@ -23,8 +23,8 @@ from softseam_protocol.messages import (
     Reply,
     Request,
     SnapshotTaken,
-    StepReport,
 )
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

@@ -13,7 +13,7 @@ from hexahedra import Floats, distorted, lattice, mesh, vtk
 
 import softseam
 from softseam_coupling.regions import CellGrid
-from softseam_protocol.messages import Header
+from softseam_protocol.messages.header import Header
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.scene import Scene

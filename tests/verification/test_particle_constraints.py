@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.fem.elements.tetrahedra import linear

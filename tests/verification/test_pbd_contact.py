@@ -7,7 +7,7 @@ import pytest
 from pbd_run import PbdRun, block_scene
 from solids import obj, sphere
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.scene import Scene
 
 GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.6}

@@ -14,7 +14,7 @@ from pbd_run import Energy, PbdRun, Vector, cantilever, static_solution
 from test_pbd_dynamics import BODIES
 from test_pbd_leapfrog import kicked, modes, scene_of
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.file import load_scene
 from softseam_protocol.scene.models import PbdSpec
 from softseam_protocol.scene.scene import Scene

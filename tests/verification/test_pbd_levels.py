@@ -11,7 +11,7 @@ from pbd_cases import BEAM, newton
 from pbd_run import Energy, PbdRun, block_scene, cantilever
 
 from softseam_coupling.regions import CellGrid
-from softseam_protocol.messages import Bundle, Correct
+from softseam_protocol.messages.participant import Bundle, Correct
 from softseam_protocol.scene.materials import MATERIALS
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats

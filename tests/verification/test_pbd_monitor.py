@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
 from softseam.report import ReportBuilder
-from softseam_protocol.messages import Advanced, BodyState, Bundle, Event, Frame, StepReport
+from softseam_protocol.messages.participant import Advanced, BodyState, Bundle
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd import watch

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pbd_run import PbdRun, Vector, block_scene
 
-from softseam_protocol.messages import Advanced
+from softseam_protocol.messages.participant import Advanced
 
 EDGE = 0.02
 N_RAMP = 20

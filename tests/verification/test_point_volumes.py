@@ -9,7 +9,7 @@ from fem_run import FemRun, block
 
 from softseam.scenes import load_scene
 from softseam.variants import AS_GIVEN, with_settings
-from softseam_protocol.messages import BodyState
+from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import FemSpec

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam_protocol.messages import Event
+from softseam_protocol.messages.session import Event
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body

@@ -18,7 +18,7 @@ from softseam_coupling.accelerations.memory import Acceleration
 from softseam_coupling.schemes.split import Split
 from softseam_coupling.seam import Outcome, SeamSolver
 from softseam_coupling.seam_state import SeamState
-from softseam_protocol.messages import StepReport
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

@@ -17,7 +17,8 @@ from softseam_coupling.schemes.integrators import LinearSide
 from softseam_coupling.schemes.position_constant import PositionConstant
 from softseam_coupling.schemes.prakash_hjelmstad import PrakashHjelmstad
 from softseam_coupling.schemes.split import Scheme, Split, spectral_radius
-from softseam_protocol.messages import Bundle, StepReport
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_protocol.scene.kinds import INTEGRATORS, IntegratorKind, SeamScheme, integrator_problem
 from softseam_protocol.scene.scene import Scene

@@ -7,7 +7,8 @@ import pytest
 from fem_run import FemRun, block
 from pbd_run import PbdRun
 
-from softseam_protocol.messages import BodyState, Fields, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import BodyState, Fields
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import FemSpec

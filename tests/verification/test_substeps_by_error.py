@@ -10,7 +10,7 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_integrators import kicked, with_integrator
 
-from softseam_protocol.messages import BodyState
+from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import IntegratorKind
 from softseam_protocol.scene.scene import Scene

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from softseam_protocol.messages import Bundle, Configured, Reply, Request
+from softseam_protocol.messages.participant import Bundle, Configured, Reply, Request
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack

@@ -17,7 +17,8 @@ from softseam.report import ReportBuilder
 from softseam.scenes import load_scene
 from softseam.session import open_as_given
 from softseam.variants import with_model, with_settings
-from softseam_protocol.messages import Advanced, BodyState, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Advanced, BodyState
 from softseam_protocol.scene.file import SceneError, bundle_scene, parse_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body

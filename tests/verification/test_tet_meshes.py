@@ -11,7 +11,7 @@ from particle_run import ParticleRun
 from tet_bar import bar, bar_run, vtk
 
 import softseam
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_services.body.errors import MeshError
 from softseam_services.server import build_setup

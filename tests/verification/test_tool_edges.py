@@ -11,7 +11,8 @@ from fem_run import FemRun, block
 
 from softseam.scenes import load_scene
 from softseam.variants import AS_GIVEN, with_settings
-from softseam_protocol.messages import BodyState, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem.face_forces import spread_over_faces, surface_point_of_node

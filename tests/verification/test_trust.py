@@ -18,7 +18,8 @@ from softseam.closing import print_closing
 from softseam.embedded import EmbeddedBackend
 from softseam.report import ReportBuilder
 from softseam.session import open_as_given
-from softseam_protocol.messages import ErrorEstimate, Observe, Reply, Request
+from softseam_protocol.messages.participant import Observe, Reply, Request
+from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator import trust

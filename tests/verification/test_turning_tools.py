@@ -13,7 +13,8 @@ import softseam
 from softseam.embedded import resimulate
 from softseam.recording import Recording
 from softseam.replay.verify import verify
-from softseam_protocol.messages import Bundle, StepReport
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

@@ -16,7 +16,7 @@ import softseam
 from softseam.chart.configurations import configurations
 from softseam.chart.frame import Frame
 from softseam.chart.ladder import Ladder
-from softseam_protocol.messages import Advanced, BodyState
+from softseam_protocol.messages.participant import Advanced, BodyState
 from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.scene.models import FemSpec
 from softseam_protocol.scene.scene import Scene

@@ -10,7 +10,7 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 from pbd_run import PbdRun
 
-from softseam_protocol.messages import Advanced, BodyState
+from softseam_protocol.messages.participant import Advanced, BodyState
 from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.scene.models import FemSpec, PbdSpec
 from softseam_protocol.scene.scene import Scene

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from pbd_run import PbdRun, block_scene
 
-from softseam_protocol.messages import BodyState, Bundle
+from softseam_protocol.messages.participant import BodyState, Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.orchestrator.embedded import EmbeddedTransport

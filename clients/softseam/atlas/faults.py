@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from softseam.atlas.verdicts import Verdict
-from softseam_protocol.messages import Advance, Configure, Reply, Request
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.participant import Advance, Configure, Reply, Request
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 

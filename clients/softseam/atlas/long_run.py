@@ -18,7 +18,7 @@ from softseam.observation import Observation
 from softseam.report import write_json
 from softseam.session import open_as_given
 from softseam_protocol.facts import machine
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.scene.scene import Scene
 
 PREFIX = "long"

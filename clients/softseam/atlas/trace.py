@@ -11,8 +11,8 @@ import numpy as np
 from softseam.errors import SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import open_as_given
-from softseam_protocol.messages import Event
-from softseam_protocol.outcomes import Detail, EventKind
+from softseam_protocol.messages.outcomes import Detail, EventKind
+from softseam_protocol.messages.session import Event
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.scene import BodySpec, Scene
 

@@ -19,7 +19,7 @@ from softseam.opening import open as open_session
 from softseam.scenes import bundle_of
 from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.quantities import probed
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool

@@ -20,7 +20,7 @@ from rich.console import Console
 from softseam.plan.command import Wishes, find, settings_of
 from softseam.plan.kept import Plan
 from softseam.session import Session
-from softseam_protocol.messages import ErrorEstimate
+from softseam_protocol.messages.session import ErrorEstimate
 
 ROUGHLY = 2.0
 """the ratio of two motions' errors may be so many times as large on other cells [1]"""

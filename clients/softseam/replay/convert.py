@@ -13,7 +13,7 @@ from softseam.replay.layout import layout
 from softseam.replay.world import World, find_scales
 from softseam.report import ReportBuilder
 from softseam.view.surface import DisplaySurface
-from softseam_protocol.messages import Event, Frame
+from softseam_protocol.messages.session import Event, Frame
 
 
 def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:

@@ -14,8 +14,8 @@ from softseam.replay.world import Scales
 from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface
-from softseam_protocol.messages import Event
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.session import Event
 
 _ALARMS = (EventKind.SOLVER, EventKind.SEAM, EventKind.PARTICIPANT_LOST, EventKind.ENERGY, EventKind.RECORDING)
 

@@ -10,7 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from softseam.recording import Recording
-from softseam_protocol.messages import Bundle, Frame, StepReport
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import Frame, StepReport
 
 
 class Resimulation(Protocol):

@@ -13,7 +13,7 @@ from softseam.replay import paths
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface, error_energy
 from softseam.view.tool_shapes import ToolShape, tool_shapes
-from softseam_protocol.messages import Frame
+from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
 

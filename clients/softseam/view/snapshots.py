@@ -16,7 +16,7 @@ from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface, error_energy
 from softseam.view.tool_shapes import ToolShape, grid_spacing, rotate, tool_shapes
-from softseam_protocol.messages import Frame
+from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.stress import von_mises
-from softseam_protocol.messages import Frame, SurfaceMesh
+from softseam_protocol.messages.recording import SurfaceMesh
+from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import ToolSurface
+from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool
 

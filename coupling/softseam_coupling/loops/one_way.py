@@ -27,7 +27,7 @@ from softseam_coupling.interface import Interface
 from softseam_coupling.kernels.quasi_newton import largest_node
 from softseam_coupling.loops.closure import Closure, parts_of
 from softseam_coupling.prediction import Prediction
-from softseam_protocol.messages import Advanced, Capabilities
+from softseam_protocol.messages.participant import Advanced, Capabilities
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from softseam_protocol.bus.declared import Declared
 from softseam_protocol.errors import BusTimeout, DecodeError, NoReply, ProtocolError, Refused
-from softseam_protocol.messages import Failure
+from softseam_protocol.messages.participant import Failure
 from softseam_protocol.wire.codec import decode, encode
 
 _TIMEOUT_REPLY = b"Timeout"

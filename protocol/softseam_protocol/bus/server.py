@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from softseam_protocol.errors import DecodeError, Refused, SchemaMismatch
-from softseam_protocol.messages import Failure
+from softseam_protocol.messages.participant import Failure
 from softseam_protocol.wire.codec import encode
 
 Handler = Callable[[bytes], bytes]

@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from softseam_protocol.messages import Bundle
+from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.keys import described, keys_allowed
 from softseam_protocol.scene.marked_yaml import Mark, Marked

@@ -19,7 +19,7 @@ from typing import Any, TypeVar, overload
 from google.protobuf.message import DecodeError as ProtobufDecodeError
 
 from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
-from softseam_protocol.messages import SCHEMA_VERSION, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.wire.descriptors import (
     FIELDS,
     MESSAGES,

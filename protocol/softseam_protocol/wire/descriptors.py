@@ -16,7 +16,8 @@ from typing import Any
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from softseam_protocol import messages
-from softseam_protocol.messages import SCHEMA_VERSION, Array, Least, Name
+from softseam_protocol.messages.arrays import Array, Least, Name
+from softseam_protocol.messages.header import SCHEMA_VERSION
 
 PACKAGE = f"softseam.v{SCHEMA_VERSION}"
 FILE_NAME = "softseam.proto"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from softseam_protocol.messages import Array
+from softseam_protocol.messages.arrays import Array
 from softseam_protocol.wire.descriptors import Field, shape_text
 
 _MAX_AXIS = 2**31

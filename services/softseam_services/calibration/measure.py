@@ -23,8 +23,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softseam_protocol.messages import SCHEMA_VERSION, Advance, BodyState, Header
-from softseam_protocol.outcomes import Status
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.participant import Advance, BodyState
 from softseam_protocol.scene.models import PbdSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.messages import Fields, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Fields
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.fem.face_forces import surface_point_of_node
 from softseam_services.fem.kernels.fields import read_fields

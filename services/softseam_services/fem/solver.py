@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Capabilities, Correct, Fields, Header
-from softseam_protocol.outcomes import Detail, Status
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.fem.face_forces import taken_over

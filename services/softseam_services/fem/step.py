@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Correct
+from softseam_protocol.messages.participant import Advance, Correct
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem import substeps

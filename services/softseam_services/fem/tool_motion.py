@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import ToolMotion
+from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet

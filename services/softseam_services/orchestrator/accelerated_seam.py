@@ -12,7 +12,7 @@ from softseam_coupling.loops.one_way import Correct
 from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import Outcome
 from softseam_coupling.seam_state import SeamState
-from softseam_protocol.messages import Capabilities
+from softseam_protocol.messages.participant import Capabilities
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import (
     Ask,

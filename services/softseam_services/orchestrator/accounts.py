@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
-from softseam_protocol.messages import Advanced, ErrorEstimate, Header, RegionReport, SeamReport, StepReport
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Advanced
+from softseam_protocol.messages.session import ErrorEstimate, RegionReport, SeamReport, StepReport
 from softseam_services.orchestrator.seam_answers import SeamSolution, largest
 from softseam_services.orchestrator.sides import Sides
 

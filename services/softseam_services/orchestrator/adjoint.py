@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.messages import BodyState, ToolMotion
+from softseam_protocol.messages.participant import BodyState, ToolMotion
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.region import build_region

@@ -11,7 +11,7 @@ from time import perf_counter
 from softseam_protocol.bus.asking import Asker, Pending
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import BusTimeout, NoReply, ProtocolError, Refused
-from softseam_protocol.messages import Advanced, Configure, Failure, Reply, Request
+from softseam_protocol.messages.participant import Advanced, Configure, Failure, Reply, Request
 from softseam_protocol.topics import Keys, ParticipantReply
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost

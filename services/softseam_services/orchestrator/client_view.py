@@ -6,7 +6,8 @@ import hashlib
 
 import numpy as np
 
-from softseam_protocol.messages import SCHEMA_VERSION, Event, Frame, Header, Observation, SeamReport, StepReport
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.session import Event, Frame, Observation, SeamReport, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.participants import StepFailed

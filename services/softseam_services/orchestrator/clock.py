@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softseam_protocol.messages import SCHEMA_VERSION, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 
 
 @dataclass(slots=True)

@@ -10,20 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.messages import (
-    SCHEMA_VERSION,
-    Begin,
-    Bundle,
-    ErrorEstimate,
-    Event,
-    Frame,
-    Header,
-    Observation,
-    Observations,
-    Step,
-    StepReport,
-)
-from softseam_protocol.outcomes import EventKind
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import Begin
+from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, Observations, Step, StepReport
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.bus_transport import BusTransport
 from softseam_services.orchestrator.client_view import counted, observation, restore, snapshot

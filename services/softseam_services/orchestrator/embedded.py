@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 
-from softseam_protocol.messages import Advanced, Bundle, Failure, Reply, Request
+from softseam_protocol.messages.participant import Advanced, Bundle, Failure, Reply, Request
 from softseam_services.orchestrator.transport import ParticipantFailed
 from softseam_services.server import ParticipantServer, Setup
 

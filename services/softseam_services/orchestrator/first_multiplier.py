@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.mortar import SeamTie
-from softseam_protocol.messages import BodyState
+from softseam_protocol.messages.participant import BodyState
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import Functions, hex27, point_weights
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES

@@ -31,7 +31,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Fields
+from softseam_protocol.messages.participant import Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.errors import MeshError

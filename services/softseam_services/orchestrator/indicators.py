@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.traction import face_normals, face_tractions, traction_jump
-from softseam_protocol.messages import Fields, Indicators
+from softseam_protocol.messages.participant import Fields
+from softseam_protocol.messages.session import Indicators
 from softseam_services.body.body import Body
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE
 from softseam_services.orchestrator.sides import FAR, NEAR, Sides

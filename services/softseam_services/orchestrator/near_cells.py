@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
-from softseam_protocol.messages import Advanced, Fields
+from softseam_protocol.messages.participant import Advanced, Fields
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from softseam_coupling.ledger import Alarm
-from softseam_protocol.messages import Advanced, ErrorEstimate
-from softseam_protocol.outcomes import Detail
+from softseam_protocol.messages.outcomes import Detail
+from softseam_protocol.messages.participant import Advanced
+from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.scene.kinds import element_warning
 from softseam_protocol.scene.scene import BodySpec, Scene
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
 from softseam_coupling.loops.one_way import Correct, OneWay, StepDiverged, StepRefused
-from softseam_protocol.messages import Capabilities
+from softseam_protocol.messages.participant import Capabilities
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import (
     Ask,

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.one_way import Correction
-from softseam_protocol.messages import (
+from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     BodyState,
@@ -37,7 +38,6 @@ from softseam_protocol.messages import (
     ToolMotion,
     Worked,
 )
-from softseam_protocol.outcomes import Detail, Status
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam_protocol.messages import Advanced, ToolMotion
+from softseam_protocol.messages.participant import Advanced, ToolMotion
 from softseam_services.orchestrator.pace import FINEST
 from softseam_services.orchestrator.seam_answers import SeamSolution
 

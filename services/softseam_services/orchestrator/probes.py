@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from softseam_protocol.messages import Frame
+from softseam_protocol.messages.session import Frame
 from softseam_protocol.quantities import PROBED
 from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table

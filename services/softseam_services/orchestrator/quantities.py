@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Advanced, Frame
+from softseam_protocol.messages.participant import Advanced
+from softseam_protocol.messages.session import Frame
 from softseam_protocol.quantities import PROBED, QUANTITIES
 from softseam_protocol.table import Table
 from softseam_services.body.body import Body

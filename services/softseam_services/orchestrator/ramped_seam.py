@@ -25,7 +25,7 @@ from softseam_coupling.loops.one_way import Correct
 from softseam_coupling.mortar import SeamTie
 from softseam_coupling.seam import Outcome, SeamSolver
 from softseam_coupling.seam_state import SeamState
-from softseam_protocol.messages import Advanced, Capabilities
+from softseam_protocol.messages.participant import Advanced, Capabilities
 from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.seam_answers import (
     Ask,

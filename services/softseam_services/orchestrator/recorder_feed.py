@@ -13,7 +13,8 @@ from collections.abc import Callable
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
-from softseam_protocol.messages import Begin, End, Event, Frame, Recorded, StepReport
+from softseam_protocol.messages.recording import Begin, End, Recorded
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys, topic_of
 from softseam_protocol.wire.codec import decode, encode
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from softseam_protocol.messages import (
+from softseam_protocol.messages.participant import (
     Advance,
     Commit,
     Configure,

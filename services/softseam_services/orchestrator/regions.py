@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
-from softseam_protocol.messages import Advanced, BodyState, Bundle, Fields, Frame, ToolMotion
+from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, Fields, ToolMotion
+from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import model_functions
 from softseam_services.orchestrator.accounts import SWITCH_LIMIT, Accounts

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies, LedgerState
-from softseam_protocol.messages import SCHEMA_VERSION
+from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.force_search import ForceSearch
 from softseam_services.orchestrator.program import Progress

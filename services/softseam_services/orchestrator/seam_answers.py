@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.kernels.quasi_newton import largest_node
 from softseam_coupling.loops.one_way import Correct
-from softseam_protocol.messages import Advanced, Capabilities
+from softseam_protocol.messages.participant import Advanced, Capabilities
 from softseam_services.orchestrator.pace import Pace
 
 Floats = NDArray[np.float64]

@@ -29,20 +29,9 @@ import time
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
-from softseam_protocol.messages import (
-    Close,
-    Closed,
-    Estimate,
-    Estimated,
-    Failure,
-    Header,
-    Load,
-    Open,
-    Reset,
-    Save,
-    Saved,
-    Step,
-)
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Failure
+from softseam_protocol.messages.session import Close, Closed, Estimate, Estimated, Load, Open, Reset, Save, Saved, Step
 from softseam_protocol.scene.file import SceneError
 from softseam_protocol.topics import ClientReply, ClientRequest, Keys
 from softseam_protocol.wire.codec import decode, encode

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.handover import Side, merge_sides
-from softseam_protocol.messages import BodyState, Fields, Frame, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import BodyState, Fields
+from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.particles import ParticleBody

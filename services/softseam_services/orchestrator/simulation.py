@@ -11,8 +11,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Advanced, Bundle, ErrorEstimate, Event, Frame, StepReport
-from softseam_protocol.outcomes import Detail, EventKind
+from softseam_protocol.messages.outcomes import Detail, EventKind
+from softseam_protocol.messages.participant import Advanced, Bundle
+from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.accounts import Accounts

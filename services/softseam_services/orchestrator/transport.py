@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from softseam_protocol.messages import Failure, Reply, Request
+from softseam_protocol.messages.participant import Failure, Reply, Request
 
 
 class ParticipantLost(RuntimeError):

@@ -21,7 +21,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import ErrorEstimate, Fields
+from softseam_protocol.messages.participant import Fields
+from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import Advanced, Fields
+from softseam_protocol.messages.participant import Advanced, Fields
 from softseam_services.orchestrator.sides import Sides
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from softseam_protocol.messages import Fields
+from softseam_protocol.messages.participant import Fields
 from softseam_protocol.scene.regions import NearSpec
 from softseam_services.body.body import Body
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery

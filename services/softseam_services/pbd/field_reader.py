@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.messages import Fields, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Fields
 from softseam_services.body.body import Floats
 
 from .kernels.energy import cell_energies

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, Advanced, BodyState, Capabilities, Correct, Fields, Header
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.request_check import problem_of

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_protocol.messages import Advance, ToolMotion
-from softseam_protocol.outcomes import Detail
+from softseam_protocol.messages.outcomes import Detail
+from softseam_protocol.messages.participant import Advance, ToolMotion
 from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
 

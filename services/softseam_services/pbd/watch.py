@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from enum import Enum
 
-from softseam_protocol.outcomes import Detail, Status
+from softseam_protocol.messages.outcomes import Detail, Status
 from softseam_services.body.body import Floats
 
 from .kernels import summary as k

@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from softseam_protocol.facts import facts
-from softseam_protocol.messages import SCHEMA_VERSION, Begin, Bundle, Header, SurfaceMesh, ToolSurface
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import Begin, SurfaceMesh, ToolSurface
 from softseam_services.body.borders import border_lines
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points

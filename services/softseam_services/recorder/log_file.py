@@ -13,7 +13,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from softseam_protocol.messages import SCHEMA_VERSION, Begin, SurfaceMesh
+from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.recording import Begin, SurfaceMesh
 from softseam_protocol.wire import codec
 from softseam_services.recorder.whole_file import Existing, RecordError, WholeFile
 

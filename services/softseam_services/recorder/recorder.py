@@ -14,7 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
-from softseam_protocol.messages import Begin, Event, Frame, Recorded, StepReport
+from softseam_protocol.messages.recording import Begin, Recorded
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import LogFile
 from softseam_services.recorder.whole_file import Existing

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import Refused
-from softseam_protocol.messages import Begin, Commit, End, Failure, Recorded
+from softseam_protocol.messages.participant import Commit, Failure
+from softseam_protocol.messages.recording import Begin, End, Recorded
 from softseam_protocol.topics import Keys, RecorderRequest
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance

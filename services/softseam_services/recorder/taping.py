@@ -8,7 +8,8 @@ from pathlib import Path
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
-from softseam_protocol.messages import Begin, End, Event, Frame, Recorded, StepReport
+from softseam_protocol.messages.recording import Begin, End, Recorded
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.recorder.recorder import McapRecorder

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from softseam_protocol.messages import ToolSurface
+from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.motion import HoldPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, ToolSpec

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages import ToolMotion
+from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.scene.motion import LARGEST_TURN
 from softseam_services.tools.pose import quaternion_turning, turned
 from softseam_services.tools.tool_set import ToolSet

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from softseam_protocol.messages import ToolMotion
+from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, SPHERE, ToolSet
 

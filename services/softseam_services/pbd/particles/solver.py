@@ -8,18 +8,18 @@ from enum import Enum
 
 import numpy as np
 
-from softseam_protocol.messages import (
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     BodyState,
     Capabilities,
     Correct,
     Fields,
-    Header,
     ParticleReport,
     ToolMotion,
 )
-from softseam_protocol.outcomes import Detail, Status
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.particles import ParticleBody
 from softseam_services.pbd.kernels.lanes import aligned

@@ -1,0 +1,23 @@
+"""What services tell of themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from softseam_protocol.messages.arrays import Count, NameText
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """A service's heartbeat; `requests` stands still while `busy` grows when its solver hangs."""
+
+    service: NameText
+    instance: NameText
+    """names the process: differs after a restart"""
+    session: NameText
+    """session of the last request, or empty"""
+    step: Count
+    requests: Count
+    """requests answered since the service started"""
+    busy: float
+    """wall time spent in the request at hand, 0 when idle [s]"""

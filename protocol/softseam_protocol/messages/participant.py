@@ -1,0 +1,355 @@
+"""Between the orchestrator and participants."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from softseam_protocol.messages.arrays import (
+    NO_MATRIX,
+    NO_SCALARS,
+    NO_VECTORS,
+    Count,
+    Distances,
+    Ids,
+    Labels,
+    Matrix,
+    Quaternions,
+    Scalars,
+    Stresses,
+    ToolIds,
+    Vector3,
+    Vectors,
+    Wrenches,
+    no_labels,
+)
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import Detail, Status
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """A scene and the files it names, so that a participant needs no shared file system."""
+
+    scene: str
+    """the scene as JSON"""
+    files: dict[str, bytes]
+    """file contents by the path the scene gives them"""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """State of the whole body (N nodes, P surface points) as it is handed over at a region switch."""
+
+    x: Vectors
+    """positions (N, 3) [m]"""
+    v: Vectors
+    """velocities (N, 3) [m/s]"""
+    contact_force: Vectors
+    """contact force on each surface point, world frame (P, 3) [N]"""
+    contact_tool: ToolIds
+    """tool that each surface point touches, -1 for none (P,)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Configure:
+    """Build a region: these cells of the body, with this model, in this state (rest if absent)."""
+
+    header: Header
+    bundle: Bundle
+    model: str
+    cells: Ids
+    seam_nodes: Ids
+    """global node ids tied to the other side, ascending, clamped nodes left out (s,)"""
+    state: BodyState | None = None
+    owns_seam_points: bool = True
+    """whether contact at surface points on the seam is this side's"""
+
+
+@dataclass(frozen=True, slots=True)
+class Capabilities:
+    """What a participant can do for the region that it was configured with; who couples it asks for no more."""
+
+    compliance: bool
+    """tells how its coupling nodes yield to forces"""
+    corrects: bool
+    """moves a tentative step on by its linear answer to a force (`Correct`)"""
+    impedance: bool
+    """takes the parts beyond its coupling nodes into its own solve (`Advance.seam_stiffness`)"""
+    substeps: Count
+    """substeps a step; 1: none"""
+    stress: bool
+    """tells stress in its cells"""
+    error: bool
+    """estimates what its cells err by"""
+    cost: float
+    """expected processor time of a step [s]; 0: not known"""
+
+
+@dataclass(frozen=True, slots=True)
+class Configured:
+    header: Header
+    n_nodes: Count
+    n_cells: Count
+    substeps: Count
+    """substeps a step that the participant takes (1 for FEM)"""
+    strain: float = math.nan
+    """strain energy of the state it begins with [J]; NaN, as for the next two: not told, by an older participant"""
+    kinetic: float = math.nan
+    """kinetic energy of that state, with the masses of the model that has it now [J]"""
+    gravity: float = math.nan
+    """its energy in gravity, likewise [J]"""
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
+    capabilities: Capabilities | None = None
+    """None: of a region without coupling nodes none are asked for"""
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMotion:
+    """Poses of all tools at the start and the end of the step, in the scene's order (t tools)."""
+
+    position: Vectors
+    orientation: Quaternions
+    """unit quaternions w, x, y, z (t, 4)"""
+    position_next: Vectors
+    orientation_next: Quaternions
+    gripping: Labels = field(default_factory=no_labels)
+    """1 for tools that hold the particles that they found within reach as they began to grip (t,); empty: none does"""
+
+
+@dataclass(frozen=True, slots=True)
+class Advance:
+    """Advance tentatively by one step; a new step number commits the tentative step before it.
+
+    The same step with a higher exchange number rolls back and redoes the step with the new seam force.
+    """
+
+    header: Header
+    dt: float
+    seam_force: Vectors
+    """force on this side's seam nodes, constant over the step, or at its end (s, 3) [N]; see seam_force_start"""
+    tools: ToolMotion
+    compliance: bool = False
+    """also return d(seam_x)/d(seam_force); where the force is linear in time, d(seam_v)/d(seam_force)"""
+    seam_anchor: Vectors = field(default_factory=NO_VECTORS)
+    """where the other side would be without a change of force (s, 3) [m]; empty: the seam force is constant"""
+    seam_stiffness: Matrix = field(default_factory=NO_MATRIX)
+    """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x);
+    empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
+    fields: bool = False
+    """also return the fields, which spares an `Observe` where this exchange is the step's last"""
+    seam_force_start: Vectors = field(default_factory=NO_VECTORS)
+    """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
+    repeat_yield: bool = False
+    """tell `Advanced.seam_yield_root` also if it was told before"""
+
+
+@dataclass(frozen=True, slots=True)
+class Correct:
+    """Move the tentative step on by its linear answer to a force on the seam nodes; it stays tentative."""
+
+    header: Header
+    push: Vectors
+    """by whose answer it is moved on, with the stiffness beyond the seam behind it (s, 3) [N]"""
+    force: Vectors
+    """that acts on the seam nodes from then on (s, 3) [N]"""
+    fields: bool = False
+    """also return the fields"""
+
+
+@dataclass(frozen=True, slots=True)
+class Advanced:
+    header: Header
+    status: Status
+    seam_x: Vectors
+    """seam positions at the end of the step (s, 3) [m]"""
+    compliance: Matrix
+    """(3s, 3s) [m/N], of a force that is linear in time [m/(N s)], or empty (0, 0)"""
+    wrench: Wrenches
+    """force and torque about each tool's centre that the body exerts on the tool (t, 6) [N, N m]"""
+    kinetic: float
+    strain: float
+    gravity: float
+    """potential energy of gravity relative to the rest position [J]"""
+    tool_work: float
+    """work of the tools on this region in the step [J]"""
+    seam_work: float
+    """work of the seam force on this region in the step [J]"""
+    momentum: Vector3
+    angular_momentum: Vector3
+    """about the world's origin [kg m^2/s]"""
+    penetration: float
+    """deepest penetration of a surface point into a tool [m]"""
+    slip: float
+    """largest accumulated slip of a touching point on a moving tool [m]"""
+    n_contacts: Count
+    iterations: Count
+    """Newton iterations, or sweeps"""
+    seconds: float
+    """wall time spent [s]; diagnostics only"""
+    cell_distance: Distances
+    """least distance of each of the region's cells to a tool that makes cells near, inf without one (n_cells,) [m]"""
+    bounds: Matrix
+    """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
+    seam_force: Vectors = field(default_factory=NO_VECTORS)
+    """force that acted on the seam nodes (s, 3) [N]; empty: the one that was asked for"""
+    fields: Fields | None = None
+    n_crushed: Count = 0
+    """cells squeezed so far that they count in part with full quadrature"""
+    particles: ParticleReport | None = None
+    """of a sheet or rope"""
+    n_substeps: Count = 1
+    """steps of the participant's own that the motion is made of"""
+    n_rejected: Count = 0
+    """substeps that were taken and given up, because their error was too large"""
+    step_error: float = 0.0
+    """largest estimated error in position that a substep made in time, 0 where it is not estimated [m]"""
+    residual: float = 0.0
+    """PBD: what the stress of the blocks lacks to that of their shapes at the end of the step, relative [1]"""
+    alarm: str = ""
+    """what the participant's monitor saw and did about it in this step; empty where that was nothing"""
+    seam_v: Vectors = field(default_factory=NO_VECTORS)
+    """seam velocities at the end of the step (s, 3) [m/s]; empty where the seam force was constant"""
+    settles: bool = False
+    """whether this tentative step can be corrected (`Correct`)"""
+    seam_yield_root: Matrix = field(default_factory=NO_MATRIX)
+    """R with d(seam_x)/d(seam_force) = R R^T by which it would be corrected, beside an anchor with the stiffness
+    (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
+    why: str = ""
+    """what went wrong and the remedy, where the status is not `converged`"""
+    alarm_details: list[Detail] = field(default_factory=list)
+    """what the alarm says, for programs"""
+
+
+@dataclass(frozen=True, slots=True)
+class ParticleReport:
+    """How well the constraints of a body of particles are met at the end of a step."""
+
+    worst_stretch: float
+    """largest change of length of a spring, relative, or largest strain of a tetrahedron [1]"""
+    stretch_violation: float
+    """farthest that a spring is from its own law, relative to its length [1]"""
+    stretch_violation_mean: float
+    bending_violation: float
+    """farthest that a bend is from its own law, relative to the particles' spacing [1]"""
+    bending_violation_mean: float
+    stretch_energy: float
+    """[J]"""
+    bending_energy: float
+    """[J]"""
+    held: Count
+    """particles that tools hold"""
+
+
+@dataclass(frozen=True, slots=True)
+class Commit:
+    """Accept the tentative step (done by the next Advance otherwise)."""
+
+    header: Header
+    fields: bool = False
+    """also return the fields"""
+
+
+@dataclass(frozen=True, slots=True)
+class Committed:
+    header: Header
+    fields: Fields | None = None
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
+
+
+@dataclass(frozen=True, slots=True)
+class Observe:
+    """Ask for the fields of the last advanced step."""
+
+    header: Header
+    indicators: bool = False
+    """also estimate the errors of model and mesh"""
+    own: bool = False
+    """of these only what the region's own model errs, at a bounded cost: what is looked at as a run ends"""
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """Fields of one region: its nodes, cells and surface points in ascending global order."""
+
+    header: Header
+    nodes: Ids
+    x: Vectors
+    v: Vectors
+    cauchy: Stresses
+    """Cauchy stress xx yy zz yz xz xy per octant of each cell (n_cells, 8, 6) [Pa]"""
+    points: Ids
+    point_x: Vectors
+    """positions of the region's surface points (p, 3) [m]"""
+    contact_force: Vectors
+    """contact force on each of them (p, 3) [N]"""
+    contact_tool: ToolIds
+    point_strain: Scalars = field(default_factory=NO_SCALARS)
+    """of a sheet or rope: largest stretch of what holds each surface point (p,) [1]"""
+    cell_energy: Scalars = field(default_factory=NO_SCALARS)
+    """strain energy of each cell (n_cells,) [J]"""
+    model_error: Scalars = field(default_factory=NO_SCALARS)
+    """energy by which each cell is off because PBD computes it; of FEM, would be off if PBD did (n_cells,) [J]; empty:
+    not asked for, or the cells are none that PBD can compute"""
+    mesh_error: Scalars = field(default_factory=NO_SCALARS)
+    """FEM: energy by which each cell is off because it is no smaller (n_cells,) [J]; empty: not asked for, or of PBD"""
+    seconds: float = 0.0
+    """wall time spent on an `Observe` [s], 0 within another reply; diagnostics only"""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Commit, then return everything that the participant's future depends on."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class SnapshotTaken:
+    header: Header
+    state: bytes
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
+
+
+@dataclass(frozen=True, slots=True)
+class Restore:
+    header: Header
+    state: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Restored:
+    header: Header
+    seconds: float = 0.0
+    """wall time spent [s]; diagnostics only"""
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Forget a session's participant."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Released:
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """The answer to a request that cannot be served."""
+
+    kind: str
+    """'not_configured', 'stale', 'schema', 'invalid', 'busy', 'internal'"""
+    message: str
+    """what is wrong and the remedy"""
+
+
+Request = Configure | Advance | Correct | Commit | Observe | Snapshot | Restore | Release
+Worked = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored
+"""replies that tell how long the participant worked for them"""
+Reply = Worked | Released | Failure

@@ -1,0 +1,93 @@
+"""To recorders and viewers, once a session; and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from softseam_protocol.messages.arrays import (
+    NO_SCALARS,
+    Count,
+    Lines,
+    OctantIds,
+    Octants,
+    Scalars,
+    Triangles,
+    Vector3,
+    Vectors,
+    no_lines,
+    no_octants,
+)
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import Bundle
+
+
+@dataclass(frozen=True, slots=True)
+class ToolSurface:
+    """A tool that is a triangle mesh, in its own frame."""
+
+    vertices: Vectors
+    """(n, 3) [m]"""
+    triangles: Triangles
+    """counter-clockwise from outside (T, 3)"""
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceMesh:
+    """What a viewer needs to draw a body's frames (C cells, P surface points, T triangles)."""
+
+    header: Header
+    point_rest: Vectors
+    """surface points at rest (P, 3) [m]"""
+    triangles: Triangles
+    """counter-clockwise from outside (T, 3)"""
+    cell_center: Vectors
+    """centres of the cells at rest (C, 3) [m]"""
+    edges: Vector3
+    """edge lengths of a cell [m]"""
+    fill: Octants
+    """filled fraction of each octant (C, 8)"""
+    tools: dict[str, ToolSurface] = field(default_factory=dict)
+    """the tools that are meshes, by name"""
+    point_octants: OctantIds = field(default_factory=no_octants)
+    """octants 8 cell + octant that meet at each surface point, -1 for none (P, 8); empty where cells are boxes"""
+    cell_lines: Lines = field(default_factory=no_lines)
+    """ends of the lines along cells' edges on the surface, as surface points (L, 2); empty where cells are boxes"""
+    cell_volume: Scalars = field(default_factory=NO_SCALARS)
+    """(C,) [m^3]; empty where cells are boxes"""
+    octant_material: OctantIds = field(default_factory=no_octants)
+    """number of each octant's material, 0 the body's own (C, 8); empty where there is but one"""
+    border_lines: Lines = field(default_factory=no_lines)
+    """ends of the lines along borders of materials, as nodes (L, 2)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """A session begins: what its recording must hold to be drawn and simulated again."""
+
+    header: Header
+    bundle: Bundle
+    seed: int
+    facts: dict[str, str]
+    """versions and machine of the process that simulates"""
+    surface: SurfaceMesh
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """A session has ended: its recording can be closed."""
+
+    header: Header
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """Progress of a recorder: everything up to here is in the file, but for `lost` messages."""
+
+    header: Header
+    path: str
+    messages: Count
+    lost: Count
+    bytes: Count
+    note: str
+    """'recording', 'closed', or why messages are lost"""
