@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from softseam.errors import FieldsNotObserved
 from softseam.stress import principal_stress, von_mises
-from softseam_protocol import messages
+from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import (
     ErrorEstimate,

@@ -18,8 +18,10 @@ from softseam.observation import Observation, observation_from
 from softseam.one_thread import one_thread
 from softseam.scenes import bundle_of, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
-from softseam_protocol import messages
+from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.arrays import Vector3
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import Recorded
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.motion import LARGEST_TURN
 from softseam_protocol.scene.scene import Scene
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 class Backend(Protocol):
     """What runs the simulation: this process, or an orchestrator on the bus. Every call may raise SoftseamError."""
 
-    recorded: messages.Recorded | None
+    recorded: Recorded | None
     unrecorded: str
     """what became of the last recording that was ended"""
 
@@ -99,7 +101,7 @@ def open_as_given(
     return Session(varied, bundle, backend)
 
 
-def _backend(bundle: messages.Bundle, connect: str | None, record: str | Path | bool | None, timeout: float) -> Backend:
+def _backend(bundle: Bundle, connect: str | None, record: str | Path | bool | None, timeout: float) -> Backend:
     if connect is None:
         if isinstance(record, bool):
             raise BadInput("record=True is for connected sessions: give the recording a file name")
@@ -116,7 +118,7 @@ def _backend(bundle: messages.Bundle, connect: str | None, record: str | Path | 
 class Session:
     """One simulation of one scene. A context manager; not for use from several threads at once."""
 
-    def __init__(self, scene: Scene, bundle: messages.Bundle, backend: Backend) -> None:
+    def __init__(self, scene: Scene, bundle: Bundle, backend: Backend) -> None:
         self.scene = scene
         self.bundle = bundle
         """the scene and the files that it names"""
@@ -126,7 +128,7 @@ class Session:
         self._tools = tuple(Scene.model_validate_json(bundle.scene).tools)
         self._last: Observation | None = None
         self._length = expected_duration(scene)
-        self.recorded: messages.Recorded | None = None
+        self.recorded: Recorded | None = None
         """after `close`: where the recording is, and what it lost; None without one"""
         self.unrecorded = ""
         """after `close`: why nothing is known of a recording that was asked for"""

@@ -17,7 +17,7 @@ SCHEMA = Path("docs/scene.schema.json")
 LOCK = Path("tests/contract/fields.lock")
 
 _PREAMBLE = f"""\
-// Written by `python -m softseam_protocol.publish` from messages.py: do not edit.
+// Written by `python -m softseam_protocol.publish` from messages/: do not edit.
 //
 // message_type is set on the outermost message only, to its full name, e.g. "{PACKAGE}.Advance".
 // Every comment such as f8 (n, 3) is what the Tensor of that field must be.

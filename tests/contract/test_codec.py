@@ -126,7 +126,8 @@ def test_an_embedded_descriptor_is_enough_to_read_a_payload(cls: type) -> None:
 def test_equal_messages_have_equal_bytes_in_every_process() -> None:
     """A repeated request is recognised by its bytes; protobuf orders maps differently in each process."""
     program = (
-        "import sys\nfrom softseam_protocol.wire.codec import encode\nfrom softseam_protocol.messages.participant import Bundle\n"
+        "import sys\nfrom softseam_protocol.wire.codec import encode\n"
+        "from softseam_protocol.messages.participant import Bundle\n"
         "names = [f'file{i}' for i in range(50)]\n"
         "print(encode(Bundle('', {n: n.encode() for n in names[::int(sys.argv[1])]})).hex())"
     )

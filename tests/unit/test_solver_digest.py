@@ -58,4 +58,4 @@ def test_the_digest_changes_with_what_computes_and_not_with_the_bus(monkeypatch:
         monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + (b"#" if path.name == name else b""))
         return solver_digest()
 
-    assert edited("bus.py") == before != edited("newton.py")
+    assert edited("peer_links.py") == before != edited("newton.py")

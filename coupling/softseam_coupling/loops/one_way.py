@@ -315,7 +315,8 @@ class OneWay:
                 part.root, part.compliance = _NONE, root @ root.T if root.size else told
                 part.told, part.back = part.compliance, _NONE
                 news = news or trust.renew
-            trust.renew, trust.age = False, 0
+            trust.renew = False
+            trust.age = trust.age if name == self._backed else 0
             if name != self._backed or not part.pushed:
                 self._closure.told()
         if news:

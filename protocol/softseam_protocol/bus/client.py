@@ -312,17 +312,3 @@ class Bus(BusSession):
             for one in [*opened, *self._askers, *self._watched.values()]:
                 one.close()
         super().close()
-
-
-__all__ = [
-    "LEASE",
-    "Asker",
-    "Bus",
-    "Handler",
-    "Inbox",
-    "LiveChange",
-    "Pending",
-    "Received",
-    "Router",
-    "Server",
-]

@@ -1,0 +1,1 @@
+"""What a scene may say: one spec a concept, and the file that says it."""

@@ -7,6 +7,7 @@ that it can be recorded verbatim and read by any language. The package name carr
 from __future__ import annotations
 
 import dataclasses
+import sys
 import types
 import typing
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-from softseam_protocol import messages
+from softseam_protocol.messages import header, operations, participant, recording, session
 from softseam_protocol.messages.arrays import Array, Least, Name
 from softseam_protocol.messages.header import SCHEMA_VERSION
 
@@ -109,7 +110,7 @@ def _field(name: str, number: int, annotation: Any, default: Any, make_default: 
 
 def _fields(cls: type) -> tuple[Field, ...]:
     # explicit namespaces: a slot named `bytes` would otherwise shadow the type of that name
-    hints = typing.get_type_hints(cls, globalns=vars(messages), localns={}, include_extras=True)
+    hints = typing.get_type_hints(cls, globalns=vars(sys.modules[cls.__module__]), localns={}, include_extras=True)
     # number 1 is message_type
     return tuple(
         _field(f.name, i, hints[f.name], f.default, f.default_factory)
@@ -118,7 +119,10 @@ def _fields(cls: type) -> tuple[Field, ...]:
 
 
 MESSAGES: dict[str, type] = {
-    name: value for name, value in vars(messages).items() if isinstance(value, type) and dataclasses.is_dataclass(value)
+    name: value
+    for module in (header, participant, session, recording, operations)
+    for name, value in vars(module).items()
+    if isinstance(value, type) and dataclasses.is_dataclass(value) and value.__module__ == module.__name__
 }
 FIELDS: dict[type, tuple[Field, ...]] = {cls: _fields(cls) for cls in MESSAGES.values()}
 
