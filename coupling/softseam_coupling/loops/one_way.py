@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from softseam_coupling.interface import Interface
 from softseam_coupling.kernels.quasi_newton import largest_node
 from softseam_coupling.loops.closure import Closure, parts_of
 from softseam_coupling.prediction import Prediction
+from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import Advanced, Capabilities
 
 Floats = NDArray[np.float64]
@@ -41,7 +42,7 @@ _SMALL = 0.02
 _SEEN = 0.02
 """moves below this share of the tolerance measure no kappa [1]"""
 _STALE, _LEAST_AGE = 0.5, 24
-"""a part's compliance is asked for again where its kappa is larger [1] and so many steps have passed"""
+"""a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
 _EXACT = 1e-3
 """share of the tolerance to which the gaps are closed linearly [1]"""
 
@@ -112,7 +113,21 @@ class _Trust:
     age: int = 0
     """steps since it told its compliance"""
     renew: bool = True
-    """whether its compliance is to be asked for"""
+    """whether its compliance is to be found anew"""
+    repeat: bool = False
+    """whether it is to say again how it yields"""
+    least_age: int = _LEAST_AGE
+    """steps that its compliance serves at least; doubled where it is found anew for its age"""
+
+    def to_array(self) -> Floats:
+        """All of it."""
+        return np.array([float(getattr(self, each.name)) for each in fields(self)])
+
+    @classmethod
+    def of(cls, array: Floats) -> _Trust:
+        """What `to_array` told."""
+        kappa, n_contacts, age, renew, repeat, least_age = array.tolist()
+        return cls(kappa, int(n_contacts), int(age), bool(renew), bool(repeat), int(least_age))
 
 
 class OneWay:
@@ -140,7 +155,8 @@ class OneWay:
         self._closure = Closure(self._parts, offset)
         self._mobility, self._capabilities = dict(mobility), dict(capabilities)
         self._tolerance, self._cell = tolerance, cell
-        self._trust = {name: _Trust() for name in self._parts}
+        # a part that takes an impedance has a factor, of which it tells by itself
+        self._trust = {name: _Trust(renew=not capabilities[name].impedance) for name in self._parts}
         self._multipliers = Prediction(len(offset), first)
         able = (name for name, part in self._parts.items() if part.sign and capabilities[name].impedance)
         self._backed: str | None = next(able, None)  # that is solved with the others behind it
@@ -176,7 +192,7 @@ class OneWay:
         """The part that is solved with the others behind it may lack their impedance, and is to tell how it yields."""
         self._sent = False
         if self._backed is not None:
-            self._trust[self._backed].renew = True
+            self._trust[self._backed].repeat = True
 
     def _solve(self, advance: Advance, correct: Correct, dt: float, most: int, may_refuse: bool) -> Outcome:
         if dt != self._dt:
@@ -196,6 +212,8 @@ class OneWay:
             size = largest(self._closure.gap(x))
             if not math.isfinite(size):
                 raise StepDiverged("a part's answer is not finite")
+            if may_refuse and any(reply.status != Status.CONVERGED for reply in replies.values()):
+                raise StepRefused(exchange)  # a part that stands where it began says nothing of the others
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
             found, pushes, moves = self._closure.solve(x, acted, multipliers, _EXACT * self._tolerance)
             if all(reply.settles for reply in replies.values()):
@@ -233,9 +251,7 @@ class OneWay:
         arrays |= {f"target_{key}": array for key, array in self._target.to_arrays().items()}
         arrays |= {"impedance": self._impedance, "dt": np.array([self._dt])}
         for name, trust in self._trust.items():
-            arrays[f"trust_{name}"] = np.array(
-                [trust.kappa, trust.n_contacts, trust.age, trust.renew], dtype=np.float64
-            )
+            arrays[f"trust_{name}"] = trust.to_array()
             arrays[f"compliance_{name}"] = self._parts[name].compliance
             arrays[f"told_{name}"] = self._parts[name].told
         return arrays
@@ -246,8 +262,7 @@ class OneWay:
             prediction.take({key[len(prefix) :]: array for key, array in arrays.items() if key.startswith(prefix)})
         self._impedance, self._dt = np.array(arrays["impedance"]), float(arrays["dt"][0])
         for name in self._parts:
-            kappa, n_contacts, age, renew = arrays[f"trust_{name}"].tolist()
-            self._trust[name] = _Trust(kappa, int(n_contacts), int(age), bool(renew))
+            self._trust[name] = _Trust.of(arrays[f"trust_{name}"])
             self._parts[name].compliance = np.array(arrays[f"compliance_{name}"])
             self._parts[name].told = np.array(arrays[f"told_{name}"])
         self.forget_told()
@@ -255,7 +270,7 @@ class OneWay:
     def _change(self, dt: float) -> None:
         """Steps are of another length from now on, and so is what every part yields in one."""
         for name, trust in self._trust.items():
-            trust.renew = True
+            trust.renew = not self._capabilities[name].impedance
             self._parts[name].root = _NONE
             self._parts[name].compliance = np.diag(dt * dt * np.repeat(self._mobility[name], 3))
             self._parts[name].told = _NONE
@@ -270,14 +285,12 @@ class OneWay:
             self._sent = False
 
     def _request(self, name: str, multipliers: Floats, target: Floats | None) -> PartRequest:
-        force, renew = self._parts[name].force(multipliers), self._trust[name].renew
-        by_itself = self._capabilities[name].impedance  # it tells of every new factor
-        renew, repeat = renew and not by_itself, renew and by_itself
+        force, trust = self._parts[name].force(multipliers), self._trust[name]
         if name != self._backed or target is None or not self._impedance.size:
-            return PartRequest(force, renew, repeat)
+            return PartRequest(force, trust.renew, trust.repeat)
         impedance = None if self._sent else self._impedance
         self._sent = True
-        return PartRequest(force, renew, repeat, target, impedance)
+        return PartRequest(force, trust.renew, trust.repeat, target, impedance)
 
     def _measure(
         self,
@@ -295,7 +308,10 @@ class OneWay:
             went = largest(moves[name])
             if went > _SEEN * self._tolerance:
                 miss = x[name] - before[name] - moves[name]
-                self._trust[name].kappa = largest(miss) / went
+                trust = self._trust[name]
+                trust.kappa = largest(miss) / went
+                # the factor that it tells of is not that of the end of the step
+                trust.renew = trust.renew or (self._tells(name) and trust.kappa > _STALE)
                 change = requests[name].force - asked[name].force
                 if part.compliance.size and replies[name].settles and np.any(change):
                     self._closure.taught(name, miss, change)
@@ -314,13 +330,17 @@ class OneWay:
             else:
                 part.root, part.compliance = _NONE, root @ root.T if root.size else told
                 part.told, part.back = part.compliance, _NONE
-                news = news or trust.renew
-            trust.renew = False
+                news = news or trust.renew or not self._impedance.size
+            trust.renew = trust.repeat = False
             trust.age = trust.age if name == self._backed else 0
             if name != self._backed or not part.pushed:
                 self._closure.told()
         if news:
             self._back(True)
+
+    def _tells(self, name: str) -> bool:
+        """Whether a part tells of every new factor, without others behind it."""
+        return name != self._backed and self._capabilities[name].impedance
 
     def _sure(self, moves: Mapping[str, Floats]) -> bool:
         """Whether linear answers of this size are what the parts would do, to the tolerance."""
@@ -354,9 +374,10 @@ class OneWay:
         for name, trust in self._trust.items():
             n_contacts = replies[name].n_contacts
             touches = (n_contacts > 0) != (trust.n_contacts > 0)
-            old = trust.kappa > _STALE and trust.age >= _LEAST_AGE
-            if name != self._backed:
+            old = exchanges > 1 and trust.age >= trust.least_age and trust.kappa > _STALE
+            if name != self._backed and not self._tells(name):
                 trust.renew = trust.renew or touches or old
+                trust.least_age *= 2 if old else 1
             if not measured:
                 trust.kappa = min(1.0, _DOUBT * trust.kappa)
             trust.n_contacts, trust.age = n_contacts, trust.age + 1
