@@ -51,8 +51,8 @@ def added() -> Iterator[None]:
         yield
     finally:
         for table in (QUANTITIES, MEASUREMENTS):
-            table.remove("span")  # type: ignore[attr-defined]
-            table.remove("drop")  # type: ignore[attr-defined]
+            table.remove("span")
+            table.remove("drop")
 
 
 def test_it_is_reported_from_the_start_with_its_unit() -> None:

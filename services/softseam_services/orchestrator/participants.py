@@ -151,7 +151,7 @@ class Participants:
 
         fields  ask for the sides' fields in the exchange that is likely to be the last
         """
-        self._take_back()
+        self._discard_failed()
         try:
             solution = (
                 self._advance(motion, self._clock.dt, fields) if self._loop is None else self._cut(motion, fields)
