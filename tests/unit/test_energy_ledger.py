@@ -36,31 +36,14 @@ def test_a_switch_is_booked_once_and_does_not_count_as_dissipation() -> None:
     assert_allclose(state.switch, -0.1)
 
 
-def test_energies_of_settled_sides_are_allowed_what_their_estimates_are_off() -> None:
-    for settled, rings in ((False, True), (True, False)):
+def test_the_gap_that_a_switch_leaves_is_closed_at_the_cost_of_the_switch() -> None:
+    """What the seam does in the first step after it counts as the switch, and not as work of the seam."""
+    for work, rung in ((0.002, ()), (0.02, (Alarm.SWITCH,))):
         ledger = EnergyLedger()
         state = ledger.open(Energies(1.0, 0.0, 0.0))
-        entry = ledger.step(state, Energies(1.002, 0.0, 0.0), 0.0, 0.0, 0.0, settled=settled)
-        assert (Alarm.CREATED in entry.alarms) == rings
-        entry = ledger.step(state, Energies(1.012, 0.0, 0.0), 0.0, 0.0, 0.0, settled=settled)
-        assert Alarm.CREATED in entry.alarms
-
-
-def test_what_an_estimate_was_off_by_comes_back_in_the_next_step_and_in_no_later_one() -> None:
-    ledger = EnergyLedger()
-    state = ledger.open(Energies(1.0, 0.0, 0.0))
-    ledger.step(state, Energies(0.998, 0.0, 0.0), 0.0, 0.0, 0.0, settled=True)
-    restored = LedgerState.from_list(state.to_list())
-    assert ledger.step(restored, Energies(1.0, 0.0, 0.0), 0.0, 0.0, 0.0).alarms == ()
-    assert ledger.step(restored, Energies(1.002, 0.0, 0.0), 0.0, 0.0, 0.0).alarms == (Alarm.CREATED,)
-
-
-def test_after_a_switch_no_energy_is_an_estimate() -> None:
-    ledger = EnergyLedger()
-    state = ledger.open(Energies(1.0, 0.0, 0.0))
-    ledger.step(state, Energies(1.0, 0.0, 0.0), 0.0, 0.0, 0.0, settled=True)
-    ledger.switched(state, Energies(1.0, 0.0, 0.0))
-    assert ledger.step(state, Energies(1.002, 0.0, 0.0), 0.0, 0.0, 0.0).alarms == (Alarm.CREATED,)
+        ledger.switched(state, Energies(1.001, 0.0, 0.0))
+        assert ledger.step(state, Energies(1.001, 0.0, 0.0), 0.0, work, 0.0).alarms == rung
+        assert ledger.step(state, Energies(1.001, 0.0, 0.0), 0.0, 0.002, 0.0).alarms == (Alarm.SEAM_WORK,)
 
 
 def test_state_survives_a_checkpoint() -> None:

@@ -357,7 +357,7 @@ class OneWay:
         corrections = {}
         for name, part in self._parts.items():
             push, short = part.push_for(pushes[name], moves[name], replies[name].n_contacts == 0)
-            if largest(short) > self._tolerance:
+            if largest(short) > 0.3 * self._tolerance:
                 return None
             corrections[name] = Correction(push, part.force(found))
         return corrections
