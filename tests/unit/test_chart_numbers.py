@@ -151,21 +151,21 @@ def truth(values: np.ndarray, uncertainty: float = 0.0, left_out: str = "") -> T
 
 def test_error_is_the_relative_l2_norm_over_time() -> None:
     """A run that is everywhere 3 % too large is 3 % off; one that lacks a constant c is off by c over the norm."""
-    found = errors(series(TIME, force=1.03 * TRUE, sag=TRUE - 0.1), TIME, {"force": truth(TRUE), "sag": truth(TRUE)})
-    assert found["force"].value == pytest.approx(0.03)
+    found = errors(series(TIME, grip_force=1.03 * TRUE, sag=TRUE - 0.1), TIME, {"grip_force": truth(TRUE), "sag": truth(TRUE)})
+    assert found["grip_force"].value == pytest.approx(0.03)
     assert found["sag"].value == pytest.approx(0.1 / rms(TRUE, TIME))
-    assert not found["force"].bound
+    assert not found["grip_force"].bound
 
 
 def test_other_steps_are_compared_on_common_times() -> None:
     """A linear curve on other times is the same curve; a value that some steps lack is bridged."""
     coarse = np.array([0.0, 0.7, 1.1, 2.0])
     line = 1.0 + 2.0 * TIME
-    assert errors(series(coarse, force=1.0 + 2.0 * coarse), TIME, {"force": truth(line)})["force"].value < 1e-12
+    assert errors(series(coarse, grip_force=1.0 + 2.0 * coarse), TIME, {"grip_force": truth(line)})["grip_force"].value < 1e-12
     gaps = np.where(np.arange(len(TIME)) % 3 == 0, line, np.nan)
     gaps[-1] = line[-1]
     gaps[0] = line[0]
-    assert errors(series(TIME, force=gaps), TIME, {"force": truth(line)})["force"].value < 1e-12
+    assert errors(series(TIME, grip_force=gaps), TIME, {"grip_force": truth(line)})["grip_force"].value < 1e-12
 
 
 def test_a_wave_that_is_looked_at_every_fifth_step_is_compared_where_it_was() -> None:
@@ -180,20 +180,20 @@ def test_a_wave_that_is_looked_at_every_fifth_step_is_compared_where_it_was() ->
 def test_what_is_vaguely_known_is_off_by_what_it_is_not_known_by_at_least() -> None:
     """70 % off a truth known to 30 % is 40 % off at least; 20 % off may be right; without a limit nothing is off."""
     true = {
-        "force": truth(TRUE),
+        "grip_force": truth(TRUE),
         "sag": truth(TRUE, 0.3, "known to 30 % only"),
         "slip": truth(TRUE, 0.3, "known to 30 % only"),
         "stress": replace(truth(TRUE, 0.3, "no limit"), has_limit=False),
     }
-    found = errors(series(TIME, force=TRUE, sag=1.7 * TRUE, slip=1.2 * TRUE, stress=3.0 * TRUE), TIME, true)
+    found = errors(series(TIME, grip_force=TRUE, sag=1.7 * TRUE, slip=1.2 * TRUE, stress=3.0 * TRUE), TIME, true)
     assert sure(found, true) == pytest.approx({"sag": 0.4, "slip": 0.0})
 
 
 @pytest.mark.parametrize(("known", "believed"), [(0.19, True), (0.21, False)])
 def test_a_stress_that_is_hardly_known_may_have_no_limit(known: float, believed: bool) -> None:
     """A way has one, however little is known of it; beside an edge levels seem to lead somewhere that do not."""
-    names = ("force", "sag", "peak_von_mises")
-    parts = {name: Part(0.001 if name == "force" else known, 0.0, 1.0, 1.0, 0.1) for name in names}
+    names = ("grip_force", "sag", "peak_von_mises")
+    parts = {name: Part(0.001 if name == "grip_force" else known, 0.0, 1.0, 1.0, 0.1) for name in names}
     true = {name: truth(TRUE, parts[name].uncertainty) for name in names}
     found = counted(Reference(TIME, true, parts, (), "implicit_euler", True), names).truth
     assert all(found[name].has_limit for name in names)
@@ -201,28 +201,28 @@ def test_a_stress_that_is_hardly_known_may_have_no_limit(known: float, believed:
     assert found["peak_von_mises"].left_out == found["sag"].left_out + (
         "" if believed else ", and perhaps without a limit"
     )
-    run = errors(series(TIME, force=TRUE, sag=1.3 * TRUE, peak_von_mises=1.3 * TRUE), TIME, found)
+    run = errors(series(TIME, grip_force=TRUE, sag=1.3 * TRUE, peak_von_mises=1.3 * TRUE), TIME, found)
     assert sorted(sure(run, found)) == (["peak_von_mises", "sag"] if believed else ["sag"])
 
 
 def test_below_the_reference_s_uncertainty_an_error_is_a_bound() -> None:
-    found = errors(series(TIME, force=1.002 * TRUE), TIME, {"force": truth(TRUE, 0.005)})["force"]
+    found = errors(series(TIME, grip_force=1.002 * TRUE), TIME, {"grip_force": truth(TRUE, 0.005)})["grip_force"]
     assert found.value == 0.005 and found.bound and found.differs == pytest.approx(0.002)
 
 
 def test_an_unknown_uncertainty_bounds_nothing() -> None:
-    found = errors(series(TIME, force=1.002 * TRUE), TIME, {"force": truth(TRUE, np.inf)})["force"]
+    found = errors(series(TIME, grip_force=1.002 * TRUE), TIME, {"grip_force": truth(TRUE, np.inf)})["grip_force"]
     assert found.value == pytest.approx(0.002) and not found.bound
 
 
 def test_what_a_run_lacks_is_infinitely_wrong() -> None:
-    assert errors(series(TIME, sag=TRUE), TIME, {"force": truth(TRUE)})["force"].value == np.inf
-    assert errors(series(TIME, force=np.full_like(TIME, np.nan)), TIME, {"force": truth(TRUE)})["force"].value == np.inf
+    assert errors(series(TIME, sag=TRUE), TIME, {"grip_force": truth(TRUE)})["grip_force"].value == np.inf
+    assert errors(series(TIME, grip_force=np.full_like(TIME, np.nan)), TIME, {"grip_force": truth(TRUE)})["grip_force"].value == np.inf
 
 
 def test_the_worst_counts_and_what_is_left_out_does_not() -> None:
-    true = {"force": truth(TRUE), "sag": truth(TRUE), "stress": truth(TRUE, 0.3, "no limit")}
-    run = series(TIME, force=1.01 * TRUE, sag=1.02 * TRUE, stress=2.0 * TRUE)
+    true = {"grip_force": truth(TRUE), "sag": truth(TRUE), "stress": truth(TRUE, 0.3, "no limit")}
+    run = series(TIME, grip_force=1.01 * TRUE, sag=1.02 * TRUE, stress=2.0 * TRUE)
     found = errors(run, TIME, true)
     assert worst(found, true).value == pytest.approx(0.02)
     assert not_counted(true) == "stress (no limit)"
@@ -233,10 +233,10 @@ def test_the_worst_counts_and_what_is_left_out_does_not() -> None:
 def test_what_seems_to_have_no_limit_is_waited_for_on_coarse_levels() -> None:
     """Three coarse levels of a quantity may scatter that converges later; four that do are believed."""
     known, scatters = Limit(TRUE, 0.001 * rms(TRUE, TIME), 1.0, True), Limit(TRUE, rms(TRUE, TIME), np.nan, False)
-    assert fine({"force": known}, 0.01, 3)
-    assert not fine({"force": known, "sag": scatters}, 0.01, 3)
-    assert fine({"force": known, "sag": scatters}, 0.01, 4)
-    assert not fine({"force": replace(known, uncertainty=scatters.uncertainty)}, 0.01, 9)
+    assert fine({"grip_force": known}, 0.01, 3)
+    assert not fine({"grip_force": known, "sag": scatters}, 0.01, 3)
+    assert fine({"grip_force": known, "sag": scatters}, 0.01, 4)
+    assert not fine({"grip_force": replace(known, uncertainty=scatters.uncertainty)}, 0.01, 9)
 
 
 def test_slip_is_measured_by_the_tools_way() -> None:
