@@ -1,4 +1,4 @@
-"""What the step to come will ask for, from what the last steps came to: a polynomial in time of the order that fits."""
+"""What the step to come will ask for, from what the last steps came to: a polynomial in time that fits."""
 
 from __future__ import annotations
 
@@ -7,12 +7,31 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-N_KEPT = 3
-"""steps that are remembered: the order is two at most"""
-_EVENLY = np.array([[1.0, 0.0, 0.0], [2.0, -1.0, 0.0], [3.0, -3.0, 1.0]])
-"""weights of steps that are equally long [1]"""
+WAYS = ((0, 1), (1, 2), (2, 3), (1, 4), (2, 5))
+"""order of a polynomial in time, and through how many of the last steps: more than the order asks for smooth noise"""
+N_KEPT = max(n for _, n in WAYS)
 _MEMORY = 0.5
-"""share of an order's mean square error that is left a step later [1]"""
+"""share of a way's mean square error that is left a step later [1]"""
+
+
+def _weights_of(order: int, times: Floats, at: float) -> Floats:
+    """Weights of values at these times (n,) in what their polynomial of least squares is at another time (n,) [1]."""
+    scale = max(float(np.abs(times - at).max()), 1e-300)
+    powers = np.vander((times - at) / scale, order + 1, increasing=True)
+    return np.asarray(np.linalg.pinv(powers)[0])
+
+
+def _all_weights(times: Floats, at: float, n_known: int) -> Floats:
+    """Of every way for which enough steps are known, in the order of the kept vectors (w, N_KEPT) [1]."""
+    weights = np.zeros((len(WAYS), N_KEPT))
+    for row, (order, n) in enumerate(WAYS):
+        if n <= n_known:
+            weights[row, :n] = _weights_of(order, times[:n], at)
+    return weights
+
+
+_EVENLY = _all_weights(-np.arange(float(N_KEPT)), 1.0, N_KEPT)
+"""weights of steps that are equally long"""
 
 
 class Prediction:
@@ -24,7 +43,7 @@ class Prediction:
     def __init__(self, n_rows: int, first: Floats | None = None) -> None:
         self._kept = np.zeros((N_KEPT, n_rows, 3))
         self._times = np.zeros(N_KEPT)
-        self._errors = np.zeros(N_KEPT)
+        self._errors = np.full(len(WAYS), np.inf)  # of those that were never scored
         self._n = 0
         if first is not None:
             self._kept[0], self._n = first, 1
@@ -39,37 +58,35 @@ class Prediction:
         """What the last step came to, a copy; zero before the first (c, 3)."""
         return np.array(self._kept[0])
 
-    @property
-    def order(self) -> int:
-        """That whose predictions were best lately."""
-        return int(np.argmin(self._errors[: max(self._n, 1)]))
-
-    def predict(self, dt: float, order: int | None = None) -> Floats:
-        """The next, a step of dt [s] later, by the polynomial through the last order + 1 (c, 3)."""
-        weights = self._weights(dt)[min(self.order if order is None else order, max(self._n - 1, 0))]
-        return np.asarray((weights @ self._kept.reshape(N_KEPT, -1)).reshape(self._kept.shape[1:]))
+    def predict(self, dt: float) -> Floats:
+        """The next, a step of dt [s] later, in the way that was best lately (c, 3)."""
+        row = int(np.argmin(self._errors))
+        predicted = self._weights(dt)[row] @ self._kept.reshape(N_KEPT, -1)
+        return np.asarray(predicted.reshape(self._kept.shape[1:]))
 
     def commit(self, vectors: Floats, dt: float) -> None:
-        """A step of dt [s] came to these vectors (c, 3): every order is scored on them."""
-        n, flat = self._n, self._kept.reshape(N_KEPT, -1)
-        if n:
-            miss = self._weights(dt)[:n] @ flat - vectors.reshape(-1)
-            self._errors[:n] = _MEMORY * self._errors[:n] + (1.0 - _MEMORY) * np.einsum("oi,oi->o", miss, miss)
+        """A step of dt [s] came to these vectors (c, 3): every way is scored on them."""
+        if self._n:
+            miss = self._weights(dt) @ self._kept.reshape(N_KEPT, -1) - vectors.reshape(-1)
+            square = np.einsum("wi,wi->w", miss, miss)
+            known = self._ready
+            before = np.where(np.isfinite(self._errors), self._errors, square)
+            self._errors[known] = _MEMORY * before[known] + (1.0 - _MEMORY) * square[known]
         self._kept[1:], self._times[1:] = self._kept[:-1].copy(), self._times[:-1].copy()
         self._kept[0], self._times[0] = vectors, self._times[1] + dt
-        self._n = min(n + 1, N_KEPT)
+        self._n = min(self._n + 1, N_KEPT)
+
+    @property
+    def _ready(self) -> NDArray[np.bool_]:
+        """Ways for which enough steps are known."""
+        return np.array([n <= self._n for _, n in WAYS])
 
     def _weights(self, dt: float) -> Floats:
-        """Of the kept vectors in the prediction of each order (N_KEPT, N_KEPT) [1]."""
+        """Of the kept vectors, in every way (w, N_KEPT) [1]."""
         before = self._times[0] - self._times
-        if self._n == N_KEPT and abs(before[2] - 2.0 * dt) + abs(before[1] - dt) < 1e-9 * dt:
+        if self._n == N_KEPT and np.abs(before - dt * np.arange(N_KEPT)).max() < 1e-9 * dt:
             return _EVENLY
-        weights = np.zeros((N_KEPT, N_KEPT))
-        for order in range(self._n):
-            for i in range(order + 1):
-                others = [j for j in range(order + 1) if j != i]
-                weights[order, i] = np.prod([(dt + before[j]) / (before[j] - before[i]) for j in others])
-        return weights
+        return _all_weights(-before, dt, self._n)
 
     def to_arrays(self) -> dict[str, Floats]:
         """Everything, for a snapshot."""
@@ -79,5 +96,6 @@ class Prediction:
     def take(self, arrays: dict[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
         self._kept[:] = arrays["kept"]
-        self._times[:], self._errors[:] = arrays["numbers"][:N_KEPT], arrays["numbers"][N_KEPT : 2 * N_KEPT]
+        numbers = arrays["numbers"]
+        self._times[:], self._errors[:] = numbers[:N_KEPT], numbers[N_KEPT:-1]
         self._n = int(arrays["numbers"][-1])

@@ -151,7 +151,9 @@ def truth(values: np.ndarray, uncertainty: float = 0.0, left_out: str = "") -> T
 
 def test_error_is_the_relative_l2_norm_over_time() -> None:
     """A run that is everywhere 3 % too large is 3 % off; one that lacks a constant c is off by c over the norm."""
-    found = errors(series(TIME, grip_force=1.03 * TRUE, sag=TRUE - 0.1), TIME, {"grip_force": truth(TRUE), "sag": truth(TRUE)})
+    found = errors(
+        series(TIME, grip_force=1.03 * TRUE, sag=TRUE - 0.1), TIME, {"grip_force": truth(TRUE), "sag": truth(TRUE)}
+    )
     assert found["grip_force"].value == pytest.approx(0.03)
     assert found["sag"].value == pytest.approx(0.1 / rms(TRUE, TIME))
     assert not found["grip_force"].bound
@@ -161,7 +163,10 @@ def test_other_steps_are_compared_on_common_times() -> None:
     """A linear curve on other times is the same curve; a value that some steps lack is bridged."""
     coarse = np.array([0.0, 0.7, 1.1, 2.0])
     line = 1.0 + 2.0 * TIME
-    assert errors(series(coarse, grip_force=1.0 + 2.0 * coarse), TIME, {"grip_force": truth(line)})["grip_force"].value < 1e-12
+    assert (
+        errors(series(coarse, grip_force=1.0 + 2.0 * coarse), TIME, {"grip_force": truth(line)})["grip_force"].value
+        < 1e-12
+    )
     gaps = np.where(np.arange(len(TIME)) % 3 == 0, line, np.nan)
     gaps[-1] = line[-1]
     gaps[0] = line[0]
@@ -217,7 +222,12 @@ def test_an_unknown_uncertainty_bounds_nothing() -> None:
 
 def test_what_a_run_lacks_is_infinitely_wrong() -> None:
     assert errors(series(TIME, sag=TRUE), TIME, {"grip_force": truth(TRUE)})["grip_force"].value == np.inf
-    assert errors(series(TIME, grip_force=np.full_like(TIME, np.nan)), TIME, {"grip_force": truth(TRUE)})["grip_force"].value == np.inf
+    assert (
+        errors(series(TIME, grip_force=np.full_like(TIME, np.nan)), TIME, {"grip_force": truth(TRUE)})[
+            "grip_force"
+        ].value
+        == np.inf
+    )
 
 
 def test_the_worst_counts_and_what_is_left_out_does_not() -> None:

@@ -16,7 +16,6 @@ from softseam.variants import with_model, with_settings
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
-    Committed,
     Configured,
     Fields,
     Released,
@@ -102,7 +101,7 @@ def loss(reports: list[StepReport]) -> float:
 
 
 def test_all_that_participants_do_counts_as_theirs() -> None:
-    """Steps with a frame are settled by a request of their own, those with indicators looked at by another."""
+    """Steps, corrections with a frame, and what is looked at by a request of its own."""
 
     class Adding(EmbeddedTransport):
         def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
@@ -126,7 +125,7 @@ def test_all_that_participants_do_counts_as_theirs() -> None:
         assert seconds["pbd"] == pytest.approx(worked["far"])
     simulation.estimate()
     simulation.save()
-    assert kinds == {Configured, Advanced, Committed, Fields, SnapshotTaken}
+    assert kinds == {Configured, Advanced, Fields, SnapshotTaken}
     simulation.close()
 
 

@@ -123,8 +123,8 @@ def test_saved_state_continues_bit_for_bit() -> None:
         "ledger",
         "begun",
         "trust",
-        "seam.link_x",
-        "seam.flags",
+        "seam.told_near",
+        "seam.pace",
         "participant.far",
     ],
 )

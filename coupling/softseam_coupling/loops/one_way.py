@@ -263,8 +263,9 @@ class OneWay:
         self._impedance, self._dt = np.array(arrays["impedance"]), float(arrays["dt"][0])
         for name in self._parts:
             self._trust[name] = _Trust.of(arrays[f"trust_{name}"])
-            self._parts[name].compliance = np.array(arrays[f"compliance_{name}"])
-            self._parts[name].told = np.array(arrays[f"told_{name}"])
+            compliance, told = (np.array(arrays[f"{kind}_{name}"]) for kind in ("compliance", "told"))
+            self._parts[name].told = told  # the same as long as the part was taught nothing
+            self._parts[name].compliance = told if np.array_equal(told, compliance) else compliance
         self.forget_told()
 
     def _change(self, dt: float) -> None:

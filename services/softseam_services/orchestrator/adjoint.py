@@ -66,7 +66,7 @@ class Adjoint:
         status = kernel.advance(
             self._scheme, x, still, 0.0, self._history, contact, self._dt, 1.0, _NONE, self.model, self._tree, tools,
             1.0, 0, False, work, self._memo,
-            x, still, self._history, contact, wrench, out, _NONE, distance, True, np.zeros((0, 0)),
+            x, still, self._history, contact, wrench, out, _NONE, distance, kernel.DERIVE, _NONE, np.zeros((0, 0)),
         )  # fmt: skip
         return bool(status == CONVERGED)
 

@@ -96,7 +96,9 @@ class OneWaySeam:
         return arrays | {"pace": pace, "first": self._first}
 
     def take(self, arrays: dict[str, Floats]) -> None:
-        """Continue from `to_arrays`, once the sides are configured."""
+        """Continue from `to_arrays`, once the sides are configured. Raises KeyError where something is missing."""
         self.pace.take(arrays["pace"].tolist())
         self._first = np.array(arrays["first"]).reshape(self._first.shape)
-        self._saved, self._loop = (dict(arrays) if "multipliers_kept" in arrays else None), None
+        names = [f"{kind}_{part}" for kind in ("trust", "compliance", "told") for part in self._mobility]
+        predictions = [f"{what}_{key}" for what in ("multipliers", "target") for key in ("kept", "numbers")]
+        self._saved, self._loop = {key: arrays[key] for key in (*names, *predictions, "impedance", "dt")}, None
