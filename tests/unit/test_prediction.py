@@ -1,4 +1,4 @@
-"""Predictions from the last steps: exact for what moves evenly, smooth where steps alternate, and kept in a snapshot."""
+"""Predictions from the last steps: exact for polynomials, smooth where steps alternate, kept in a snapshot."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_a_polynomial_in_time_goes_on(order: int, steps: list[float]) -> None:
 
 
 def test_what_alternates_is_not_amplified() -> None:
-    """A line with a sawtooth on it: a parabola through three steps misses by eight times the tooth, the best by less."""
+    """A line with a sawtooth on it: a parabola through three steps misses by eight times the tooth."""
     prediction, missed = Prediction(1), []
     for step in range(40):
         truth = np.full((1, 3), 0.1 * step + (-1.0) ** step * 0.05)
