@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from softseam_protocol.row_name import RowName
+from softseam_protocol.scene.spec import RowOf
 from softseam_protocol.table import Table
 
 
@@ -83,7 +83,7 @@ QUANTITIES: Table[Quantity] = Table(
         "held": _of_particles("particles", "how many particles tools hold"),
     },
 )
-QuantityName = Annotated[str, RowName(QUANTITIES)]
+QuantityName = Annotated[str, RowOf(QUANTITIES)]
 
 PROBED: Table[Quantity] = Table(
     "quantities of probes",

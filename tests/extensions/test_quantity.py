@@ -71,7 +71,9 @@ def test_it_is_reported_from_the_start_with_its_unit() -> None:
 
 
 def test_a_scene_that_asks_for_what_no_row_has_is_refused_where_it_does() -> None:
-    with pytest.raises(SceneError, match=r"my\.yaml:9:14: quantities\.0: the table of quantities has no row"):
+    with pytest.raises(
+        SceneError, match=r"my\.yaml:9:14: quantities\.0: \"grip_forse\" is not in the table of quantities"
+    ):
         parse_scene(SCENE.replace("span", "grip_forse"), "my.yaml")
     with pytest.raises(SceneError, match="did you mean 'grip_force'"):
         parse_scene(SCENE.replace("span", "grip_forse"))

@@ -98,7 +98,7 @@ def largest_energy(reports: list[StepReport]) -> float:
 # scheme and integrator: largest gap over a cell edge, work of the seam over the energy, both at most
 BOUNDS = {
     ("position", "implicit_euler"): (3e-4, 3e-5),
-    ("position", "midpoint"): (3e-4, 1e-4),  # not corrected: what the tolerance allows of a gap stays
+    ("position", "midpoint"): (3e-4, 3e-5),
     ("ph", "implicit_euler"): (2e-2, 1e-3),
     ("ph", "midpoint"): (1e-2, 1e-3),
     ("ph", "bdf2"): (1e-2, 1e-3),

@@ -6,7 +6,7 @@ left of the gaps is closed at once over all rows of all interfaces, by what ever
 
 A part's linear answer is not quite what it would do. By how much was seen when a step was redone last, as a share kappa
 of the move; where kappa times the move exceeds the tolerance, or the move is not small beside a cell, all parts redo
-the step under the multipliers found. So do parts that cannot be moved on, until the gap itself is within the tolerance.
+the step under the multipliers found. So do parts that cannot be moved on, until the gap is within half the tolerance.
 
 A part that can takes the parts beyond its interfaces into its own solve, as a linear impedance S that draws its nodes
 to where these are expected: f = lambda + S (target - x). It then finds where its contacts stick and slip with the rest
@@ -41,6 +41,8 @@ _SMALL = 0.02
 """largest move that is not doubted, in cells [1]"""
 _SEEN = 0.02
 """moves below this share of the tolerance measure no kappa [1]"""
+_UNCORRECTED = 0.5
+"""share of the tolerance within which parts agree that cannot be corrected: their gap stays, and does work [1]"""
 _STALE, _LEAST_AGE = 0.5, 24
 """a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
 _EXACT = 1e-3
@@ -225,7 +227,7 @@ class OneWay:
                     replies = correct(corrections)
                     x = {name: reply.seam_x for name, reply in replies.items()}
                     return self._commit(replies, found, x, exchange, bool(before))
-            elif size <= self._tolerance:
+            elif size <= _UNCORRECTED * self._tolerance:
                 return self._commit(replies, multipliers, x, exchange, bool(before))
             if exchange < most:
                 multipliers = found
