@@ -21,9 +21,10 @@ from softseam.symmetric import symmetric
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import bundle_scene, scene_hash
 from softseam_protocol.scene.materials import SpherePart
-from softseam_protocol.scene.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
 
 _MANY = 100_000

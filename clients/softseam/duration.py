@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
-from softseam_protocol.scene.scene import MOST_STEPS, BlockShape, BodySpec, Scene
+from softseam_protocol.scene.scene import MOST_STEPS, Scene
 from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, SphereTool
 
 Floats = NDArray[np.float64]

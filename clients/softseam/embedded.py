@@ -18,8 +18,9 @@ from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation

@@ -9,9 +9,10 @@ from typing import Any, Literal, get_args
 
 from softseam.errors import BadInput, SceneRefused
 from softseam_protocol.scene import marked_yaml
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, parse_scene, scene_json
 from softseam_protocol.scene.regions import RegionsSpec
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 AS_GIVEN = ("budget=null", "tolerance=null")
 """settings with which a scene is simulated as it stands, whatever accuracy it asks for"""

@@ -13,8 +13,8 @@ from solids import obj, sphere
 
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, parse_scene
-from softseam_protocol.scene.scene import BodySpec
 from softseam_services.body.borders import border_lines
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body

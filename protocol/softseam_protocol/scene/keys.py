@@ -14,12 +14,17 @@ from softseam_protocol.scene.scene import Scene
 Loc = tuple[str | int, ...]
 
 
+def fields_of(spec: type[BaseModel]) -> dict[str, FieldInfo]:
+    """The fields of a spec by the keys that files have for them."""
+    return {field.alias or name: field for name, field in spec.model_fields.items()}
+
+
 def keys_allowed(loc: Loc) -> list[str]:
     """Keys of the spec at an error's location (pydantic's, with union tags)."""
     keys: dict[str, None] = {}
     for candidate in _at(loc)[0]:
         if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-            keys.update(dict.fromkeys(candidate.model_fields))
+            keys.update(dict.fromkeys(fields_of(candidate)))
     return list(keys)
 
 
@@ -43,7 +48,7 @@ def _at(loc: Loc) -> tuple[list[Any], str]:
 
 def _follow(candidate: Any, item: str | int) -> list[tuple[Any, str]]:
     if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-        field: FieldInfo | None = candidate.model_fields.get(str(item))
+        field: FieldInfo | None = fields_of(candidate).get(str(item))
         return [(field.annotation, field.description or "")] if field is not None else []
     origin, arguments = typing.get_origin(candidate), typing.get_args(candidate)
     if origin is dict and isinstance(item, str):

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.materials import BoxPart, CapsulePart, CylinderPart, InclusionSpec, SpherePart
-from softseam_protocol.scene.scene import BodySpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.errors import MeshError
 

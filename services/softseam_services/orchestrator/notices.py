@@ -9,8 +9,9 @@ from softseam_coupling.ledger import Alarm
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import element_warning
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 _TOO_FAR = (
     "moves half its thickness in a step: the body may come out behind it; shorten the step, or move it more slowly"
