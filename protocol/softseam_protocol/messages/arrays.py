@@ -35,13 +35,20 @@ class Least:
 
 
 class Name:
-    """Marks a text that may stand in a key expression or a file name: letters, digits, _ and -, or empty."""
+    """Marks a text that may stand in a key expression or a file name: letters, digits, _ and -, or empty.
 
-    __slots__ = ()
+    dotted  marks an id, which may be two names with a dot between them
+    """
+
+    __slots__ = ("dotted",)
+
+    def __init__(self, dotted: bool = False) -> None:
+        self.dotted = dotted
 
 
 Count = Annotated[int, Least(0)]
 NameText = Annotated[str, Name()]
+IdText = Annotated[str, Name(dotted=True)]
 
 
 Vectors = Annotated[NDArray[np.float64], Array("f8", None, 3)]

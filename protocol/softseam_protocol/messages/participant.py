@@ -14,6 +14,7 @@ from softseam_protocol.messages.arrays import (
     Ids,
     Labels,
     Matrix,
+    NameText,
     Quaternions,
     Scalars,
     Stresses,
@@ -24,6 +25,7 @@ from softseam_protocol.messages.arrays import (
     no_labels,
 )
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.outcomes import Detail, Status
 
 
@@ -53,7 +55,7 @@ class BodyState:
 
 @dataclass(frozen=True, slots=True)
 class Configure:
-    """Build a region: these cells of the body, with this model, in this state (rest if absent)."""
+    """Build a part: these cells of a body, with this model, in this state (rest if absent)."""
 
     header: Header
     bundle: Bundle
@@ -64,6 +66,8 @@ class Configure:
     state: BodyState | None = None
     owns_seam_points: bool = True
     """whether contact at surface points on the seam is this side's"""
+    body: NameText = ONLY_BODY
+    """of the scene, whose cells they are"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from softseam_protocol.messages.arrays import (
     NO_SCALARS,
     Count,
     Lines,
+    NameText,
     OctantIds,
     Octants,
     Scalars,
@@ -36,6 +37,7 @@ class SurfaceMesh:
     """What a viewer needs to draw a body's frames (C cells, P surface points, T triangles)."""
 
     header: Header
+    body: NameText
     point_rest: Vectors
     """surface points at rest (P, 3) [m]"""
     triangles: Triangles
@@ -69,7 +71,8 @@ class Begin:
     seed: int
     facts: dict[str, str]
     """versions and machine of the process that simulates"""
-    surface: SurfaceMesh
+    surfaces: dict[str, SurfaceMesh]
+    """by body"""
 
 
 @dataclass(frozen=True, slots=True)

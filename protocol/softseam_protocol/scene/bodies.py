@@ -14,8 +14,6 @@ from softseam_protocol.scene.spec import BoxRegion, Positive, Spec, Vector, chec
 from softseam_protocol.scene.tools import ToolName
 
 BodyName = ToolName
-ONLY_BODY = "body"
-"""name of the body of a scene that has one, given as `body`"""
 
 MOST_CELLS = 200_000
 

@@ -7,8 +7,9 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
+from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.quantities import QUANTITIES, QuantityName
-from softseam_protocol.scene.bodies import ONLY_BODY, AnyBody, BodyName, BodySpec
+from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.motion import (
