@@ -54,7 +54,7 @@ class BodyState:
 
 @dataclass(frozen=True, slots=True)
 class PartMesh:
-    """The mesh of a part, for a participant that does not build the body from its shape (n nodes, c cells, p points)."""
+    """The mesh of a part, for a participant that does not build the body itself (n nodes, c cells, p points)."""
 
     nodes: Ids
     """global ids, ascending (n,)"""
