@@ -57,6 +57,10 @@ Tolerance = Annotated[
 Deployment = Annotated[
     str | None, typer.Option("--deployment", metavar="NAME", help="Keeps apart what shares a router; default: local.")
 ]
+Routes = Annotated[
+    list[str] | None,
+    typer.Option("--route", metavar="PART=SERVICE", help="Who takes a part, e.g. far=my_solver. Repeatable."),
+]
 Recordings = Annotated[
     Path | None, typer.Option("--recordings", metavar="FOLDER", help="Where the recorder writes; default: recordings.")
 ]
@@ -290,11 +294,12 @@ def up(
     connect: Endpoint = None,
     deployment: Deployment = None,
     recordings: Recordings = None,
+    route: Routes = None,
 ) -> None:
     """Run router, fem, pbd, orchestrator and recorder on this machine; what dies or freezes is restarted."""
     from softseam.processes import up as run_all
 
-    raise typer.Exit(run_all(connect, deployment, recordings, tuple(command or ())))
+    raise typer.Exit(run_all(connect, deployment, recordings, tuple(route or ()), tuple(command or ())))
 
 
 @app.command(
@@ -306,12 +311,13 @@ def serve(
     connect: Endpoint = None,
     deployment: Deployment = None,
     recordings: Recordings = None,
+    route: Routes = None,
     guard: Annotated[bool, typer.Option("--guard", help="Restart it when it dies or freezes.")] = False,
 ) -> None:
     """Run one service until Ctrl-C: for several machines, containers, or a supervisor of your own."""
     from softseam.processes import serve as run_one
 
-    raise typer.Exit(run_one(role, connect, deployment, recordings, guard=guard))
+    raise typer.Exit(run_one(role, connect, deployment, recordings, tuple(route or ()), guard=guard))
 
 
 @app.command(epilog="[bold]Example[/bold]\n\nsoftseam health --connect tcp/127.0.0.1:7447")

@@ -29,6 +29,7 @@ from softseam_protocol.messages.participant import (
     Failure,
     Fields,
     Observe,
+    PartMesh,
     Release,
     Reply,
     Request,
@@ -89,6 +90,7 @@ class Participants:
     accounts  are told where the time goes
     tell      receives kind and text of every event
     tie       makes what ties sides of which nothing is known yet; None where they share no nodes
+    mesh      makes the mesh of one of the sides; None where it has no cells
     """
 
     def __init__(
@@ -100,9 +102,10 @@ class Participants:
         accounts: Accounts,
         tell: Tell,
         tie: Callable[[Sides], SeamScheme | None],
+        mesh: Callable[[Sides, str], PartMesh | None],
     ) -> None:
         self._bundle, self._scene, self._transport = bundle, scene, transport
-        self._clock, self._accounts, self._tell, self._tie = clock, accounts, tell, tie
+        self._clock, self._accounts, self._tell, self._tie, self._mesh = clock, accounts, tell, tie, mesh
         self.sides: Sides
         """the present cut"""
         self._loop: SeamScheme | None = None
@@ -127,6 +130,7 @@ class Participants:
                     sides.seam,
                     state,
                     name == NEAR,
+                    self._mesh(sides, name),
                 )
                 for name in sides.names
             }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.participants import Kept, Participants, Tied
 from softseam_services.orchestrator.seam_answers import SeamScheme
 from softseam_services.orchestrator.seam_schemes import build_scheme, build_seam_solver
-from softseam_services.orchestrator.sides import Sides, cut, merged_state, whole_frame
+from softseam_services.orchestrator.sides import Sides, cut, merged_state, part_mesh, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.orchestrator.undivided import Undivided
@@ -60,7 +61,9 @@ class Regions:
         self._goal = self._watch = None
         if isinstance(body, Body) and self._scene.regions.goal is not None:
             self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
-        self.participants = Participants(bundle, setup.scene, transport, clock, accounts, tell, self._scheme)
+        self.participants = Participants(
+            bundle, setup.scene, transport, clock, accounts, tell, self._scheme, partial(part_mesh, body)
+        )
         """that the regions are with"""
 
     @property

@@ -26,6 +26,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Mapping
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
@@ -69,8 +70,8 @@ _log = logging.getLogger(__name__)
 class ClientHandler:
     """Bytes in, bytes out; called from several threads, one request at a time for each session."""
 
-    def __init__(self, bus: Bus, keys: Keys, life: Lifeline) -> None:
-        self._bus, self._keys, self._life = bus, keys, life
+    def __init__(self, bus: Bus, keys: Keys, life: Lifeline, routes: Mapping[str, str] | None = None) -> None:
+        self._bus, self._keys, self._life, self._routes = bus, keys, life, routes
         self._desks: dict[str, Desk] = {}
         self._lock = threading.Lock()
         self._attendance = Attendance(bus, keys)
@@ -136,7 +137,7 @@ class ClientHandler:
                         )
                     )
                 if len(self._desks) < MOST_SESSIONS:
-                    desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set)
+                    desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set, self._routes)
                     self._desks[header.session] = desk
                     return desk
             if not self._make_room():
@@ -240,15 +241,15 @@ class ClientHandler:
             self._attendance.forget(session)
 
 
-def serve_orchestrator(options: BusOptions, life: Lifeline) -> None:
-    """Serve clients until the process is asked to stop."""
+def serve_orchestrator(options: BusOptions, life: Lifeline, routes: Mapping[str, str] | None = None) -> None:
+    """Serve clients until the process is asked to stop. routes: see `BusTransport`, `services`."""
     life.state = "compiling"
     warm_orchestrator()
     settle()
     keys, instance = options.keys, new_instance()
     with options.open() as bus:
         wait_alone(bus, keys, life.stop)
-        handler = ClientHandler(bus, keys, life)
+        handler = ClientHandler(bus, keys, life, routes)
         server = bus.serve({keys.orchestrator: handler}, name="softseam orchestrator")
         tell_progress(life, bus, keys, server, ROLE, SERVICE, instance, handler.last, supervise=False)
         bus.declare_live(keys.live(ROLE, SERVICE, instance))

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from softseam_coupling.handover import Side, merge_sides
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.names import within
-from softseam_protocol.messages.participant import BodyState, Fields
+from softseam_protocol.messages.participant import BodyState, Fields, PartMesh
 from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.particles import ParticleBody
-from softseam_services.body.region import shared_nodes
+from softseam_services.body.region import build_region, shared_nodes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -86,6 +86,23 @@ def side_mass(body: Body, cells: Ints) -> Floats:
     mass = np.zeros(body.n_nodes)
     np.add.at(mass, body.cell_nodes[cells].reshape(-1), body.cell_mass[cells].reshape(-1))
     return mass
+
+
+def part_mesh(body: AnyBody, sides: Sides, name: str) -> PartMesh | None:
+    """The mesh of one side; None of particles."""
+    if isinstance(body, ParticleBody):
+        return None
+    part = build_region(body, sides.cells[name], sides.seam, name == NEAR)
+    return PartMesh(
+        part.nodes,
+        body.x_rest[part.nodes],
+        part.mass,
+        part.fixed.astype(np.int8),
+        part.cell_nodes,
+        part.points,
+        part.point_cell,
+        part.point_local,
+    )
 
 
 def contact_state(body: AnyBody, fields: Mapping[str, Fields]) -> tuple[Floats, Ints]:
