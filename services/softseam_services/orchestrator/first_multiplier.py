@@ -65,7 +65,9 @@ def first_multiplier(
     difference = difference - acceleration[sides.near]
     if tie.p is None:
         return difference / (1.0 / mass[sides.near] + 1.0 / mass[sides.far])[:, None]
-    return np.asarray(np.linalg.solve(np.diag(1.0 / mass[sides.near]) + (tie.p / mass[sides.far]) @ tie.p.T, difference))
+    return np.asarray(
+        np.linalg.solve(np.diag(1.0 / mass[sides.near]) + (tie.p / mass[sides.far]) @ tie.p.T, difference)
+    )
 
 
 def _seam_loads(

@@ -92,7 +92,7 @@ def part_mesh(body: AnyBody, sides: Sides, name: str) -> PartMesh | None:
     """The mesh of one side; None of particles."""
     if isinstance(body, ParticleBody):
         return None
-    part = build_region(body, sides.cells[name], sides.seam, name == NEAR)
+    part = build_region(body, sides.cells[name], sides.seam, name == sides.near)
     return PartMesh(
         part.nodes,
         body.x_rest[part.nodes],
