@@ -232,7 +232,7 @@ def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
     from softseam_services.tools.motion import tool_motion
     from softseam_services.tools.travel import beyond_middle
 
-    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, body.x_rest))
+    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, [body]))
     found = []
     for phase in range(len(scene.motion)):
         command, _ = program.step(Progress(phase, 0.0), tools.position, tools.orientation)

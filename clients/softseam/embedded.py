@@ -117,7 +117,8 @@ class EmbeddedBackend:
         except OSError as error:
             raise BadInput(f"cannot make the folder of {path}: {error.strerror}") from error
         with translated():
-            start = begin(self._bundle, self.simulation.body, self.simulation.tools, seed=seed)
+            bodies = {name: one.body for name, one in self.simulation.bodies.items()}
+            start = begin(self._bundle, bodies, self.simulation.tools, seed=seed)
             self._recorder = McapRecorder(path, start, existing="replace", on_loss=self._tell_loss)
 
     def _stop_recording(self) -> None:
@@ -138,24 +139,23 @@ class Resimulation:
         from softseam_services.orchestrator.embedded import EmbeddedTransport
         from softseam_services.orchestrator.simulation import Simulation
 
-        self._frame: Frame | None = None
+        self._frames: dict[str, Frame] = {}
         self._simulation = Simulation(bundle, EmbeddedTransport(), emit=self._take)
         self._simulation.reset(seed)
 
     def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport:
         return self._simulation.step(velocities, fields=fields)
 
-    def frame(self) -> Frame:
-        """The last step's frame. A region switch at the end of that step is not in it, as in a recording."""
-        assert self._frame is not None
-        return self._frame
+    def frame(self, body: str) -> Frame:
+        """A body's frame of the last step. A switch at the end of that step is not in it, as in a recording."""
+        return self._frames[body]
 
     def close(self) -> None:
         self._simulation.close()
 
     def _take(self, message: Message) -> None:
         if isinstance(message, Frame):
-            self._frame = message
+            self._frames[message.body] = message
 
 
 @contextmanager
@@ -173,12 +173,14 @@ def compile_first(scene: Scene) -> None:
     """Compile what no process has compiled yet on this machine and a scene needs, so that no step waits for it."""
     from softseam_services.warm_up import compile_side_by_side, never_compiled
 
-    if not isinstance(scene.body, BodySpec):
-        return  # particles: few kernels, which compile in seconds
-    near = scene.regions.near
-    goal = () if scene.regions.goal is None else ("fem",)  # whose kernels solve for the adjoint
-    models = sorted({scene.regions.default, *(() if near is None else (near.model,)), *goal})
-    fresh = [model for model in models if never_compiled(model)]
+    models: set[str] = set()
+    for name, body in scene.bodies.items():
+        if not isinstance(body, BodySpec):
+            continue  # particles: few kernels, which compile in seconds
+        regions = scene.of(name).regions
+        models |= {regions.default, *(() if regions.near is None else (regions.near.model,))}
+        models |= set() if regions.goal is None else {"fem"}  # whose kernels solve for the adjoint
+    fresh = [model for model in sorted(models) if never_compiled(model)]
     if fresh:
         if sys.stderr.isatty():
             print("compiling the solvers for this machine, once: a minute or so", file=sys.stderr)

@@ -19,6 +19,7 @@ import numpy as np
 from numba import config
 
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import (
     Advance,
     Bundle,

@@ -116,7 +116,7 @@ class StepReport:
     gripping: Labels = field(default_factory=no_labels)
     """1 for tools that gripped (t,); empty: none did"""
     estimate: ErrorEstimate | None = None
-    """with the step that ends a scene's own motion or duration, of bodies in cells: that of the body that is off most"""
+    """with the step that ends a scene's own motion or duration: of the body in cells that is off most"""
 
     @property
     def seam(self) -> InterfaceReport:

@@ -176,7 +176,8 @@ class Desk:
             simulation.close()
 
     def _begin(self) -> Begin:
-        return begin(self._bundle, self.simulation.body, self.simulation.tools, self._session, self._seed)
+        bodies = {name: one.body for name, one in self.simulation.bodies.items()}
+        return begin(self._bundle, bodies, self.simulation.tools, self._session, self._seed)
 
     def _observe(self, fields: bool, taken: bool = False) -> Observation:
         simulation, events = self.simulation, self._events

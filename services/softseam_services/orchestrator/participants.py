@@ -131,8 +131,8 @@ class Participants:
                     sides.seam,
                     state,
                     name == sides.near,
-                    self._mesh(sides, name),
                     sides.body,
+                    self._mesh(sides, name),
                 )
                 for name in sides.names
             }

@@ -38,13 +38,15 @@ Floats = NDArray[np.float64]
 class Regions:
     """The cut of one body, and the rule that it follows.
 
+    name      of the body
     clock     of the simulation
-    accounts  are told where the time goes
+    accounts  tell what share of the energy a switch changes
     tell      receives kind and text of every event
     """
 
     def __init__(
         self,
+        name: str,
         bundle: Bundle,
         setup: Setup,
         transport: Transport,
@@ -52,7 +54,7 @@ class Regions:
         accounts: Accounts,
         tell: Tell,
     ) -> None:
-        self._scene, self._body = setup.scene, setup.body
+        self._name, self._scene, self._body = name, setup.scene, setup.body
         self._clock, self._accounts, self._tell = clock, accounts, tell
         seam = self._scene.seam
         self._solver = build_seam_solver(seam.acceleration, seam.tolerance * self._body.resolution)
@@ -62,7 +64,7 @@ class Regions:
         if isinstance(body, Body) and self._scene.regions.goal is not None:
             self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
         self.participants = Participants(
-            bundle, setup.scene, transport, clock, accounts, tell, self._scheme, partial(part_mesh, body)
+            bundle, setup.scene, transport, clock, tell, self._scheme, partial(part_mesh, body)
         )
         """that the regions are with"""
 
@@ -193,7 +195,7 @@ class Regions:
 
         state, cauchy (C, 8, 6)  as the body stands: of both the first multiplier is made
         """
-        sides = cut(self._body, self.near.mask, self.near.model, self._scene.regions.default)
+        sides = cut(self._name, self._body, self.near.mask, self.near.model, self._scene.regions.default)
         return sides, self._scheme(sides, state, cauchy)
 
     def _scheme(self, sides: Sides, state: BodyState | None = None, cauchy: Floats | None = None) -> SeamScheme | None:

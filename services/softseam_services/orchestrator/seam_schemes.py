@@ -20,7 +20,7 @@ from softseam_services.orchestrator.accelerated_seam import AccelerationLoop
 from softseam_services.orchestrator.one_way_seam import OneWaySeam
 from softseam_services.orchestrator.ramped_seam import RampedSeam
 from softseam_services.orchestrator.seam_answers import SeamScheme
-from softseam_services.orchestrator.sides import FAR, NEAR, Sides, side_mass
+from softseam_services.orchestrator.sides import Sides, side_mass
 from softseam_services.orchestrator.staggered_seam import StaggeredSeam
 
 Floats = NDArray[np.float64]
@@ -53,12 +53,13 @@ def build_scheme(
     """
     if seam.scheme == "staggered":
         return StaggeredSeam(solver, tie, first, seam.exchanges)
-    mobility = {name: 1.0 / side_mass(body, sides.cells[name])[sides.seam] for name in (NEAR, FAR)}
-    both = np.repeat(mobility[NEAR] + (mobility[FAR] if tie.p is None else tie.p**2 @ mobility[FAR]), 3)
+    mobility = {name: 1.0 / side_mass(body, sides.cells[name])[sides.seam] for name in (sides.near, sides.far)}
+    other = mobility[sides.far] if tie.p is None else tie.p**2 @ mobility[sides.far]
+    both = np.repeat(mobility[sides.near] + other, 3)
     if seam.scheme == "ph":
         return RampedSeam(solver, tie, both, first, seam.exchanges)
     if isinstance(solver, AcceleratedSeam):
         return AccelerationLoop(solver, tie, both, first, seam.exchanges)
     nodes = np.arange(len(sides.seam), dtype=np.int32)
-    interface = Interface("seam", (NEAR, FAR), (nodes, nodes), (None, tie.p), tie.c)
+    interface = Interface(sides.interface, (sides.near, sides.far), (nodes, nodes), (None, tie.p), tie.c)
     return OneWaySeam(interface, mobility, solver.tolerance, body.resolution, first, seam.exchanges)

@@ -152,8 +152,8 @@ def whole_frame(
         x, cauchy, point_x = side.x, side.cauchy, side.point_x
         force, tool, strain, energy = side.contact_force, side.contact_tool, side.point_strain, side.cell_energy
         return Frame(
-            header, sides.body, x, cauchy, near.astype(np.int8), point_x, force, tool, sides.seam, multiplier, position.copy(),
-            orientation.copy(), strain, energy,
+            header, sides.body, x, cauchy, near.astype(np.int8), point_x, force, tool, sides.seam, multiplier,
+            position.copy(), orientation.copy(), strain, energy,
         )  # fmt: skip
     x = np.empty((body.n_nodes, 3))
     cauchy = np.empty((body.n_cells, 8, 6))
