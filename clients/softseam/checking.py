@@ -23,7 +23,7 @@ from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import bundle_scene, scene_hash
-from softseam_protocol.scene.materials import SpherePart
+from softseam_protocol.scene.parts import SpherePart
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
 
@@ -261,7 +261,8 @@ def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: T
     kept_away = near is not None and near.model == "fem" and near.within is not None
     shares = is_covered_by_faces(body)
     narrow = []
-    for name, outline, followed in zip(tools.names, tools.outline, tools.near, strict=True):
+    for name, geometry, followed in zip(tools.names, tools.geometry, tools.near, strict=True):
+        outline = geometry.outline
         width = float(np.sort(np.ptp(outline, axis=0))[1]) if len(outline) else math.inf
         felt = shares and scene.tools[name].kind == "box"
         if width < edge * (1.0 - 1e-9) and not felt and not (followed and kept_away):

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
 from softseam_protocol.scene.materials import MATERIALS
+from softseam_protocol.scene.parts import PARTS
+from softseam_protocol.scene.tools import TOOLS
 from softseam_services.body.materials import LAWS
 from softseam_services.fem import elements
 from softseam_services.fem.integrators import table as integrators
+from softseam_services.shapes import SHAPES
 
 
 def check_tables() -> None:
@@ -19,5 +22,7 @@ def check_tables() -> None:
         (MATERIALS, LAWS),
         (ELEMENTS, elements.ELEMENTS),
         (INTEGRATORS, integrators.INTEGRATORS),
+        (TOOLS, SHAPES),
+        (PARTS, SHAPES),
     ):
         done.require(said, f"the table of {said.title}")

@@ -29,8 +29,8 @@ from softseam_services.fem.model import FemModel
 from softseam_services.fem.tool_motion import Tools
 from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work
+from softseam_services.shapes.branches import PLANE
 from softseam_services.tools.kernels import tool_gap
-from softseam_services.tools.tool_set import PLANE
 
 
 def _problem(

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import AnyBody
+from softseam_services.tools.extent import extent_along
 from softseam_services.tools.kernels import rotate, rotate_back
-from softseam_services.tools.outline import extent_along
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
