@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 from softseam_protocol.extensions import ExtensionError, load_extensions
+from softseam_protocol.scene.scene import SeveralBodies
 
 app = typer.Typer(
     name="softseam",
@@ -362,7 +363,7 @@ def main() -> int:
         load_extensions()
         app()
         return OK
-    except ExtensionError as error:
+    except (ExtensionError, SeveralBodies) as error:
         error_console.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
         return BAD_INPUT
     except SoftseamError as error:

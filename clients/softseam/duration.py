@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, Shape
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
 from softseam_protocol.scene.scene import MOST_STEPS, Scene
-from softseam_protocol.scene.tools import PlaneTool
+from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 
 
 def expected_duration(scene: Scene) -> float | None:
@@ -45,11 +45,27 @@ def too_many_steps(scene: Scene) -> str:
     return f"step: {count}, more than {MOST_STEPS:,}: lengthen `step`, or shorten the motion"
 
 
+def _shape_between(scene: Scene, first: ToolSpec, second: ToolSpec) -> Shape | None:
+    """Shape of the body that the two close on; None where it has none, or where it is not known which of several."""
+    shapes = [body.shape if isinstance(body, BodySpec) else None for body in scene.bodies.values()]
+    if len(shapes) == 1:
+        return shapes[0]
+    if isinstance(first, PlaneTool) or isinstance(second, PlaneTool):
+        return None
+    middle = 0.5 * np.add(first.position, second.position)
+    for body in scene.bodies.values():
+        if isinstance(body, BodySpec) and isinstance(body.shape, BlockShape):
+            size = np.array(body.shape.size)
+            if (np.abs(middle - body.position - [0.0, 0.0, 0.5 * size[2]]) <= 0.5 * size).all():
+                return body.shape
+    return None
+
+
 def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:
     """Length of a closing phase [s]; `closed` is how far each tool has approached the other before [m]."""
     bounds = [] if phase.until.time is None else [phase.until.time]
-    shape = scene.body.shape if isinstance(scene.body, BodySpec) else None
     first, second = (scene.tools[name] for name in phase.tools)
+    shape = _shape_between(scene, first, second)
     if (
         phase.until.compression is not None
         and isinstance(shape, BlockShape)
