@@ -19,7 +19,7 @@ from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.participant import Failure
-from softseam_protocol.messages.session import Close, Observation, SeamReport, StepReport
+from softseam_protocol.messages.session import Close, Observation, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 
@@ -39,10 +39,10 @@ def at_rest() -> Observation:
     header = Header(SCHEMA_VERSION, "s", "", 0, 0, 0, 0.0)
     none, zero = np.zeros((0, 3)), np.zeros(3)
     report = StepReport(
-        header, -1, none, np.zeros((0, 4)), np.zeros((0, 6)), {}, SeamReport(0.0, 0, 0, 0.0, 0.0), {}, {}, zero, zero,
+        header, -1, none, np.zeros((0, 4)), np.zeros((0, 6)), {}, {}, {}, {}, zero, zero,
         0.0, {}, False, none,
     )  # fmt: skip
-    return Observation(header, report, None, [])
+    return Observation(header, report, {}, [])
 
 
 def serve(endpoint: str, key: str, answer: Callable[[bytes], bytes], role: str) -> Bus:

@@ -116,7 +116,7 @@ def test_the_bus_changes_no_bit(
 ) -> None:
     reports, observation, _ = run(services, bus, bar)
     assert first_difference(reference[0], reports) == ""
-    assert observation.frame is not None and same_frame(reference[1], observation.frame)
+    assert observation.frames and same_frame(reference[1], observation.frames["body"])
     assert first_difference([observation.report], reports[-1:]) == ""
 
 
@@ -128,7 +128,7 @@ def test_a_ramped_multiplier_changes_no_bit_on_the_bus(services: Services, bus: 
     simulation = Simulation(bundle, EmbeddedTransport())
     alone = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
     assert first_difference(alone, reports) == ""
-    assert observation.frame is not None and same_frame(simulation.frame(), observation.frame)
+    assert observation.frames and same_frame(simulation.frames["body"](), observation.frames["body"])
     simulation.close()
 
 
@@ -144,7 +144,7 @@ def test_a_sheet_is_gripped_the_same_over_the_bus(services: Services, bus: Bus) 
         services, bus, bundle, 20, lambda: os.kill(services.children.pid("pbd"), signal.SIGKILL)
     )
     assert first_difference(wanted, reports) == ""
-    assert observation.frame is not None and same_frame(frame, observation.frame)
+    assert observation.frames and same_frame(frame, observation.frames["body"])
     assert "participant_restored" in [event.kind for event in observation.events]
 
 
@@ -167,7 +167,7 @@ def test_a_participant_is_lost_and_nothing_shows(
     reports, observation, seconds = run(services, bus, bar, 20, lambda: os.kill(pid, number))
     assert services.children.pid(victim) != pid, "the process was not replaced"
     assert first_difference(reference[0], reports) == ""
-    assert observation.frame is not None and same_frame(reference[1], observation.frame)
+    assert observation.frames and same_frame(reference[1], observation.frames["body"])
     kinds = [event.kind for event in observation.events]
     assert "participant_lost" in kinds and "participant_restored" in kinds, kinds
     record_property("seconds", round(seconds, 2))

@@ -201,8 +201,8 @@ def test_a_fold_is_recorded_drawn_and_simulated_again(tmp_path: Path) -> None:
     recording = Recording(path)
     found = verify(recording, resimulate)
     assert found.same and found.steps == 15, found.text
-    assert recording.surface is not None
-    surface = DisplaySurface(recording.surface)
+    assert recording.surfaces
+    surface = DisplaySurface(recording.surfaces["body"])
     loads = [surface.load(frame) for frame in recording.frames()]
     assert surface.load_label == "stretch [%]"
     assert loads[0].shape == (2 * 21 * 11,) and loads[-1].max() > 1e-4

@@ -83,7 +83,7 @@ def build(name: str) -> tuple[Body, Sides, Floats, Floats]:
     body = build_body(
         Scene.model_validate({"softseam": 1, "name": "x", "duration": 1.0, "body": spec | {"material": material}}), {}
     )
-    sides = cut(body, chosen(body.cell_grid), "fem", "pbd")
+    sides = cut("body", body, chosen(body.cell_grid), "fem", "pbd")
     neighbours = CellGrid.build(body.cell_grid).neighbours
     tie = tie_sides(body, sides, neighbours, {"fem": "hex27", "pbd": "hex8"})
     faces = [body.cell_nodes[cells][:, sheet(face)] for face, cells, _ in seam_faces(body, sides, neighbours)]

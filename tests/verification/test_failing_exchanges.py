@@ -167,12 +167,12 @@ def test_a_client_is_told_of_steps_that_were_taken(monkeypatch: pytest.MonkeyPat
         session.step(count=12, fields=False)
         monkeypatch.setattr(Failing, "kind", Observe)
         seen = session.step()
-        assert seen.step == 13 and seen.frame is None
+        assert seen.step == 13 and not seen.frames
         assert [event.kind for event in seen.events].count(EventKind.LOST) == 1
         with pytest.raises(softseam.FieldsNotObserved, match=r"step 12 is taken, but .* come back"):
             assert seen.positions
         seen = session.step()
-        assert seen.step == 14 and seen.frame is not None
+        assert seen.step == 14 and seen.frames
     monkeypatch.setattr(Failing, "from_step", 2)
     with softseam.open(CANTILEVER, model="hybrid") as session:
         session.reset()

@@ -332,7 +332,7 @@ def test_a_seam_between_graded_cells_passes_the_patch_test() -> None:
     shape = {"kind": "block", "size": SIZE, "grading": 5.0}
     scene = block_scene(SIZE, (0.02, 0.05 / 3, 0.04 / 3), kind="linear", body={"shape": shape})
     body = PbdRun(scene).body
-    sides = cut(body, body.cell_grid[:, 2] == 0, "fem", "pbd")
+    sides = cut("body", body, body.cell_grid[:, 2] == 0, "fem", "pbd")
     neighbours = CellGrid.build(body.cell_grid).neighbours
     tie = tie_sides(body, sides, neighbours, {"fem": "hex27", "pbd": "hex8"})
     nu = 0.45  # the sides of the body feel no traction

@@ -186,7 +186,7 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
     coarse = ALL if far == "all coarse" else {"boxes": [{"min": (0.0, -1.0, -1.0), "max": (1.0, 1.0, 1.0)}]}
     scene = block_scene(SIZE, CELL, kind=kind, poisson=0.3, pbd={"coarse": coarse})
     body = PbdRun(scene).body
-    sides = cut(body, body.cell_grid[:, 2] == 0, "fem", "pbd")
+    sides = cut("body", body, body.cell_grid[:, 2] == 0, "fem", "pbd")
     tie = tie_sides(body, sides, CellGrid.build(body.cell_grid).neighbours, {"fem": "hex27", "pbd": "hex8"})
     stretch, nu = 1.05, 0.3
     across = 1.0 - nu * (stretch - 1.0)

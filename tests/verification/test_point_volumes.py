@@ -175,6 +175,6 @@ def test_rims_of_pads_come_to_rest() -> None:
     simulation = Simulation(bundle_scene(with_settings(load_scene("tofu_pads"), settings)), EmbeddedTransport())
     iterations = []
     while simulation.time < 1.99:
-        (reply,) = simulation.step().regions.values()
+        (reply,) = simulation.step().parts.values()
         iterations.append(reply.iterations)
     assert max(iterations[-8:]) <= 8

@@ -277,7 +277,7 @@ def test_a_thousand_switches_of_a_vibrating_body() -> None:
                 simulation.set_near(np.array(cuts[random.integers(len(cuts))], dtype=bool))
                 n_switches += 1
             report = simulation.step()
-            assert all(np.isfinite(reply.kinetic) for reply in report.regions.values())
+            assert all(np.isfinite(reply.kinetic) for reply in report.parts.values())
             energy[run, step] = report.energy["kinetic"] + report.energy["strain"]
             spent += abs(report.energy["switch"])
         simulation.close()

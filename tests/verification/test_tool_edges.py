@@ -198,7 +198,7 @@ def test_tofu_squeezed_to_three_fifths_between_pads_comes_to_rest() -> None:
     iterations, slip = [], []
     while not simulation.done:
         report = simulation.step()
-        (reply,) = report.regions.values()
+        (reply,) = report.parts.values()
         iterations.append(reply.iterations)
         slip.append(report.quantities["slip"])
     simulation.close()

@@ -75,7 +75,7 @@ def through_a_seam(nodes: int, coarse: bool) -> float:
     for _ in range(round(PASSED * SPEED / EDGE / 0.25)):
         report = simulation.step()
     simulation.close()
-    energy = {name: side.kinetic + side.strain for name, side in report.regions.items()}
+    energy = {name: side.kinetic + side.strain for name, side in report.parts.items()}
     return energy[NEAR] / energy[FAR]
 
 
