@@ -128,7 +128,7 @@ def test_a_ramped_multiplier_changes_no_bit_on_the_bus(services: Services, bus: 
     simulation = Simulation(bundle, EmbeddedTransport())
     alone = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
     assert first_difference(alone, reports) == ""
-    assert observation.frames and same_frame(simulation.frames["body"](), observation.frames["body"])
+    assert observation.frames and same_frame(simulation.frame(), observation.frames["body"])
     simulation.close()
 
 

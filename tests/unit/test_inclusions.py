@@ -172,7 +172,7 @@ def test_stress_on_the_surface_is_of_one_material() -> None:
     """What a viewer shows: no point has a mean of the two values on either side of a border."""
     layer = {"shape": {"kind": "box", "position": (0, 0, 0), "size": (1, 1, 0.05)}, "material": {"young": 1e6}}
     body = build_body(block(body={"inclusions": [layer]}), {})
-    mesh = surface_mesh(Header(SCHEMA_VERSION, "body", "local", "", 0, 0, 0, 0.0), body, {})
+    mesh = surface_mesh(Header(SCHEMA_VERSION, "local", "", 0, 0, 0, 0.0), "body", body, {})
     shown = DisplaySurface(mesh).at_points(np.where(body.octant_material == 1, 7.0, 1.0))
     z = mesh.point_rest[:, 2]
     np.testing.assert_allclose(shown[z < 0.024], 7.0)

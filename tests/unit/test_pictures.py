@@ -88,7 +88,8 @@ def test_fem_alone_is_painted_as_fem(tmp_path: Path) -> None:
     builder = ReportBuilder(recording.bundle)
     for message in recording:
         builder.add(message)
-    told = summary(recording, builder, find_scales(recording, "body", DisplaySurface(recording.surfaces["body"])))
+    scales = find_scales(recording, "body", DisplaySurface(recording.surfaces["body"]))
+    told = summary(recording, builder, {"body": scales})
     assert "Coral: FEM. Yellow" in told
 
 

@@ -41,11 +41,11 @@ class Failing(EmbeddedTransport):
     from_step = 0
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
-        if self._meant(requests.get("near")):
+        if self._meant(requests.get("body.near")):
             self.kind = None
             if self.reaches_far:
-                super().exchange({"far": requests["far"]})
-            raise ParticipantLost("near", "the cable was cut")
+                super().exchange({"body.far": requests["body.far"]})
+            raise ParticipantLost("body.near", "the cable was cut")
         return super().exchange(requests)
 
     def _meant(self, request: Request | None) -> bool:
@@ -223,7 +223,7 @@ class Breaking(EmbeddedTransport):
             return replies
         self.part = None
         if self.lost:
-            raise ParticipantLost("near", "the cable was cut")
+            raise ParticipantLost("body.near", "the cable was cut")
         return replies | {"near": replace(near, status=Status.UNCONVERGED, kinetic=float("nan"))}
 
     def wait_alive(self, participant: str, timeout: float) -> bool:

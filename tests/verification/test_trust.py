@@ -236,7 +236,7 @@ def test_the_estimate_is_a_number_even_of_nonsense() -> None:
     of = simulation(cantilever("hex27", 0.3, 1))
     of.step()
     fields = of.regions.participants.observe(indicators=True, own=True)
-    fields["far"].mesh_error[0] = np.nan
+    fields["body.far"].mesh_error[0] = np.nan
     said = of.only.trust.now(0.1, of.regions.sides, fields)
     assert said is not None and "not numbers" in said.text and said.answer == 0.0
     of.close()
