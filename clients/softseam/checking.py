@@ -61,17 +61,22 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     table.add_row("scene", f"{scene.name}  (hash {scene_hash(bundle)[:12]})")
+    found = {body: _check_body(setup, probes[body], name, settings) for body, setup in setups.items()}
     console.print(table)
-    for body, setup in setups.items():
-        if len(setups) > 1:
+    for body, (facts, doubts, notes) in found.items():
+        if len(found) > 1:
             console.print(Text(f"\n{body}", style="bold"))
-        _check_body(setup, probes[body], name, settings, console)
+        console.print(facts)
+        _warn(doubts, name, settings, console)
+        for note in notes:
+            console.print(Text(f"note: {note}", style="dim"))
     console.print(Text("the scene can be simulated", style="green"))
 
 
 def _check_body(
-    setup: Setup, probes: Mapping[str, Vector], name: str, settings: Sequence[str], console: Console
-) -> None:
+    setup: Setup, probes: Mapping[str, Vector], name: str, settings: Sequence[str]
+) -> tuple[Table, list[str], list[str]]:
+    """What a body is, what is doubtful about it, and notes. Raises SceneRefused."""
     from softseam_services.body.body import Body
     from softseam_services.body.check import check_body
     from softseam_services.body.errors import SettingError
@@ -96,9 +101,7 @@ def _check_body(
             table.add_row(fact, value)
         table.add_row("models", _models(scene))
         table.add_row("steps", _steps(scene))
-        console.print(table)
-        _warn(odd_motion(scene, float(np.ptp(built.x_rest, axis=0).max())), name, settings, console)
-        return
+        return table, odd_motion(scene, float(np.ptp(built.x_rest, axis=0).max())), []
     body = check_body(built)
     assert isinstance(scene.body, BodySpec)  # it has cells
     table.add_row("size", " x ".join(f"{1e3 * side:.4g}" for side in body.size) + " mm")
@@ -133,10 +136,7 @@ def _check_body(
         table.add_row("coarse", blocks)
         doubts += _pokes_between(scene, built, coarse, setup.tools)
     table.add_row("steps", _steps(scene))
-    console.print(table)
-    _warn(doubts, name, settings, console)
-    for note in (*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)):
-        console.print(Text(f"note: {note}", style="dim"))
+    return table, doubts, [*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)]
 
 
 def _warn(doubts: Sequence[str], name: str, settings: Sequence[str], console: Console) -> None:

@@ -213,8 +213,8 @@ def test_a_fitted_camera_fills_the_picture() -> None:
 
 def test_one_region_has_the_name_and_colour_of_its_model() -> None:
     """Whatever the region is called: FEM is coral and PBD is blue, alone as beside each other."""
-    assert colors.parts({"body.far": "fem"}) == {"far": ("FEM", colors.NEAR)}
-    assert colors.parts({"body.near": "fem"}) == {"near": ("FEM", colors.NEAR)}
-    assert colors.parts({"body.far": "pbd"}) == {"far": ("PBD", colors.FAR)}
-    both = {"near": ("near region: FEM", colors.NEAR), "far": ("far region: PBD", colors.FAR)}
-    assert colors.parts({"body.far": "pbd", "near": "fem"}) == both
+    assert colors.parts({"body.far": "fem"}) == {"body.far": ("FEM", colors.NEAR)}
+    assert colors.parts({"body.near": "fem"}) == {"body.near": ("FEM", colors.NEAR)}
+    assert colors.parts({"body.far": "pbd"}) == {"body.far": ("PBD", colors.FAR)}
+    both = {"body.near": ("near part: FEM", colors.NEAR), "body.far": ("far part: PBD", colors.FAR)}
+    assert colors.parts({"body.far": "pbd", "body.near": "fem"}) == both
