@@ -27,7 +27,6 @@ from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
-from softseam_protocol.quantities import probed
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene
 
@@ -155,14 +154,14 @@ class ReportBuilder:
     def _quantities(self) -> dict[str, Any]:
         """By name: its values, and whether the scene asks for it; what it does not ask for is always reported."""
         c = self.columns
-        asked = {*self._scene.quantities, *probed(self._scene.probes)}
+        asked = {*self._scene.asked}
         found = {}
         for name in c.names("quantity."):
             values = c[f"quantity.{name}"]
             known = values[np.isfinite(values)]
             found[name] = {
                 "unit": unit_of(name),
-                "asked": name in asked or name.rpartition(".")[2] in self._scene.quantities,
+                "asked": name in asked,
                 "time": _list(c["time"]),
                 "values": _list(values),
                 "final": _number(values[-1]),

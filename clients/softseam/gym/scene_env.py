@@ -20,7 +20,6 @@ from softseam.scenes import bundle_of
 from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
 from softseam_protocol.messages.outcomes import EventKind
-from softseam_protocol.quantities import probed
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool
 
@@ -82,7 +81,7 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         self._varied: tuple[str, ...] = ()
         self.tools = moved(self.scene)
         """that actions move"""
-        self._quantities = (*self.scene.quantities, *probed(self.scene.probes))
+        self._quantities = self.scene.asked
         each = [f"{tool}.{what}" for tool in self.tools for what in (*_AXES, *_WRENCH)]
         self.names = (*each, *self._quantities)
         """of what `see` returns where it is not overridden"""

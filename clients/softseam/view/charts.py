@@ -27,7 +27,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     """The quantities, then the seam's and the ledger's account of how far to trust them."""
     columns = builder.columns
     time = columns["time"]
-    wanted: tuple[str, ...] = recording.scene.quantities or tuple(columns.names("quantity."))
+    wanted = recording.scene.asked or tuple(columns.names("quantity."))
     quantities = [name for name in wanted if np.isfinite(columns[f"quantity.{name}"]).any()]
     coupled = bool(np.nanmax(columns["seam_nodes"], initial=0.0) > 0.0)
     n_plots = len(quantities) + (2 if coupled else 0) + 1

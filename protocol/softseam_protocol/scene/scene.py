@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from softseam_protocol.messages.names import ONLY_BODY
-from softseam_protocol.quantities import QUANTITIES, QuantityName
+from softseam_protocol.messages.names import ONLY_BODY, prefix
+from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
 from softseam_protocol.scene.models import ModelsSpec
@@ -122,6 +122,16 @@ class Scene(Spec):
                 "probes": self.probes if cells else {},
             }
         )
+
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """Names under which steps report what the scene asks for: NAME of one body, BODY.NAME of each of several that
+        has it, and PROBE.von_mises and the like."""
+        own = (
+            prefix(name, self.bodies) + quantity for quantity in self.quantities for name in self.bodies
+            if quantity in self.of(name).quantities
+        )  # fmt: skip
+        return (*own, *probed(self.probes))
 
     def with_body(self, body: AnyBody, name: str = ONLY_BODY) -> Scene:
         """The scene with another body of that name in the place of the one that has it; not validated."""

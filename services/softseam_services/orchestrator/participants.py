@@ -169,9 +169,11 @@ class Participants:
     def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
         """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
         self._discard_failed()
-        self._n_asked, self._under_way = 0, True
+        self._n_asked, self._under_way = self._n_asked + 1, True
         return {
-            name: Advance(self._header(name, 0), self._clock.dt, _FREE, motion, False, _FREE, _KEPT, fields, _FREE)
+            name: Advance(
+                self._header(name, self._n_asked), self._clock.dt, _FREE, motion, False, _FREE, _KEPT, fields, _FREE
+            )
             for name in self.sides.names
         }
 
