@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import pytest
 from real_services import READY, Services, squeezed_bar
+from several_bodies import several
 from trajectory import first_difference, same_frame
 
 from softseam.connected import ConnectedBackend
@@ -146,6 +147,22 @@ def test_a_sheet_is_gripped_the_same_over_the_bus(services: Services, bus: Bus) 
     assert first_difference(wanted, reports) == ""
     assert observation.frames and same_frame(frame, observation.frames["body"])
     assert "participant_restored" in [event.kind for event in observation.events]
+
+
+def test_several_bodies_are_the_same_over_the_bus(services: Services, bus: Bus) -> None:
+    """FEM's process, which holds parts of two of them, is killed meanwhile: reports and last frames, bit for bit."""
+    bundle = bundle_scene(with_settings(several(), [f"duration={0.01 * STEPS}"]))
+    simulation = Simulation(bundle, EmbeddedTransport())
+    wanted = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
+    frames = simulation.frames()
+    simulation.close()
+    reports, observation, _ = run(
+        services, bus, bundle, 20, lambda: os.kill(services.children.pid("fem"), signal.SIGKILL)
+    )
+    assert first_difference(wanted, reports) == ""
+    assert all(same_frame(frame, observation.frames[name]) for name, frame in frames.items())
+    restored = [event.message for event in observation.events if event.kind == "participant_restored"]
+    assert all(any(part in text for text in restored) for part in ("jelly.far", "tofu.near"))
 
 
 @pytest.mark.parametrize(

@@ -170,7 +170,7 @@ class Scene(Spec):
         """Raise unless there is `body`, or `bodies`, and what is asked of them goes with as many."""
         if self.one is not None:
             if self.many:
-                raise wrong("a scene has one `body` or several `bodies`, not both: move it into them", "bodies")
+                raise wrong("a scene has one `body` or several `bodies`, not both: move it into them", "body")
             if self.one.regions is not None:
                 raise wrong("of one body, `regions` stands beside `body`, not in it: move it there", "body", "regions")
             return
