@@ -14,7 +14,7 @@ import softseam_protocol
 from softseam.errors import BadInput, BadSnapshot, SceneRefused, SimulationFailed, missing_extra
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.outcomes import EventKind, FailureKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
@@ -252,7 +252,7 @@ def _translate(error: BaseException, opening: bool) -> None:
     from softseam_services.recorder.whole_file import RecordError
     from softseam_services.tools.errors import ToolError
 
-    refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == "invalid"
+    refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == FailureKind.INVALID
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
     if isinstance(error, MissingRow | LawError):

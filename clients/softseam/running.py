@@ -133,9 +133,7 @@ def note_recording(report: dict[str, Any], session: Session, path: Path | None) 
     """
     recorded = session.recorded
     lost, note = (None, session.unrecorded) if recorded is None else (recorded.lost, recorded.note)
-    report["recording"].update(
-        path=None if path is None else str(path), lost_messages=lost, note=None if note == "closed" else note
-    )
+    report["recording"].update(path=None if path is None else str(path), lost_messages=lost, note=note or None)
 
 
 def print_recording(console: Console, report: Mapping[str, Any]) -> None:

@@ -13,6 +13,7 @@ from time import perf_counter
 
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.names import ONLY_BODY
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
@@ -149,16 +150,16 @@ class ParticipantServer:
         header = request.header
         if header.schema != SCHEMA_VERSION:
             return Failure(
-                "schema",
+                FailureKind.SCHEMA,
                 f"the request has schema version {header.schema}, this participant speaks {SCHEMA_VERSION}: "
                 "install the same version of softseam on both sides",
             )
         try:
             return self._serve(request)
         except MemoryError:
-            return Failure("internal", "out of memory: use larger cells or give the participant more")
+            return Failure(FailureKind.INTERNAL, "out of memory: use larger cells or give the participant more")
         except Exception as error:  # a service must answer; the text names the cause
-            return Failure("invalid", f"{type(error).__name__}: {error}")
+            return Failure(FailureKind.INVALID, f"{type(error).__name__}: {error}")
 
     def _serve(self, request: Request) -> Reply:
         key = (request.header.session, request.header.part)
@@ -176,7 +177,7 @@ class ParticipantServer:
             self._seats.pop(key, None)
             return Released(request.header)
         if seat is None:
-            return Failure("not_configured", f"no part {key[1]!r} of session {key[0]!r} is configured here")
+            return Failure(FailureKind.NOT_CONFIGURED, f"no part {key[1]!r} of session {key[0]!r} is configured here")
         kept = seat.replies.get(type(request))
         if kept is not None and kept[0].header == request.header:
             return kept[1]
@@ -244,7 +245,7 @@ class ParticipantServer:
             seat.committed, seat.exchange = header.step, -1
             seat.replies = {Configure: seat.replies[Configure]}
             return Restored(header)
-        return Failure("invalid", f"a participant does not answer {type(request).__name__}")
+        return Failure(FailureKind.INVALID, f"a participant does not answer {type(request).__name__}")
 
 
 def _with_fields(seat: _Seat, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
@@ -272,7 +273,7 @@ def _digest(bundle: Bundle) -> bytes:
 def _stale(request: Request, seat: _Seat) -> Failure:
     header = request.header
     return Failure(
-        "stale",
+        FailureKind.STALE,
         f"{type(request).__name__} of epoch {header.epoch}, step {header.step}, exchange {header.exchange} does not "
         f"follow epoch {seat.epoch}, {seat.committed} committed steps, exchange {seat.exchange}",
     )

@@ -18,6 +18,7 @@ from softseam.errors import NoConnection, ServicesFailed
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
 from softseam_protocol.messages.session import Close, Observation, StepReport
 from softseam_protocol.topics import Keys
@@ -59,7 +60,7 @@ def opened(endpoint: str, *, record: bool, timeout: float = 20.0) -> ConnectedBa
 
 def refusing_to_close(payload: bytes) -> bytes:
     if isinstance(decode(payload), Close):
-        raise Refused(Failure("busy", "the request before is still at work: close again"))
+        raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
     return encode(at_rest())
 
 
@@ -67,7 +68,7 @@ def test_why_there_is_no_recording_is_told(endpoint: str) -> None:
     """A session that is not closed, or not recorded, closes here all the same, and says what it was told."""
 
     def unasked(payload: bytes) -> bytes:
-        raise Refused(Failure("not_configured", "it was not being recorded"))
+        raise Refused(Failure(FailureKind.NOT_CONFIGURED, "it was not being recorded"))
 
     with serve(endpoint, KEYS.orchestrator, refusing_to_close, "orchestrator"):
         backend = opened(endpoint, record=True)

@@ -33,7 +33,7 @@ def record(path: Path, run: Squeeze) -> list[StepReport | Frame | Event]:
     with McapRecorder(path, run.begin) as recorder:
         for message in messages:
             recorder.write(message)
-    assert recorder.lost == 0 and recorder.progress().note == "closed"
+    assert recorder.lost == 0 and recorder.progress().state == "closed"
     return messages
 
 

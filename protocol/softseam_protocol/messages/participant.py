@@ -27,7 +27,7 @@ from softseam_protocol.messages.arrays import (
 )
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.names import ONLY_BODY
-from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 
 
 @dataclass(frozen=True, slots=True)
@@ -372,8 +372,7 @@ class Released:
 class Failure:
     """The answer to a request that cannot be served."""
 
-    kind: str
-    """'not_configured', 'stale', 'schema', 'invalid', 'busy', 'internal'"""
+    kind: FailureKind
     message: str
     """what is wrong and the remedy"""
 

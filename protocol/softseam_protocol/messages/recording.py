@@ -19,6 +19,7 @@ from softseam_protocol.messages.arrays import (
     no_octants,
 )
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.participant import Bundle
 
 
@@ -92,5 +93,6 @@ class Recorded:
     messages: Count
     lost: Count
     bytes: Count
-    note: str
-    """'recording', 'closed', or why messages are lost"""
+    state: RecordingState
+    note: str = ""
+    """why messages are lost"""

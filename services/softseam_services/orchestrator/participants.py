@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.one_way import Correction
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
@@ -62,7 +62,8 @@ _FREE = np.zeros((0, 3))
 _KEPT = np.zeros((0, 0))
 """stands for the stiffness that the near side has"""
 _OLDER = Failure(
-    "schema", "it does not tell the energies that it begins with: install the same version of softseam on both sides"
+    FailureKind.SCHEMA,
+    "it does not tell the energies that it begins with: install the same version of softseam on both sides",
 )
 
 
