@@ -192,7 +192,7 @@ def chart(
     "FEM alone is refined until every quantity of the scene is known to a quarter of the tolerance, but for many of "
     "softseam's own scenes, with which a reference ships; it is refined only where that is too vague. Then the "
     "configurations of [bold]softseam chart[/bold] are tried, cheapest first, until no other can be faster than the "
-    "best one that is accurate enough; where they foretell that their cells with shorter steps are, so are these. To "
+    "best one that is accurate enough; of cells that promise to be with shorter steps, these are tried, too. To "
     "be so whatever the reference may be off by may cost half as much again; where it would cost more, the plan is not "
     "sure, and says so. Plan and runs are kept in ~/.cache/softseam, for other tolerances too, and "
     "[bold]softseam run --tolerance[/bold] follows the plan.\n\n"

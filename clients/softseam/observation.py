@@ -104,7 +104,7 @@ class BodyView:
         return found
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Observation:
     """State and error indicators of the simulation at the end of a step.
 
@@ -126,6 +126,13 @@ class Observation:
     """the fields' messages by body; empty where they were not asked for"""
     tool_names: tuple[str, ...]
     """in the scene's order"""
+
+    def __repr__(self) -> str:
+        """In a few lines: when, how far, and what is measured; `report` and `frames` have the rest."""
+        numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.quantities.items())
+        fields = ", ".join(self.frames) or "none"
+        over = ", done" if self.done else ""
+        return f"<Observation: step {self.step}, {self.time:.4g} s{over}; {numbers}; fields of: {fields}>"
 
     @cached_property
     def tools(self) -> Mapping[str, ToolView]:

@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
+from softseam.choice import choice
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
@@ -115,6 +116,7 @@ def follow(
         nonlocal setup
         if setup is None:
             setup = perf_counter() - began - observation.seconds.get("total", 0.0)
+            console.print(Text(f"{label or scene.name}: {choice(scene, observation)}"), soft_wrap=True)
         for event in observation.events:
             builder.add(event)
         builder.add(observation.report)

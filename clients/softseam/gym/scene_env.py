@@ -85,7 +85,9 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         each = [f"{tool}.{what}" for tool in self.tools for what in (*_AXES, *_WRENCH)]
         self.names = (*each, *self._quantities)
         """of what `see` returns where it is not overridden"""
-        self.action_space: Space[Any] = Box(-1.0, 1.0, (3 * len(self.tools),), np.float32)
+        own = getattr(type(self), "action_space", None)
+        ours = Box(-1.0, 1.0, (3 * len(self.tools),), np.float32)
+        self.action_space: Space[Any] = own if isinstance(own, Space) else ours
         self.observation_space = Box(-np.inf, np.inf, (len(self.names),), np.float32)
 
     # ---- what a subclass says
