@@ -213,7 +213,7 @@ class Breaking(EmbeddedTransport):
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         replies = super().exchange(requests)
-        near = replies.get("near")
+        near = replies.get("body.near")
         if not isinstance(near, Advanced):
             return replies
         if self.part is not None and near.header.step > self.reached:
@@ -224,7 +224,7 @@ class Breaking(EmbeddedTransport):
         self.part = None
         if self.lost:
             raise ParticipantLost("body.near", "the cable was cut")
-        return replies | {"near": replace(near, status=Status.UNCONVERGED, kinetic=float("nan"))}
+        return replies | {"body.near": replace(near, status=Status.UNCONVERGED, kinetic=float("nan"))}
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
         return False
