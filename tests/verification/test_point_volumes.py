@@ -169,6 +169,7 @@ def test_rims_of_pads_come_to_rest() -> None:
         *AS_GIVEN,
         "regions={default: fem}",
         "step=0.04",
+        "symmetry=[x, y]",
         f"body.cell={[0.05 / 14] * 3}",
         "body.shape.grading=4",
     )
