@@ -45,7 +45,7 @@ def _problem(
     solver = run.solver
     model, tree, work = solver._model, solver._stepper._tree, solver._stepper.work
     pose = (run.position, run.orientation, run.position, run.orientation)
-    tools = Tools(run.tools.kind, run.tools.shape, run.tools.friction, run.tools.near, *pose)
+    tools = Tools(run.tools.kind, run.tools.shape, run.tools.reach, run.tools.friction, run.tools.near, *pose)
     x = model.x_rest - np.array([0.0, 0.0, 1e-5])
     contact = np.zeros((len(run.region.points), 1, N_STATE))
     low = model.x_rest[run.region.nodes[0] + 0, 2]
