@@ -169,3 +169,19 @@ def test_a_kind_without_a_shape_fails_at_start() -> None:
             softseam.open(scene(BALL, "fem"))
     finally:
         TOOLS.remove("forgotten")
+
+
+def test_a_row_that_does_not_fit_is_told_of() -> None:
+    """A distance that returns too little, and a geometry that nobody could draw."""
+
+    def flat(numbers, x, y, z):  # type: ignore[no-untyped-def]
+        return z
+
+    def unseen(spec: Ellipsoid, files: Any) -> Geometry:
+        return Geometry(np.array(spec.half), np.zeros((1, 3)), 1.0)
+
+    for row, words in ((Shape(geometry, flat), "4 floats"), (Shape(unseen, distance), "has no surface")):
+        SHAPES.remove("ellipsoid")
+        SHAPES.add("ellipsoid", row)
+        with pytest.raises(softseam.BadInput, match=words):
+            softseam.open(scene(BALL, "fem"))

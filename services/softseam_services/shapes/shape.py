@@ -15,16 +15,15 @@ from typing import Any
 import numpy as np
 from numba import njit as plain_njit
 
+from softseam_services.body.errors import ShapeError
 from softseam_services.jit import PrototypeError
 from softseam_services.shapes.branches import BRANCHES
 from softseam_services.shapes.geometry import Geometry
 from softseam_services.shapes.prototype import DISTANCE
 
+__all__ = ["Files", "Shape", "ShapeError"]
+
 Files = Mapping[str, bytes]
-
-
-class ShapeError(ValueError):
-    """A row of the table of shapes does not fit; the text says what is asked for."""
 
 
 @dataclass(frozen=True)
