@@ -245,7 +245,7 @@ class translated:  # reads as the function that it is used as
 def _translate(error: BaseException, opening: bool) -> None:
     """Raise the client's error for one of the services; return for any other."""
     from softseam_protocol.table import MissingRow
-    from softseam_services.body.errors import LawError, MeshError, SettingError
+    from softseam_services.body.errors import MeshError, RowError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.participants import StepFailed
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
@@ -255,7 +255,7 @@ def _translate(error: BaseException, opening: bool) -> None:
     refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == FailureKind.INVALID
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
-    if isinstance(error, MissingRow | LawError):
+    if isinstance(error, MissingRow | RowError):
         raise BadInput(str(error)) from error
     if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error

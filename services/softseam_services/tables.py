@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
 from softseam_protocol.scene.materials import MATERIALS
+from softseam_protocol.scene.particles import CONSTRAINTS
 from softseam_protocol.scene.parts import PARTS
 from softseam_protocol.scene.tools import TOOLS
 from softseam_services.body.materials import LAWS
 from softseam_services.fem import elements
 from softseam_services.fem.integrators import table as integrators
+from softseam_services.pbd.particles import constraints
 from softseam_services.shapes import SHAPES
 
 
@@ -23,6 +25,7 @@ def check_tables() -> None:
         (ELEMENTS, elements.ELEMENTS),
         (INTEGRATORS, integrators.INTEGRATORS),
         (TOOLS, SHAPES),
+        (CONSTRAINTS, constraints.CONSTRAINTS),
         (PARTS, SHAPES),
     ):
         done.require(said, f"the table of {said.title}")

@@ -29,13 +29,13 @@ SOLIDS = {
     "capsule": (CAPSULE, np.array([0.2, 0.4, 0.0])),
     "cylinder": (CYLINDER, np.array([0.3, 0.4, 0.0])),
 }
-AT = {"position": (0.0, 0.0, 0.0)}
+AT = (0.0, 0.0, 0.0)
 SPECS: dict[str, PlaneTool | SolidTool] = {
     "plane": PlaneTool(normal=(0.0, 0.6, 0.8)),
-    "box": BoxTool(**AT, size=(1.0, 0.6, 0.4)),
-    "sphere": SphereTool(**AT, radius=0.4),
-    "capsule": CapsuleTool(**AT, radius=0.2, length=0.8),
-    "cylinder": CylinderTool(**AT, radius=0.3, length=0.8),
+    "box": BoxTool(position=AT, size=(1.0, 0.6, 0.4)),
+    "sphere": SphereTool(position=AT, radius=0.4),
+    "capsule": CapsuleTool(position=AT, radius=0.2, length=0.8),
+    "cylinder": CylinderTool(position=AT, radius=0.3, length=0.8),
 }
 points = st.tuples(*[st.floats(-1.2, 1.2)] * 3).map(np.array)
 turns = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(lambda v: quaternion_turning(np.array(v)))

@@ -80,6 +80,8 @@ def _check_particles(scene: Scene, body: ParticleBodySpec, beside_cells: bool) -
             if isinstance(phase, GripPhase | ReleasePhase):
                 key = "grip" if isinstance(phase, GripPhase) else "release"
                 raise wrong("a tet_mesh is held by friction: close two tools on it", "motion", i, key)
+    if body.constraints and scene.models.pbd.method == "pbd":
+        raise wrong("classic pbd has no compliance: constraints need xpbd", "models", "pbd", "method")
     if scene.models.pbd.method == "leapfrog":
         raise wrong(f"{have}: leapfrog moves cells, use xpbd", "models", "pbd", "method")
     if scene.models.pbd.residual is not None:

@@ -99,13 +99,15 @@ class OfKind:
         )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return handler(self._union())
+        return handler(self._union()) if self.table else {"type": "object", "properties": {"kind": {"enum": []}}}
 
     def _chosen(self, value: Any, info: ValidationInfo) -> Any:
         if isinstance(value, Spec):
             if type(value) not in self.table.values():
                 raise wrong(f"{type(value).__name__} is not in the table of {self.table.title}")
             return value
+        if not self.table:
+            raise wrong(f"the table of {self.table.title} has no rows yet: import the extension that adds them")
         union = SchemaValidator(self._union())
         if info.mode == "json":
             # strict JSON, as of scene files: a list becomes a tuple and 1 a float, but "1" and true are not numbers

@@ -79,7 +79,14 @@ class FemSolver:
             np.ascontiguousarray(v, dtype=np.float64),
             taken_over(model, x, force, tool, self._n_tools),
             np.zeros((self._stepper.scheme.n_history, len(x), 3)),
+            material=np.zeros(self._remembered),
         )
+
+    @property
+    def _remembered(self) -> tuple[int, int, int]:
+        """Shape of what the material remembers."""
+        model = self._model
+        return (len(model.cell_nodes) if model.n_state else 0, 8, model.n_state)
 
     def _go_on(self, state: FemState) -> None:
         """Go on from a state of what is solved for."""
@@ -120,7 +127,13 @@ class FemSolver:
     @property
     def strain(self) -> float:
         """Strain energy of the last advanced step [J]."""
+        self._look()
         return self.times * float(strain_energy(self._now.x, self._model, self._stepper.work))
+
+    def _look(self) -> None:
+        """Have kernels see the material as it is now."""
+        if self._model.n_state:
+            self._stepper.look(self._now)
 
     @property
     def moving(self) -> tuple[float, float]:
@@ -165,6 +178,7 @@ class FemSolver:
         now, end = self._committed, self._next
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
         end.history[:], end.past, end.level = now.history, now.past, now.level
+        end.material[:] = now.material
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)
@@ -254,6 +268,7 @@ class FemSolver:
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         work = self._stepper.work
+        self._look()
         strain_energy(self._now.x, self._model, work)
         energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
         return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
@@ -273,14 +288,19 @@ class FemSolver:
         whole = self._unfolded(self._committed)
         self._take_over(whole)  # as who restores it does, to the last bit
         self._forget()
-        return pack(whole.x, whole.v, whole.contact, whole.history, np.array([whole.past, float(whole.level)]))
+        past = np.array([whole.past, float(whole.level)])
+        more = [whole.material] if self._model.n_state else []
+        return pack(whole.x, whole.v, whole.contact, whole.history, past, *more)
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
         n_history, n_points = self._committed.history.shape[0], len(self.tables.whole[0].point_face)
         place, contact_shape = (self.n_nodes, 3), (n_points, self._n_tools, N_STATE)
-        x, v, contact, history, past = unpack(state, place, place, contact_shape, (n_history, *place), (2,))
-        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1])))
+        shapes = [place, place, contact_shape, (n_history, *place), (2,)]
+        shapes += [self._remembered] if self._model.n_state else []
+        x, v, contact, history, past, *others = unpack(state, *shapes)
+        material = others[0] if others else np.zeros(self._remembered)
+        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1]), material))
         self._forget()
 
     def _forget(self) -> None:

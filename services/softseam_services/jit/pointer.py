@@ -25,6 +25,11 @@ _KNOWN: dict[int, Any] = {}
 """what lies at each address: keeps it alive, and is called where numba is told not to compile"""
 
 
+def compiled_outside(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function from outside, compiled by itself when it is first called; one that is a kernel already as it is."""
+    return function if hasattr(function, "py_func") else numba.njit(error_model="numpy")(function)
+
+
 class PrototypeError(TypeError):
     """A function does not fit the prototype by which kernels call it; the text says what is asked for."""
 
@@ -49,7 +54,7 @@ class Prototype:
             address = len(_KNOWN) + 1
             _KNOWN[address] = function
             return address
-        kernel = function if hasattr(function, "py_func") else numba.njit(error_model="numpy")(function)
+        kernel = compiled_outside(function)
         signature = types.void(*map(_kind, self.arguments.values()), *[types.CPointer(types.float64)][: self.returns])
         try:
             entry = numba.cfunc(signature, error_model="numpy")(self._entry(kernel))

@@ -13,18 +13,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit as plain_njit
 
-from softseam_services.jit import PrototypeError
+from softseam_services.body.errors import ShapeError
+from softseam_services.jit import PrototypeError, compiled_outside
 from softseam_services.shapes.branches import BRANCHES
 from softseam_services.shapes.geometry import Geometry
 from softseam_services.shapes.prototype import DISTANCE
 
+__all__ = ["Files", "Shape", "ShapeError"]
+
 Files = Mapping[str, bytes]
-
-
-class ShapeError(ValueError):
-    """A row of the table of shapes does not fit; the text says what is asked for."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class Shape:
         """
         if self.distance is None:
             return self.inline
-        kernel = plain_njit(error_model="numpy")(self.distance)
+        kernel = compiled_outside(self.distance)
 
         def distance(size, numbers, x, y, z):
             return kernel(numbers, x, y, z)

@@ -27,8 +27,8 @@ def beyond_middle(tools: ToolSet, motion: ToolMotion) -> list[str]:
         turns = (motion.orientation_next != motion.orientation).any(axis=1)
     for tool, (x, y, z) in enumerate((motion.position_next - motion.position).tolist()):
         turned = bool(turns[tool])
-        if not turned and x == y == z == 0.0:
-            continue
+        if not turned and x * x + y * y + z * z < tools.short[tool]:
+            continue  # nearly every step: whichever way it points, it is too short
         if tools.kind[tool] == BOX:
             far = _box_beyond(tools.shape[tool, :3], motion, tool, turned)
         else:
@@ -61,7 +61,7 @@ def _box_beyond(half: Floats, motion: ToolMotion, tool: int, turned: bool) -> bo
     before, after = motion.orientation[tool], motion.orientation_next[tool]
     farthest = math.hypot(*way) + (2.0 * math.hypot(*(after - before)) * math.hypot(*half) if turned else 0.0)
     if farthest < 0.9 * min(half):
-        return False  # nearly every step: whichever way it points, it is too short
+        return False
     if not turned:
         inside = rotate_back(before, *way)
         return any(abs(part) >= (1.0 - _ROUNDING) * edge for part, edge in zip(inside, half, strict=True))
