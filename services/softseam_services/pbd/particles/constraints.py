@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.bodies import BodySpec, Scene
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.particles import ConstraintSpec
+from softseam_protocol.scene.scene import Scene
 from softseam_protocol.table import Table
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.errors import ConstraintError, SettingError
