@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
+from softseam_coupling.loops.loop import Outcome, largest
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate, RegionReport, SeamReport, StepReport
-from softseam_services.orchestrator.seam_answers import SeamSolution, largest
 from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
@@ -69,7 +69,7 @@ class Accounts:
         tool_orientation: Floats,
         wrench: Floats,
         quantities: dict[str, float],
-        seam: SeamSolution,
+        seam: Outcome,
         done: bool,
         command: Floats,
         gripping: NDArray[np.int8],
@@ -126,8 +126,8 @@ class Accounts:
             SeamReport(
                 seam.gap,
                 seam.exchanges,
-                len(seam.lambda_),
-                largest(seam.lambda_),
+                len(seam.multipliers),
+                largest(seam.multipliers),
                 seam_work,
             ),
             regions,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
-from softseam_coupling.loops.one_way import Correction
+from softseam_coupling.loops.loop import Correction, Outcome, PartRequest, StepDiverged, StepRefused
 from softseam_protocol.messages.outcomes import Detail, Status
 from softseam_protocol.messages.participant import (
     Advance,
@@ -41,20 +41,14 @@ from softseam_protocol.messages.participant import (
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.parts import CutStep
-from softseam_services.orchestrator.seam_answers import (
-    SeamDiverged,
-    SeamScheme,
-    SeamSolution,
-    SeamUnsettled,
-    SideRequest,
-)
 from softseam_services.orchestrator.sides import NEAR, Sides
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 
 Floats = NDArray[np.float64]
-Tied = tuple[Sides, SeamScheme | None]
+Tied = tuple[Sides, Coupling | None]
 """sides, and what ties them where they share nodes"""
 
 _FREE = np.zeros((0, 3))
@@ -99,13 +93,13 @@ class Participants:
         clock: Clock,
         accounts: Accounts,
         tell: Tell,
-        tie: Callable[[Sides], SeamScheme | None],
+        tie: Callable[[Sides], Coupling | None],
     ) -> None:
         self._bundle, self._scene, self._transport = bundle, scene, transport
         self._clock, self._accounts, self._tell, self._tie = clock, accounts, tell, tie
         self.sides: Sides
         """the present cut"""
-        self._loop: SeamScheme | None = None
+        self._coupling: Coupling | None = None
         self._n_asked = -1  # exchanges of the tick at hand
         self._under_way = False  # a step is, or was when it failed
         self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
@@ -115,7 +109,7 @@ class Participants:
         self._clock.epoch += 1
         self._n_asked, self._under_way = -1, False
         self._kept = None
-        sides, self._loop = tied
+        sides, self._coupling = tied
         self.sides = sides
         replies = self._exchange(
             {
@@ -135,9 +129,9 @@ class Participants:
         for name, reply in begun.items():
             if math.isnan(reply.kinetic + reply.strain + reply.gravity):
                 raise ParticipantFailed(name, _OLDER)
-        if self._loop is not None:
+        if self._coupling is not None:
             told = {name: reply.capabilities for name, reply in begun.items()}
-            self._loop.begin({name: able for name, able in told.items() if able is not None})
+            self._coupling.loop.begin({name: able for name, able in told.items() if able is not None})
         return Energies(
             sum(reply.kinetic for reply in begun.values()),
             sum(reply.strain for reply in begun.values()),
@@ -146,7 +140,7 @@ class Participants:
 
     # ---- one step
 
-    def advance(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+    def advance(self, motion: ToolMotion, fields: bool) -> Outcome:
         """Advance all sides by a step until they agree at the seam; where they will not, in parts of the step.
 
         fields  ask for the sides' fields in the exchange that is likely to be the last
@@ -154,9 +148,9 @@ class Participants:
         self._discard_failed()
         try:
             solution = (
-                self._advance(motion, self._clock.dt, fields) if self._loop is None else self._cut(motion, fields)
+                self._advance(motion, self._clock.dt, fields) if self._coupling is None else self._cut(motion, fields)
             )
-        except SeamDiverged as error:
+        except StepDiverged as error:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
         if solution.note:
             gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
@@ -164,7 +158,7 @@ class Participants:
         self._tell_cuts(solution)
         return solution
 
-    def _tell_cuts(self, solution: SeamSolution) -> None:
+    def _tell_cuts(self, solution: Outcome) -> None:
         """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
@@ -172,18 +166,18 @@ class Participants:
                 taken = f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts"
                 self._tell("step", taken, count=reply.n_substeps)
 
-    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> SeamSolution:
-        def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> Outcome:
+        def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
             self._n_asked += 1
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
                 header = self._clock.request(name, self._n_asked)
-                last = fields and side.fields and (self._n_asked > 0 or self._loop is None)  # it may well be
-                anchor = _FREE if side.anchor is None else side.anchor
-                stiffness = _KEPT if side.stiffness is None else side.stiffness
+                last = fields and side.last and (self._n_asked > 0 or self._coupling is None)  # it may well be
+                anchor = _FREE if side.target is None else side.target
+                stiffness = _KEPT if side.impedance is None else side.impedance
                 start = _FREE if side.start is None else side.start
                 requests[name] = Advance(
-                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, side.repeat
+                    header, dt, side.force, motion, side.renew, anchor, stiffness, last, start, side.repeat
                 )
             return self._advanced(self._exchange(requests))
 
@@ -196,21 +190,21 @@ class Participants:
             return self._advanced(self._exchange(requests))
 
         self._under_way = True
-        if self._loop is None:
-            solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
+        if self._coupling is None:
+            solution = Outcome(ask({name: PartRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
         else:
-            solution = self._loop.solve(ask, correct, dt, may_cut)
+            solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
         self._clock.tick += 1
         self._n_asked, self._under_way = -1, False
         return solution
 
-    def _cut(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+    def _cut(self, motion: ToolMotion, fields: bool) -> Outcome:
         """Take the step whole, or in parts where it will not settle.
 
         Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
         """
-        assert self._loop is not None
-        pace, step = self._loop.pace, CutStep(motion, self._clock.dt)
+        assert self._coupling is not None
+        pace, step = self._coupling.pace, CutStep(motion, self._clock.dt)
         before = pace.parts
         if before > 1:
             self._kept = self.keep()
@@ -220,7 +214,7 @@ class Participants:
             part, dt, may_cut = step.next(parts)
             try:
                 step.taken(parts, self._advance(part, dt, fields, may_cut))
-            except SeamUnsettled as fault:
+            except StepRefused as fault:
                 step.given_up(fault.exchanges)
                 pace.cut()
                 if self._kept is None:
@@ -251,10 +245,10 @@ class Participants:
             return
         self._kept = None
         try:
-            loop = self._tie(kept.sides)
-            if loop is not None:
-                loop.take(kept.seam)
-            self.restore((kept.sides, loop), kept.states)
+            coupling = self._tie(kept.sides)
+            if coupling is not None:
+                coupling.take(kept.seam)
+            self.restore((kept.sides, coupling), kept.states)
         except BaseException:
             self._kept = kept
             raise
@@ -284,8 +278,8 @@ class Participants:
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""
         self._discard_failed()
-        if self._loop is not None:
-            self._loop.forget_told()
+        if self._coupling is not None:
+            self._coupling.loop.forget_told()
         replies = self._exchange(
             {name: Snapshot(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names}
         )
@@ -300,11 +294,11 @@ class Participants:
 
     def multiplier(self) -> Floats:
         """The last committed one, on the near side (s, 3) [N]."""
-        return np.zeros((len(self.sides.seam), 3)) if self._loop is None else self._loop.multiplier()
+        return np.zeros((len(self.sides.seam), 3)) if self._coupling is None else self._coupling.loop.multipliers()
 
     def seam_arrays(self) -> dict[str, Floats]:
         """What of the seam evolves, for a snapshot; empty where there is none."""
-        return {} if self._loop is None else self._loop.to_arrays()
+        return {} if self._coupling is None else self._coupling.to_arrays()
 
     def restore(self, tied: Tied, states: Mapping[str, bytes]) -> None:
         """Continue with another cut, tied as `seam_arrays` told of it, from its `snapshot`."""
