@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 from softseam_protocol.extensions import ExtensionError, load_extensions
+from softseam_protocol.scene.scene import SeveralBodies
 
 app = typer.Typer(
     name="softseam",
@@ -56,6 +57,10 @@ Tolerance = Annotated[
 ]
 Deployment = Annotated[
     str | None, typer.Option("--deployment", metavar="NAME", help="Keeps apart what shares a router; default: local.")
+]
+Routes = Annotated[
+    list[str] | None,
+    typer.Option("--route", metavar="PART=SERVICE", help="Who takes a part, e.g. far=my_solver. Repeatable."),
 ]
 Recordings = Annotated[
     Path | None, typer.Option("--recordings", metavar="FOLDER", help="Where the recorder writes; default: recordings.")
@@ -187,7 +192,7 @@ def chart(
     "FEM alone is refined until every quantity of the scene is known to a quarter of the tolerance, but for many of "
     "softseam's own scenes, with which a reference ships; it is refined only where that is too vague. Then the "
     "configurations of [bold]softseam chart[/bold] are tried, cheapest first, until no other can be faster than the "
-    "best one that is accurate enough; where they foretell that their cells with shorter steps are, so are these. To "
+    "best one that is accurate enough; of cells that promise to be with shorter steps, these are tried, too. To "
     "be so whatever the reference may be off by may cost half as much again; where it would cost more, the plan is not "
     "sure, and says so. Plan and runs are kept in ~/.cache/softseam, for other tolerances too, and "
     "[bold]softseam run --tolerance[/bold] follows the plan.\n\n"
@@ -290,11 +295,12 @@ def up(
     connect: Endpoint = None,
     deployment: Deployment = None,
     recordings: Recordings = None,
+    route: Routes = None,
 ) -> None:
     """Run router, fem, pbd, orchestrator and recorder on this machine; what dies or freezes is restarted."""
     from softseam.processes import up as run_all
 
-    raise typer.Exit(run_all(connect, deployment, recordings, tuple(command or ())))
+    raise typer.Exit(run_all(connect, deployment, recordings, tuple(route or ()), tuple(command or ())))
 
 
 @app.command(
@@ -306,12 +312,13 @@ def serve(
     connect: Endpoint = None,
     deployment: Deployment = None,
     recordings: Recordings = None,
+    route: Routes = None,
     guard: Annotated[bool, typer.Option("--guard", help="Restart it when it dies or freezes.")] = False,
 ) -> None:
     """Run one service until Ctrl-C: for several machines, containers, or a supervisor of your own."""
     from softseam.processes import serve as run_one
 
-    raise typer.Exit(run_one(role, connect, deployment, recordings, guard=guard))
+    raise typer.Exit(run_one(role, connect, deployment, recordings, tuple(route or ()), guard=guard))
 
 
 @app.command(epilog="[bold]Example[/bold]\n\nsoftseam health --connect tcp/127.0.0.1:7447")
@@ -356,7 +363,7 @@ def main() -> int:
         load_extensions()
         app()
         return OK
-    except ExtensionError as error:
+    except (ExtensionError, SeveralBodies) as error:
         error_console.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
         return BAD_INPUT
     except SoftseamError as error:

@@ -10,9 +10,12 @@ from softseam_coupling import accelerations
 from softseam_coupling.loops import LOOPS
 from softseam_protocol.scene.kinds import ACCELERATIONS, ELEMENTS, INTEGRATORS, SCHEMES
 from softseam_protocol.scene.materials import MATERIALS
+from softseam_protocol.scene.parts import PARTS
+from softseam_protocol.scene.tools import TOOLS
 from softseam_services.body.materials import LAWS
 from softseam_services.fem import elements
 from softseam_services.fem.integrators import table as integrators
+from softseam_services.shapes import SHAPES
 
 
 def check_tables() -> None:
@@ -23,5 +26,7 @@ def check_tables() -> None:
         (INTEGRATORS, integrators.INTEGRATORS),
         (SCHEMES, LOOPS),
         (ACCELERATIONS, accelerations.ACCELERATIONS),
+        (TOOLS, SHAPES),
+        (PARTS, SHAPES),
     ):
         done.require(said, f"the table of {said.title}")

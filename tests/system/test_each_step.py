@@ -83,7 +83,7 @@ def test_a_failure_is_told_after_the_steps_before_it(bus: Bus, monkeypatch: pyte
                 assert isinstance(answer, Observations)
                 taken += answer.steps
         assert [observation.header.step for observation in taken] == [1, 2, 3]
-        assert all(observation.frame is None for observation in taken)
+        assert all(not observation.frames for observation in taken)
         one.reset(0)
     plain = one.step(request(LAST))
     assert isinstance(plain, Observation) and plain.header.step == LAST
@@ -98,7 +98,7 @@ def test_a_step_whose_fields_are_lost_is_taken_once(bus: Bus, monkeypatch: pytes
     monkeypatch.setattr(Losing, "waits", 0)
     for taken in (LAST, LAST + 1):
         answer = one.step(request(1, fields=True))
-        assert isinstance(answer, Observation) and answer.frame is None
+        assert isinstance(answer, Observation) and not answer.frames
         assert answer.header.step == taken and answer.report.header.step == taken - 1
         assert [event.message for event in answer.events if event.kind == "lost"] == [
             f"step {taken - 1} is taken, but what follows it was not done: participant 'near' is lost: it did not come "
@@ -109,7 +109,7 @@ def test_a_step_whose_fields_are_lost_is_taken_once(bus: Bus, monkeypatch: pytes
         assert isinstance(answer, Observation) and observation_from(answer, ("left", "right")).positions
     monkeypatch.setattr(LosingFields, "kinds", ())
     whole = one.step(request(1, fields=True))
-    assert isinstance(whole, Observation) and whole.frame is not None and whole.header.step == LAST + 2
+    assert isinstance(whole, Observation) and whole.frames and whole.header.step == LAST + 2
 
 
 def test_steps_before_one_that_fails_are_counted(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,4 +132,4 @@ def test_a_session_that_cannot_be_seen_is_not_open(bus: Bus, monkeypatch: pytest
     assert not one.opened
     monkeypatch.setattr(LosingFields, "kinds", ())
     again = one.open(bundle_scene(squeezed_bar()), record=False)
-    assert again.frame is not None and not again.events
+    assert again.frames and not again.events

@@ -195,7 +195,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bundle = Bundle(scene.model_dump_json(), {})
     messages: list[Recordable] = []
     simulation = Simulation(bundle, EmbeddedTransport(), emit=messages.append)
-    with McapRecorder(path, begin(bundle, simulation.body, simulation.tools)) as recorder:
+    with McapRecorder(path, begin(bundle, {"body": simulation.body}, simulation.tools)) as recorder:
         while not simulation.done:
             simulation.step(fields=True)
         for message in messages:

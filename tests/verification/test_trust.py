@@ -120,7 +120,7 @@ def test_what_is_let_go_is_judged_as_it_was_held() -> None:
     transport = Watched()
     of = simulation(squeezed_and_let_go(), transport)
     said = at_the_end(of)
-    strains = [of.report.regions["far"].strain] if of.report is not None else []
+    strains = [of.report.parts["body.far"].strain] if of.report is not None else []
     assert said.time == pytest.approx(0.05) and said.judged == 1.0
     assert 0.1 < said.mesh_error < 0.3 and strains[0] < 1e-3
     assert transport.looks == 1
@@ -236,7 +236,7 @@ def test_the_estimate_is_a_number_even_of_nonsense() -> None:
     of = simulation(cantilever("hex27", 0.3, 1))
     of.step()
     fields = of.regions.participants.observe(indicators=True, own=True)
-    fields["far"].mesh_error[0] = np.nan
-    said = of._trust.now(0.1, of.regions.sides, fields)
+    fields["body.far"].mesh_error[0] = np.nan
+    said = of.only.trust.now(0.1, of.regions.sides, fields)
     assert said is not None and "not numbers" in said.text and said.answer == 0.0
     of.close()

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.regions import OwnRegions
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, Vector, check_edge, wrong
 
 MOST_PARTICLES = 1_000_000
 COVERS = math.sqrt(0.5)
@@ -16,7 +17,7 @@ COVERS = math.sqrt(0.5)
 Divisions = Annotated[int, Field(ge=1)]
 
 
-class _Particles(Spec):
+class _Particles(OwnRegions):
     """What all have alike."""
 
     position: Vector = Field(default=(0.0, 0.0, 0.0), description="its middle [m]")

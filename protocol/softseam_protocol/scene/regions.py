@@ -67,6 +67,16 @@ class RegionsSpec(Spec):
         return self
 
 
+class OwnRegions(Spec):
+    """What a body may say where a scene has several."""
+
+    regions: RegionsSpec | None = Field(
+        default=None,
+        exclude_if=lambda regions: regions is None,
+        description="which of its cells get which model; default: the scene's `regions`",
+    )
+
+
 _REFUSED_SCHEMES = {
     "gc": "a multiplier in every substep (Gravouil-Combescure) takes energy at the seam and lets the gap drift: use ph",
     "velocity": "velocities tied by a constant multiplier gain energy with every integrator: use position or ph",

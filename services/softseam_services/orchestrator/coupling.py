@@ -16,7 +16,7 @@ from softseam_coupling.mortar import SeamTie
 from softseam_protocol.scene.regions import SeamSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.pace import Pace
-from softseam_services.orchestrator.sides import FAR, NEAR, Sides, side_mass
+from softseam_services.orchestrator.sides import Sides, side_mass
 
 Floats = NDArray[np.float64]
 
@@ -48,8 +48,8 @@ def couple(seam: SeamSpec, body: Body, sides: Sides, tie: SeamTie, first: Floats
     """
     nodes = np.arange(len(sides.seam), dtype=np.int32)
     setup = LoopSetup(
-        interfaces=(Interface("seam", (NEAR, FAR), (nodes, nodes), (None, tie.p), tie.c),),
-        mobility={name: 1.0 / side_mass(body, sides.cells[name])[sides.seam] for name in (NEAR, FAR)},
+        interfaces=(Interface(sides.interface, (sides.near, sides.far), (nodes, nodes), (None, tie.p), tie.c),),
+        mobility={name: 1.0 / side_mass(body, sides.cells[name])[sides.seam] for name in (sides.near, sides.far)},
         tolerance=seam.tolerance * body.resolution,
         cell=body.resolution,
         exchanges=seam.exchanges,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +47,14 @@ class Answer:
 class Desk:
     """Runs one session. One request at a time: whoever calls holds `lock`."""
 
-    def __init__(self, bus: Bus, keys: Keys, session: str, stopping: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        keys: Keys,
+        session: str,
+        stopping: Callable[[], bool],
+        routes: Mapping[str, str] | None = None,
+    ) -> None:
         self.lock = threading.Lock()
         self.answer: Answer | None = None
         self.cancelled = False
@@ -55,7 +62,7 @@ class Desk:
         """when the last request ended; now, while one is at work"""
         self.steps = 0
         """steps taken, for the heartbeat"""
-        self._bus, self._keys, self._session = bus, keys, session
+        self._bus, self._keys, self._session, self._routes = bus, keys, session, routes
         self._stopping = stopping
         self._simulation: Simulation | None = None
         self._last: StepReport | None = None
@@ -75,7 +82,7 @@ class Desk:
     def open(self, bundle: Bundle, record: bool) -> Observation:
         """Build the simulation and configure its participants."""
         self._bundle, self._record = bundle, record
-        self._transport = BusTransport(self._bus, self._keys)
+        self._transport = BusTransport(self._bus, self._keys, services=self._routes)
         self._feed = RecorderFeed(self._bus, self._keys, self._session, record=record, warn=self._warn)
         try:
             self._simulation = Simulation(bundle, self._transport, session=self._session, emit=self._emit)
@@ -169,7 +176,8 @@ class Desk:
             simulation.close()
 
     def _begin(self) -> Begin:
-        return begin(self._bundle, self.simulation.body, self.simulation.tools, self._session, self._seed)
+        bodies = {name: one.body for name, one in self.simulation.bodies.items()}
+        return begin(self._bundle, bodies, self.simulation.tools, self._session, self._seed)
 
     def _observe(self, fields: bool, taken: bool = False) -> Observation:
         simulation, events = self.simulation, self._events

@@ -73,7 +73,7 @@ class Goal:
                 "goal is solved for: give a longer body.cell, or leave regions.goal out"
             )
         self._scene, self._body, self._tools = scene, body, tools
-        self._grip = next(iter(grips_by_phase(scene, tools, body.x_rest).values()), None)
+        self._grip = next(iter(grips_by_phase(scene, tools, [body]).values()), None)
         at = scene.probes.get(name)
         self._octant = None if at is None else place_of(body, name, np.asarray(at))[:2]
         self._adjoint: Adjoint | None = None

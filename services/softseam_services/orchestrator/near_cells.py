@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
+from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import Advanced, Fields
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.cost import one_is_enough, step_cost
-from softseam_services.orchestrator.sides import NEAR, Sides, cut
+from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.orchestrator.urgency import Urgency
 from softseam_services.pbd.levels import coarse_cells
 from softseam_services.tools.kernels import cell_distances
@@ -131,7 +132,7 @@ class NearCells:
         if self._fixed:
             return ""
         if self.enough:
-            self._distance = replies[NEAR].cell_distance.copy()
+            self._distance = replies[sides.near].cell_distance.copy()
             return ""
         distance = np.empty(self._body.n_cells)
         for name, cells in sides.cells.items():
@@ -191,7 +192,7 @@ class NearCells:
 
     def _cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""
-        sides = cut(self._body, near, self.model, self._far_model)
+        sides = cut(ONLY_BODY, self._body, near, self.model, self._far_model)
         return step_cost(self._body, sides, self._models, self._dt, len(self._tools.names) > 0, self._coarse)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:

@@ -1,4 +1,4 @@
-"""The participants of one body, and the seam between them: built for a cut, advanced until they agree, observed, saved.
+"""The participants of one body, and what ties its parts: built for a cut, advanced until they agree, observed, saved.
 
 A step that fails leaves them as they were. What one side took alone is discarded, and a step in parts goes back to a
 snapshot; both when they are next asked for anything (docs/decisions/05).
@@ -9,19 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.loop import Correction, Outcome, PartRequest, StepDiverged, StepRefused
-from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     BodyState,
     Bundle,
+    Capabilities,
     Commit,
     Configure,
     Configured,
@@ -29,6 +30,7 @@ from softseam_protocol.messages.participant import (
     Failure,
     Fields,
     Observe,
+    PartMesh,
     Release,
     Reply,
     Request,
@@ -36,15 +38,13 @@ from softseam_protocol.messages.participant import (
     Snapshot,
     SnapshotTaken,
     ToolMotion,
-    Worked,
 )
 from softseam_protocol.scene.scene import Scene
-from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.parts import CutStep
-from softseam_services.orchestrator.sides import NEAR, Sides
+from softseam_services.orchestrator.sides import Sides
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 
 Floats = NDArray[np.float64]
@@ -56,7 +56,8 @@ _FREE = np.zeros((0, 3))
 _KEPT = np.zeros((0, 0))
 """stands for the stiffness that the near side has"""
 _OLDER = Failure(
-    "schema", "it does not tell the energies that it begins with: install the same version of softseam on both sides"
+    FailureKind.SCHEMA,
+    "it does not tell the energies that it begins with: install the same version of softseam on both sides",
 )
 
 
@@ -77,12 +78,12 @@ class Kept:
 
 
 class Participants:
-    """Those of the present cut.
+    """Those of the present cut of one body, an island: parts that are tied to no others.
 
-    clock     of the simulation; cuts count its epochs, steps its ticks
-    accounts  are told where the time goes
+    clock     of the simulation; cuts count its epochs
     tell      receives kind and text of every event
     tie       makes what ties sides of which nothing is known yet; None where they share no nodes
+    mesh      makes the mesh of one of the sides; None where it has no cells
     """
 
     def __init__(
@@ -91,36 +92,42 @@ class Participants:
         scene: Scene,
         transport: Transport,
         clock: Clock,
-        accounts: Accounts,
         tell: Tell,
         tie: Callable[[Sides], Coupling | None],
+        mesh: Callable[[Sides, str], PartMesh | None],
     ) -> None:
         self._bundle, self._scene, self._transport = bundle, scene, transport
-        self._clock, self._accounts, self._tell, self._tie = clock, accounts, tell, tie
+        self._clock, self._tell, self._tie, self._mesh = clock, tell, tie, mesh
+        self._epoch = self._tick = 0
         self.sides: Sides
         """the present cut"""
         self._coupling: Coupling | None = None
-        self._n_asked = -1  # exchanges of the tick at hand
+        self._n_asked = self._asked = -1  # exchanges of the tick at hand, and of the one before
         self._under_way = False  # a step is, or was when it failed
         self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
+        self._able: dict[str, Capabilities] = {}
+        self._before: Kept | dict[str, Floats] | None = None  # the last step, where it may be withdrawn
 
     def configure(self, tied: Tied, state: BodyState | None) -> Energies:
         """Build the sides of another cut in a new epoch: in this state, or to be restored; its energies."""
         self._clock.epoch += 1
+        self._epoch = self._clock.epoch
         self._n_asked, self._under_way = -1, False
         self._kept = None
         sides, self._coupling = tied
         self.sides = sides
-        replies = self._exchange(
+        replies = self._transport.exchange(
             {
                 name: Configure(
-                    self._clock.request(name),
+                    self._header(name),
                     self._bundle,
                     sides.models[name],
                     sides.cells[name],
                     sides.seam,
                     state,
-                    name == NEAR,
+                    name == sides.near,
+                    sides.body,
+                    self._mesh(sides, name),
                 )
                 for name in sides.names
             }
@@ -131,25 +138,61 @@ class Participants:
                 raise ParticipantFailed(name, _OLDER)
         if self._coupling is not None:
             told = {name: reply.capabilities for name, reply in begun.items()}
-            self._coupling.loop.begin({name: able for name, able in told.items() if able is not None})
+            self._able = {name: able for name, able in told.items() if able is not None}
+            self._coupling.loop.begin(self._able)
         return Energies(
             sum(reply.kinetic for reply in begun.values()),
             sum(reply.strain for reply in begun.values()),
             sum(reply.gravity for reply in begun.values()),
         )
 
+    def stand(self, step: int) -> None:
+        """Be about to take the step of this number; before `configure`."""
+        self._tick = step
+
+    def _header(self, part: str, exchange: int = 0) -> Header:
+        """Names a request of the present cut."""
+        return Header(SCHEMA_VERSION, self._clock.session, part, self._epoch, self._tick, exchange, self._clock.time)
+
     # ---- one step
 
-    def advance(self, motion: ToolMotion, fields: bool) -> Outcome:
-        """Advance all sides by a step until they agree at the seam; where they will not, in parts of the step.
+    @property
+    def tied(self) -> bool:
+        """Whether there is an interface between its parts."""
+        return self._coupling is not None
 
-        fields  ask for the sides' fields in the exchange that is likely to be the last
+    def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
+        """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
+        self._discard_failed()
+        self._n_asked, self._under_way = self._n_asked + 1, True
+        return {
+            name: Advance(
+                self._header(name, self._n_asked), self._clock.dt, _FREE, motion, False, _FREE, _KEPT, fields, _FREE
+            )
+            for name in self.sides.names
+        }
+
+    def taken(self, replies: Mapping[str, Reply]) -> Outcome:
+        """Parts that nothing ties have answered `requests`. Raises StepFailed."""
+        own = self._advanced({name: replies[name] for name in self.sides.names})
+        solution = Outcome(own, _FREE, 0.0, 1, "")
+        self._before, self._asked = {}, self._n_asked
+        self._tick += 1
+        self._n_asked, self._under_way = -1, False
+        self._tell_cuts(solution)
+        return solution
+
+    def advance(self, motion: ToolMotion, fields: bool, alone: bool) -> Outcome:
+        """Advance tied parts by a step until they agree; where they will not, in parts of the step.
+
+        fields  ask for the fields in the exchange that is likely to be the last
+        alone   no other island may fail in this step, after which this one would be withdrawn
         """
         self._discard_failed()
+        assert self._coupling is not None
+        self._before = None if alone else {name: array.copy() for name, array in self._coupling.to_arrays().items()}
         try:
-            solution = (
-                self._advance(motion, self._clock.dt, fields) if self._coupling is None else self._cut(motion, fields)
-            )
+            solution = self._cut(motion, fields)
         except StepDiverged as error:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
         if solution.note:
@@ -157,6 +200,20 @@ class Participants:
             self._tell("seam", f"step {self._clock.step}: {gap}: {solution.note}", Detail.GAP_KEPT)
         self._tell_cuts(solution)
         return solution
+
+    def withdraw(self) -> None:
+        """Take the step back that was taken last: it failed elsewhere."""
+        before = self._before
+        if isinstance(before, Kept):
+            self.go_back(before)
+            return
+        assert before is not None
+        self._tick -= 1
+        self._n_asked, self._under_way = self._asked, True
+        if self._coupling is not None:
+            self._coupling.take(before)
+            self._coupling.loop.begin(self._able)
+            self._coupling.loop.forget_told()
 
     def _tell_cuts(self, solution: Outcome) -> None:
         """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
@@ -171,30 +228,29 @@ class Participants:
             self._n_asked += 1
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
-                header = self._clock.request(name, self._n_asked)
-                last = fields and side.last and (self._n_asked > 0 or self._coupling is None)  # it may well be
+                header = self._header(name, self._n_asked)
+                last = fields and side.last and self._n_asked > 0  # it may well be
                 anchor = _FREE if side.target is None else side.target
                 stiffness = _KEPT if side.impedance is None else side.impedance
                 start = _FREE if side.start is None else side.start
                 requests[name] = Advance(
                     header, dt, side.force, motion, side.renew, anchor, stiffness, last, start, side.repeat
                 )
-            return self._advanced(self._exchange(requests))
+            return self._advanced(self._transport.exchange(requests))
 
         def correct(corrections: dict[str, Correction]) -> dict[str, Advanced]:
             self._n_asked += 1
             requests = {
-                name: Correct(self._clock.request(name, self._n_asked), one.push, one.force, fields)
+                name: Correct(self._header(name, self._n_asked), one.push, one.force, fields)
                 for name, one in corrections.items()
             }
-            return self._advanced(self._exchange(requests))
+            return self._advanced(self._transport.exchange(requests))
 
+        assert self._coupling is not None
         self._under_way = True
-        if self._coupling is None:
-            solution = Outcome(ask({name: PartRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
-        else:
-            solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
-        self._clock.tick += 1
+        solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
+        self._asked = self._n_asked
+        self._tick += 1
         self._n_asked, self._under_way = -1, False
         return solution
 
@@ -220,6 +276,8 @@ class Participants:
                 if self._kept is None:
                     self._kept = self.keep()
         pace.end()
+        if self._kept is not None and self._before is not None:
+            self._before = self._kept
         self._kept = None
         solution = step.solution()
         if step.n_parts > 1 and (solution.note or pace.parts != before):
@@ -271,8 +329,8 @@ class Participants:
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
         """Each side's fields, with its errors where asked for; of them only what its own model errs."""
         self._discard_failed()
-        requests = {name: Observe(self._clock.request(name), indicators, own) for name in self.sides.names}
-        replies = self._exchange(requests)
+        requests = {name: Observe(self._header(name), indicators, own) for name in self.sides.names}
+        replies = self._transport.exchange(requests)
         return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
 
     def snapshot(self) -> dict[str, bytes]:
@@ -280,8 +338,8 @@ class Participants:
         self._discard_failed()
         if self._coupling is not None:
             self._coupling.loop.forget_told()
-        replies = self._exchange(
-            {name: Snapshot(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names}
+        replies = self._transport.exchange(
+            {name: Snapshot(self._header(name, self._n_asked + 1)) for name in self.sides.names}
         )
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
@@ -289,7 +347,7 @@ class Participants:
         """Have a step that failed half way taken back by those that took it."""
         self._take_back()
         if self._under_way:
-            self._exchange({name: Commit(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names})
+            self._transport.exchange({name: Commit(self._header(name, self._n_asked + 1)) for name in self.sides.names})
             self._under_way = False
 
     def multiplier(self) -> Floats:
@@ -303,27 +361,14 @@ class Participants:
     def restore(self, tied: Tied, states: Mapping[str, bytes]) -> None:
         """Continue with another cut, tied as `seam_arrays` told of it, from its `snapshot`."""
         self.configure(tied, None)
-        restores: dict[str, Request] = {
-            name: Restore(self._clock.request(name), states[name]) for name in self.sides.names
-        }
-        self._exchange(restores)
+        restores: dict[str, Request] = {name: Restore(self._header(name), states[name]) for name in self.sides.names}
+        self._transport.exchange(restores)
 
-    def close(self) -> None:
-        """Release the participants and the transport."""
+    def release_all(self) -> None:
+        """Let go of all."""
         self.release(self.sides.names)
-        self._transport.close()
 
     def release(self, names: Collection[str]) -> None:
         """Let go of participants that the present cut has not."""
         if names:
-            self._exchange({name: Release(self._clock.request(name)) for name in sorted(names)})
-
-    def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
-        began = perf_counter()
-        replies = self._transport.exchange(requests)
-        wall = perf_counter() - began
-        work = {name: reply.seconds for name, reply in replies.items() if isinstance(reply, Worked)}
-        self._accounts.exchanged(wall, work.values())
-        for name, seconds in work.items():
-            self._accounts.spent(self.sides.models[name], seconds)
-        return replies
+            self._transport.exchange({name: Release(self._header(name)) for name in sorted(names)})

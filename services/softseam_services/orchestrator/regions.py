@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
 from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.participants import Kept, Participants, Tied
-from softseam_services.orchestrator.sides import Sides, cut, merged_state, whole_frame
+from softseam_services.orchestrator.sides import Sides, cut, merged_state, part_mesh, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.orchestrator.undivided import Undivided
@@ -36,13 +37,15 @@ Floats = NDArray[np.float64]
 class Regions:
     """The cut of one body, and the rule that it follows.
 
+    name      of the body
     clock     of the simulation
-    accounts  are told where the time goes
+    accounts  tell what share of the energy a switch changes
     tell      receives kind and text of every event
     """
 
     def __init__(
         self,
+        name: str,
         bundle: Bundle,
         setup: Setup,
         transport: Transport,
@@ -50,14 +53,16 @@ class Regions:
         accounts: Accounts,
         tell: Tell,
     ) -> None:
-        self._scene, self._body = setup.scene, setup.body
+        self._name, self._scene, self._body = name, setup.scene, setup.body
         self._clock, self._accounts, self._tell = clock, accounts, tell
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
         self._goal = self._watch = None
         if isinstance(body, Body) and self._scene.regions.goal is not None:
             self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
-        self.participants = Participants(bundle, setup.scene, transport, clock, accounts, tell, self._couple)
+        self.participants = Participants(
+            bundle, setup.scene, transport, clock, tell, self._couple, partial(part_mesh, body)
+        )
         """that the regions are with"""
 
     @property
@@ -187,7 +192,7 @@ class Regions:
 
         state, cauchy (C, 8, 6)  as the body stands: of both the first multiplier is made
         """
-        sides = cut(self._body, self.near.mask, self.near.model, self._scene.regions.default)
+        sides = cut(self._name, self._body, self.near.mask, self.near.model, self._scene.regions.default)
         return sides, self._couple(sides, state, cauchy)
 
     def _couple(self, sides: Sides, state: BodyState | None = None, cauchy: Floats | None = None) -> Coupling | None:

@@ -26,10 +26,12 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Mapping
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
 from softseam_protocol.messages.session import Close, Closed, Estimate, Estimated, Load, Open, Reset, Save, Saved, Step
 from softseam_protocol.scene.file import SceneError
@@ -69,8 +71,8 @@ _log = logging.getLogger(__name__)
 class ClientHandler:
     """Bytes in, bytes out; called from several threads, one request at a time for each session."""
 
-    def __init__(self, bus: Bus, keys: Keys, life: Lifeline) -> None:
-        self._bus, self._keys, self._life = bus, keys, life
+    def __init__(self, bus: Bus, keys: Keys, life: Lifeline, routes: Mapping[str, str] | None = None) -> None:
+        self._bus, self._keys, self._life, self._routes = bus, keys, life, routes
         self._desks: dict[str, Desk] = {}
         self._lock = threading.Lock()
         self._attendance = Attendance(bus, keys)
@@ -80,12 +82,12 @@ class ClientHandler:
         request: ClientRequest = decode(payload, ClientRequest)
         header = request.header
         if not header.session:
-            raise Refused(Failure("invalid", "a request must name its session"))
+            raise Refused(Failure(FailureKind.INVALID, "a request must name its session"))
         if isinstance(request, Close):
             return self._close(request)
         desk = self._desk(header, isinstance(request, Open))
         if not desk.lock.acquire(timeout=_TURN):
-            raise Refused(Failure("busy", "the request before is still at work: wait for its answer"))
+            raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: wait for its answer"))
         try:
             return self._answer(desk, request)
         finally:
@@ -129,18 +131,18 @@ class ClientHandler:
                 if not opening:
                     raise Refused(
                         Failure(
-                            "not_configured",
+                            FailureKind.NOT_CONFIGURED,
                             f"no session {header.session!r} is open here: it was closed, its client was not heard of "
                             f"for {LEFT:g} s, or it was lost with an orchestrator that died; open it again and load "
                             "your last saved state",
                         )
                     )
                 if len(self._desks) < MOST_SESSIONS:
-                    desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set)
+                    desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set, self._routes)
                     self._desks[header.session] = desk
                     return desk
             if not self._make_room():
-                raise Refused(Failure("busy", f"{MOST_SESSIONS} sessions are open: close one"))
+                raise Refused(Failure(FailureKind.BUSY, f"{MOST_SESSIONS} sessions are open: close one"))
 
     def _make_room(self) -> bool:
         """Close a session whose client has gone, or the one that was idle longest, if it was for long enough."""
@@ -166,11 +168,13 @@ class ClientHandler:
             if number == kept.number and type(request) is kept.kind:
                 return kept.payload
             if number <= kept.number:
-                raise Refused(Failure("stale", f"request {number} after request {kept.number}"))
+                raise Refused(Failure(FailureKind.STALE, f"request {number} after request {kept.number}"))
         if isinstance(request, Open) == desk.opened:
             if desk.opened:
-                raise Refused(Failure("invalid", f"the session {request.header.session!r} is open already"))
-            raise Refused(Failure("not_configured", f"the session {request.header.session!r} could not be opened"))
+                raise Refused(Failure(FailureKind.INVALID, f"the session {request.header.session!r} is open already"))
+            raise Refused(
+                Failure(FailureKind.NOT_CONFIGURED, f"the session {request.header.session!r} could not be opened")
+            )
         desk.used = time.monotonic()
         payload = encode(self._run(desk, request))
         desk.answer = Answer(type(request), number, payload)
@@ -191,20 +195,21 @@ class ClientHandler:
                 return Estimated(request.header, desk.estimate())
             return desk.load(request.state)
         except ParticipantLost as error:
-            raise Refused(Failure("internal", str(error))) from error
+            raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
         except ParticipantFailed as error:
-            kind = "invalid" if error.failure.kind == "invalid" and isinstance(request, Open) else "internal"
+            invalid = error.failure.kind == FailureKind.INVALID and isinstance(request, Open)
+            kind = FailureKind.INVALID if invalid else FailureKind.INTERNAL
             raise Refused(Failure(kind, str(error))) from error
         except (StepFailed, Stopped) as error:
-            raise Refused(Failure("internal", str(error))) from error
+            raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
         except (SceneError, ValueError) as error:  # mesh, tool and archive errors are ValueErrors
-            raise Refused(Failure("invalid", str(error))) from error
+            raise Refused(Failure(FailureKind.INVALID, str(error))) from error
 
     def _close(self, request: Close) -> bytes:
         session = request.header.session
         desk = self._desks.get(session)
         if desk is not None and not self._end_in_turn(session, desk, "closed", _TURN):
-            raise Refused(Failure("busy", "the request before is still at work: close again"))
+            raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
         return encode(Closed(request.header))
 
     def _end_aside(self, session: str, desk: Desk, reason: str) -> threading.Thread:
@@ -240,15 +245,15 @@ class ClientHandler:
             self._attendance.forget(session)
 
 
-def serve_orchestrator(options: BusOptions, life: Lifeline) -> None:
-    """Serve clients until the process is asked to stop."""
+def serve_orchestrator(options: BusOptions, life: Lifeline, routes: Mapping[str, str] | None = None) -> None:
+    """Serve clients until the process is asked to stop. routes: see `BusTransport`, `services`."""
     life.state = "compiling"
     warm_orchestrator()
     settle()
     keys, instance = options.keys, new_instance()
     with options.open() as bus:
         wait_alone(bus, keys, life.stop)
-        handler = ClientHandler(bus, keys, life)
+        handler = ClientHandler(bus, keys, life, routes)
         server = bus.serve({keys.orchestrator: handler}, name="softseam orchestrator")
         tell_progress(life, bus, keys, server, ROLE, SERVICE, instance, handler.last, supervise=False)
         bus.declare_live(keys.live(ROLE, SERVICE, instance))

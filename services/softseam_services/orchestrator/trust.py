@@ -126,16 +126,19 @@ class Trust:
         assert self._body is not None
         for name, side in fields.items():
             cells = sides.cells[name]
+            told = side.model_error if sides.models[name] == "pbd" else side.mesh_error
             judged = self._whole[cells]
+            if not len(told):  # a participant that does not estimate its errors
+                told, judged = np.zeros(len(cells)), np.zeros_like(judged)
             if sides.models[name] == "pbd" and not (self._body.boxes and self._scene.models.pbd.coarse is None):
                 judged = np.zeros_like(judged)
             strain += float(side.cell_energy.sum())
             whole += float(side.cell_energy[judged].sum())
             if sides.models[name] == "pbd":
-                model += float(side.model_error[judged].sum())
-                answer += float((self._model[cells] * side.model_error)[judged].sum())
+                model += float(told[judged].sum())
+                answer += float((self._model[cells] * told)[judged].sum())
             else:
-                energy = float(side.mesh_error[judged].sum())
+                energy = float(told[judged].sum())
                 mesh += energy
                 answer += MESH.get(self._element, UNMEASURED) * energy
         least = max(_HARDLY * self._peak, self._least)

@@ -253,6 +253,7 @@ class ParticleSolver:
             self._hyper,
             tools.kind,
             tools.shape,
+            tools.reach,
             tools.friction,
             motion.position,
             motion.orientation,

@@ -82,6 +82,7 @@ def advance_step(
     hyper,
     kind,
     shape,
+    tool_reach,
     friction,
     position,
     orientation,
@@ -143,7 +144,7 @@ def advance_step(
     if n_held > 0:
         n_springs = list_holding(s_nodes, s_row, held, s_which)
         n_bends = list_holding(b_nodes, b_row, held, b_which)
-    travel = tool_travel(kind, shape, position, orientation, position_next, orientation_next, x) / n_substeps
+    travel = tool_travel(tool_reach, position, orientation, position_next, orientation_next, x) / n_substeps
     mean[:] = 0.0
     felt[:] = 0.0
     wrench[:] = 0.0
@@ -165,7 +166,7 @@ def advance_step(
             listed = s
             _note(xw, x_listed[0], n)
             reach = radius + margin
-            count = list_contacts(xw, xw, n, kind, shape, place[then], turn[then], reach, particle, tool)
+            count = list_contacts(xw, xw, n, kind, shape, tool_reach, place[then], turn[then], reach, particle, tool)
         if layers[0] > 0.0 and (s == 0 or np.sqrt(_farthest(xw, x_listed[1], n)) >= 0.5 * margin):
             _note(xw, x_listed[1], n)
             reach = 2.0 * radius + margin

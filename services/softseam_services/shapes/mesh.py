@@ -1,4 +1,4 @@
-"""A closed mesh -> its signed distance on a grid, once for the same mesh in a process."""
+"""A closed mesh, by its signed distance on a grid, made once for the same mesh in a process."""
 
 from __future__ import annotations
 
@@ -7,11 +7,18 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.recording import ToolSurface
+from softseam_protocol.scene.tools import MeshTool
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.embed import read_solid
+from softseam_services.body.errors import MeshError
 from softseam_services.body.surface_points import refine
-from softseam_services.tools.kernels.grid import VALUES
-from softseam_services.tools.kernels.nearest import LEAF, box_tree, fill_grid, pseudonormals
+from softseam_services.shapes.branches import MESH
+from softseam_services.shapes.geometry import Geometry
+from softseam_services.shapes.mesh_distance import LEAF, box_tree, fill_grid, pseudonormals
+from softseam_services.shapes.mesh_grid import SPACING, VALUES
+from softseam_services.shapes.shape import Files, Shape
+from softseam_services.shapes.turns import quaternion_turning
 
 FINENESS = 64
 """spacings along the longest edge of the mesh's bounding box"""
@@ -24,7 +31,7 @@ _made: dict[tuple[str, bytes, float, str], ToolMesh] = {}
 
 
 class ToolMesh:
-    """A closed surface about the centre of its bounding box, and the row of `ToolSet.shape` that stands for it."""
+    """A closed surface about the centre of its bounding box, and the numbers that stand for it."""
 
     def __init__(self, vertices: Floats, triangles: Ints, notes: tuple[str, ...] = ()) -> None:
         middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
@@ -53,7 +60,7 @@ def tool_mesh(path: str, data: bytes, scale: float, up: str) -> ToolMesh:
 
 
 def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
-    """Half edges of the bounding box, origin, spacing, counts and values, see `kernels.grid`."""
+    """Half edges of the bounding box, origin, spacing, counts and values, see `mesh_grid`."""
     half = vertices.max(axis=0)
     spacing = 2.0 * float(half.max()) / FINENESS
     # The grid is centred, so that a symmetric mesh has a symmetric distance.
@@ -102,3 +109,25 @@ def _neighbours(triangles: Ints) -> Ints:
     across = np.empty(len(sides), dtype=np.int32)
     across[pairs[:, 0]], across[pairs[:, 1]] = pairs[:, 1] // 3, pairs[:, 0] // 3
     return across.reshape(-1, 3)
+
+
+def geometry(spec: MeshTool, files: Files) -> Geometry:
+    """Numbers are the grid of distances, see `mesh_grid`, which may be wrong beside an edge by a tenth of a spacing.
+
+    Raises MeshError where the file is missing, or no solid.
+    """
+    if spec.path not in files:
+        raise MeshError(f"{spec.path}: the file is missing; give its path relative to the scene file")
+    mesh = tool_mesh(spec.path, files[spec.path], spec.scale, spec.up)
+    half = mesh.row[:3]
+    return Geometry(
+        numbers=mesh.row,
+        outline=mesh.outline,
+        reach=float(np.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2)),
+        orientation=quaternion_turning(np.array(spec.rotation)),
+        surface=ToolSurface(mesh.vertices, mesh.triangles),
+        slack=0.1 * float(mesh.row[SPACING]),
+    )
+
+
+SHAPE = Shape(geometry, inline=MESH)

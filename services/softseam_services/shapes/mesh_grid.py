@@ -5,7 +5,7 @@ central differences (Catmull-Rom; Keys 1981, IEEE Trans. Acoust. 29, 1153, eq. 4
 smooth the value is accurate to third order in the spacing, and exact where it is linear, as beside a flat face. A sharp
 edge of the mesh is rounded by about half a spacing.
 
-A row of `ToolSet.shape` holds it all: half edges of the mesh's bounding box, the grid's first point, spacing, counts,
+The numbers of the shape hold it all: half edges of the mesh's bounding box, the grid's first point, spacing, counts,
 then the values with the last axis fastest.
 """
 
