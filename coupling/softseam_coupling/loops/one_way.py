@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +78,7 @@ class _Trust:
 
     def to_array(self) -> Floats:
         """All of it."""
-        return np.array([float(getattr(self, each.name)) for each in fields(self)])
+        return np.array([self.kappa, self.n_contacts, self.age, self.renew, self.repeat, self.least_age], np.float64)
 
     @classmethod
     def of(cls, array: Floats) -> _Trust:
@@ -124,13 +124,14 @@ class OneWay:
     def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
         """A step that fails leaves everything as it was. What a part told in it may not have arrived: it is asked
         again."""
-        held = {name: (replace(self._parts[name]), replace(self._trust[name])) for name in self._parts}
+        held = {name: (part.hold(), self._trust[name].to_array()) for name, part in self._parts.items()}
         rest = self._closure.hold(), self._impedance, self._dt
         try:
             return self._solve(ask, correct, dt, may_refuse)
         except BaseException:
             for name, (part, trust) in held.items():
-                self._parts[name], self._trust[name] = part, trust
+                self._parts[name].go_back(part)
+                self._trust[name] = _Trust.of(trust)
             inverse, self._impedance, self._dt = rest
             self._closure.go_back(inverse)
             self._tell_anew()
