@@ -45,6 +45,7 @@ class Prediction:
         self._times = np.zeros(N_KEPT)
         self._errors = np.full(len(WAYS), np.inf)  # of those that were never scored
         self._n = 0
+        self._at: tuple[float, Floats] | None = None  # length of the next step, and its weights
         if first is not None:
             self._kept[0], self._n = first, 1
 
@@ -74,7 +75,7 @@ class Prediction:
             self._errors[known] = _MEMORY * before[known] + (1.0 - _MEMORY) * square[known]
         self._kept[1:], self._times[1:] = self._kept[:-1].copy(), self._times[:-1].copy()
         self._kept[0], self._times[0] = vectors, self._times[1] + dt
-        self._n = min(self._n + 1, N_KEPT)
+        self._n, self._at = min(self._n + 1, N_KEPT), None
 
     @property
     def _ready(self) -> NDArray[np.bool_]:
@@ -83,10 +84,11 @@ class Prediction:
 
     def _weights(self, dt: float) -> Floats:
         """Of the kept vectors, in every way (w, N_KEPT) [1]."""
-        before = self._times[0] - self._times
-        if self._n == N_KEPT and np.abs(before - dt * np.arange(N_KEPT)).max() < 1e-9 * dt:
-            return _EVENLY
-        return _all_weights(-before, dt, self._n)
+        if self._at is None or self._at[0] != dt:
+            before = self._times[0] - self._times
+            evenly = self._n == N_KEPT and np.abs(before - dt * np.arange(N_KEPT)).max() < 1e-9 * dt
+            self._at = dt, _EVENLY if evenly else _all_weights(-before, dt, self._n)
+        return self._at[1]
 
     def to_arrays(self) -> dict[str, Floats]:
         """Everything, for a snapshot."""
@@ -98,4 +100,4 @@ class Prediction:
         self._kept[:] = arrays["kept"]
         numbers = arrays["numbers"]
         self._times[:], self._errors[:] = numbers[:N_KEPT], numbers[N_KEPT:-1]
-        self._n = int(arrays["numbers"][-1])
+        self._n, self._at = int(arrays["numbers"][-1]), None

@@ -6,7 +6,9 @@ the other hears of it when a service starts or a session opens in this process, 
 
 from __future__ import annotations
 
-from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
+from softseam_coupling import accelerations
+from softseam_coupling.loops import LOOPS
+from softseam_protocol.scene.kinds import ACCELERATIONS, ELEMENTS, INTEGRATORS, SCHEMES
 from softseam_protocol.scene.materials import MATERIALS
 from softseam_protocol.scene.particles import CONSTRAINTS
 from softseam_protocol.scene.parts import PARTS
@@ -24,6 +26,8 @@ def check_tables() -> None:
         (MATERIALS, LAWS),
         (ELEMENTS, elements.ELEMENTS),
         (INTEGRATORS, integrators.INTEGRATORS),
+        (SCHEMES, LOOPS),
+        (ACCELERATIONS, accelerations.ACCELERATIONS),
         (TOOLS, SHAPES),
         (CONSTRAINTS, constraints.CONSTRAINTS),
         (PARTS, SHAPES),

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
+from softseam_coupling.loops.loop import Outcome, largest
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import InterfaceReport, PartReport
-from softseam_services.orchestrator.seam_answers import SeamSolution, largest
 from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
@@ -55,7 +55,7 @@ class Accounts:
         self.begun = Energies(0.0, 0.0, 0.0)
         """with which the body begins, before the first step"""
 
-    def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: SeamSolution) -> Entry:
+    def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: Outcome) -> Entry:
         """A step was taken."""
         kinetic = strain = gravity = tool_work = seam_work = penetration = 0.0
         momentum, angular = np.zeros(3), np.zeros(3)
@@ -84,9 +84,9 @@ class Accounts:
                 reply.step_error,
             )
         interfaces = {}
-        if len(solution.lambda_):
-            force = largest(solution.lambda_)
-            told = InterfaceReport(solution.gap, solution.exchanges, len(solution.lambda_), force, seam_work)
+        if len(solution.multipliers):
+            force = largest(solution.multipliers)
+            told = InterfaceReport(solution.gap, solution.exchanges, len(solution.multipliers), force, seam_work)
             interfaces[sides.interface] = told
         energies = Energies(kinetic, strain, gravity)
         dissipation = switch = 0.0

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Reply, Request, ToolMotion
 from softseam_services.orchestrator.participants import Participants
-from softseam_services.orchestrator.seam_answers import SeamSolution
 from softseam_services.orchestrator.transport import Transport
 
 
 def advance_all(
     islands: Mapping[str, Participants], transport: Transport, motion: ToolMotion, fields: bool
-) -> dict[str, SeamSolution]:
+) -> dict[str, Outcome]:
     """Advance all by a step; where one fails, none has taken it.
 
     Those of one part, or of parts that nothing ties, are asked in one exchange; then the others, one after the other.
     Raises StepFailed, ParticipantLost and ParticipantFailed.
     """
-    solutions: dict[str, SeamSolution] = {}
+    solutions: dict[str, Outcome] = {}
     free = {name: island for name, island in islands.items() if not island.tied}
     try:
         requests: dict[str, Request] = {}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
-from softseam_coupling.loops.one_way import Correction
+from softseam_coupling.loops.loop import Correction, Outcome, PartRequest, StepDiverged, StepRefused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 from softseam_protocol.messages.participant import (
@@ -41,20 +41,14 @@ from softseam_protocol.messages.participant import (
 )
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.parts import CutStep
-from softseam_services.orchestrator.seam_answers import (
-    SeamDiverged,
-    SeamScheme,
-    SeamSolution,
-    SeamUnsettled,
-    SideRequest,
-)
 from softseam_services.orchestrator.sides import Sides
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 
 Floats = NDArray[np.float64]
-Tied = tuple[Sides, SeamScheme | None]
+Tied = tuple[Sides, Coupling | None]
 """sides, and what ties them where they share nodes"""
 
 _FREE = np.zeros((0, 3))
@@ -99,7 +93,7 @@ class Participants:
         transport: Transport,
         clock: Clock,
         tell: Tell,
-        tie: Callable[[Sides], SeamScheme | None],
+        tie: Callable[[Sides], Coupling | None],
         mesh: Callable[[Sides, str], PartMesh | None],
     ) -> None:
         self._bundle, self._scene, self._transport = bundle, scene, transport
@@ -107,7 +101,7 @@ class Participants:
         self._epoch = self._tick = 0
         self.sides: Sides
         """the present cut"""
-        self._loop: SeamScheme | None = None
+        self._coupling: Coupling | None = None
         self._n_asked = self._asked = -1  # exchanges of the tick at hand, and of the one before
         self._under_way = False  # a step is, or was when it failed
         self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
@@ -120,7 +114,7 @@ class Participants:
         self._epoch = self._clock.epoch
         self._n_asked, self._under_way = -1, False
         self._kept = None
-        sides, self._loop = tied
+        sides, self._coupling = tied
         self.sides = sides
         replies = self._transport.exchange(
             {
@@ -142,10 +136,10 @@ class Participants:
         for name, reply in begun.items():
             if math.isnan(reply.kinetic + reply.strain + reply.gravity):
                 raise ParticipantFailed(name, _OLDER)
-        if self._loop is not None:
+        if self._coupling is not None:
             told = {name: reply.capabilities for name, reply in begun.items()}
             self._able = {name: able for name, able in told.items() if able is not None}
-            self._loop.begin(self._able)
+            self._coupling.loop.begin(self._able)
         return Energies(
             sum(reply.kinetic for reply in begun.values()),
             sum(reply.strain for reply in begun.values()),
@@ -165,7 +159,7 @@ class Participants:
     @property
     def tied(self) -> bool:
         """Whether there is an interface between its parts."""
-        return self._loop is not None
+        return self._coupling is not None
 
     def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
         """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
@@ -178,29 +172,28 @@ class Participants:
             for name in self.sides.names
         }
 
-    def taken(self, replies: Mapping[str, Reply]) -> SeamSolution:
+    def taken(self, replies: Mapping[str, Reply]) -> Outcome:
         """Parts that nothing ties have answered `requests`. Raises StepFailed."""
         own = self._advanced({name: replies[name] for name in self.sides.names})
-        solution = SeamSolution(own, _FREE, 0.0, 1, "")
+        solution = Outcome(own, _FREE, 0.0, 1, "")
         self._before, self._asked = {}, self._n_asked
         self._tick += 1
         self._n_asked, self._under_way = -1, False
         self._tell_cuts(solution)
         return solution
 
-    def advance(self, motion: ToolMotion, fields: bool, alone: bool) -> SeamSolution:
+    def advance(self, motion: ToolMotion, fields: bool, alone: bool) -> Outcome:
         """Advance tied parts by a step until they agree; where they will not, in parts of the step.
 
         fields  ask for the fields in the exchange that is likely to be the last
         alone   no other island may fail in this step, after which this one would be withdrawn
         """
         self._discard_failed()
-        loop = self._loop
-        assert loop is not None
-        self._before = None if alone else {name: array.copy() for name, array in loop.to_arrays().items()}
+        assert self._coupling is not None
+        self._before = None if alone else {name: array.copy() for name, array in self._coupling.to_arrays().items()}
         try:
             solution = self._cut(motion, fields)
-        except SeamDiverged as error:
+        except StepDiverged as error:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
         if solution.note:
             gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
@@ -217,12 +210,12 @@ class Participants:
         assert before is not None
         self._tick -= 1
         self._n_asked, self._under_way = self._asked, True
-        if self._loop is not None:
-            self._loop.take(before)
-            self._loop.begin(self._able)
-            self._loop.forget_told()
+        if self._coupling is not None:
+            self._coupling.take(before)
+            self._coupling.loop.begin(self._able)
+            self._coupling.loop.forget_told()
 
-    def _tell_cuts(self, solution: SeamSolution) -> None:
+    def _tell_cuts(self, solution: Outcome) -> None:
         """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
@@ -230,18 +223,18 @@ class Participants:
                 taken = f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts"
                 self._tell("step", taken, count=reply.n_substeps)
 
-    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> SeamSolution:
-        def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> Outcome:
+        def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
             self._n_asked += 1
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
                 header = self._header(name, self._n_asked)
-                last = fields and side.fields and self._n_asked > 0  # it may well be
-                anchor = _FREE if side.anchor is None else side.anchor
-                stiffness = _KEPT if side.stiffness is None else side.stiffness
+                last = fields and side.last and self._n_asked > 0  # it may well be
+                anchor = _FREE if side.target is None else side.target
+                stiffness = _KEPT if side.impedance is None else side.impedance
                 start = _FREE if side.start is None else side.start
                 requests[name] = Advance(
-                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, side.repeat
+                    header, dt, side.force, motion, side.renew, anchor, stiffness, last, start, side.repeat
                 )
             return self._advanced(self._transport.exchange(requests))
 
@@ -253,21 +246,21 @@ class Participants:
             }
             return self._advanced(self._transport.exchange(requests))
 
-        assert self._loop is not None
+        assert self._coupling is not None
         self._under_way = True
-        solution = self._loop.solve(ask, correct, dt, may_cut)
+        solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
         self._asked = self._n_asked
         self._tick += 1
         self._n_asked, self._under_way = -1, False
         return solution
 
-    def _cut(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+    def _cut(self, motion: ToolMotion, fields: bool) -> Outcome:
         """Take the step whole, or in parts where it will not settle.
 
         Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
         """
-        assert self._loop is not None
-        pace, step = self._loop.pace, CutStep(motion, self._clock.dt)
+        assert self._coupling is not None
+        pace, step = self._coupling.pace, CutStep(motion, self._clock.dt)
         before = pace.parts
         if before > 1:
             self._kept = self.keep()
@@ -277,7 +270,7 @@ class Participants:
             part, dt, may_cut = step.next(parts)
             try:
                 step.taken(parts, self._advance(part, dt, fields, may_cut))
-            except SeamUnsettled as fault:
+            except StepRefused as fault:
                 step.given_up(fault.exchanges)
                 pace.cut()
                 if self._kept is None:
@@ -310,10 +303,10 @@ class Participants:
             return
         self._kept = None
         try:
-            loop = self._tie(kept.sides)
-            if loop is not None:
-                loop.take(kept.seam)
-            self.restore((kept.sides, loop), kept.states)
+            coupling = self._tie(kept.sides)
+            if coupling is not None:
+                coupling.take(kept.seam)
+            self.restore((kept.sides, coupling), kept.states)
         except BaseException:
             self._kept = kept
             raise
@@ -343,8 +336,8 @@ class Participants:
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""
         self._discard_failed()
-        if self._loop is not None:
-            self._loop.forget_told()
+        if self._coupling is not None:
+            self._coupling.loop.forget_told()
         replies = self._transport.exchange(
             {name: Snapshot(self._header(name, self._n_asked + 1)) for name in self.sides.names}
         )
@@ -359,11 +352,11 @@ class Participants:
 
     def multiplier(self) -> Floats:
         """The last committed one, on the near side (s, 3) [N]."""
-        return np.zeros((len(self.sides.seam), 3)) if self._loop is None else self._loop.multiplier()
+        return np.zeros((len(self.sides.seam), 3)) if self._coupling is None else self._coupling.loop.multipliers()
 
     def seam_arrays(self) -> dict[str, Floats]:
         """What of the seam evolves, for a snapshot; empty where there is none."""
-        return {} if self._loop is None else self._loop.to_arrays()
+        return {} if self._coupling is None else self._coupling.to_arrays()
 
     def restore(self, tied: Tied, states: Mapping[str, bytes]) -> None:
         """Continue with another cut, tied as `seam_arrays` told of it, from its `snapshot`."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Advanced, ToolMotion
 from softseam_services.orchestrator.pace import FINEST
-from softseam_services.orchestrator.seam_answers import SeamSolution
 
 _POSES = ("position", "orientation", "position_next", "orientation_next")
 
@@ -60,7 +60,7 @@ class CutStep:
     def __init__(self, motion: ToolMotion, dt: float) -> None:
         self._motion, self._whole = motion, dt
         self._begin = 0  # in FINEST-ths of the step
-        self._solutions: list[SeamSolution] = []
+        self._solutions: list[Outcome] = []
         self._in_vain = 0  # exchanges of parts that were to be shorter
 
     @property
@@ -77,7 +77,7 @@ class CutStep:
         length = FINEST // parts
         return part_of(self._motion, self._begin, self._begin + length, FINEST), self._whole / parts, length > 1
 
-    def taken(self, parts: int, solution: SeamSolution) -> None:
+    def taken(self, parts: int, solution: Outcome) -> None:
         """The part that `next` described is the participants' tentative state."""
         self._begin += FINEST // parts
         self._solutions.append(solution)
@@ -86,11 +86,11 @@ class CutStep:
         """The part that `next` described is to be shorter, as so many exchanges have shown."""
         self._in_vain += exchanges
 
-    def solution(self) -> SeamSolution:
+    def solution(self) -> Outcome:
         """The whole step, as its last part left the seam."""
         last = self._solutions[-1]
         if len(self._solutions) == 1:
             return last
         replies: Sequence[Mapping[str, Advanced]] = [solution.replies for solution in self._solutions]
         exchanges = self._in_vain + sum(solution.exchanges for solution in self._solutions)
-        return SeamSolution(sum_replies(replies), last.lambda_, last.gap, exchanges, last.note, self.n_parts)
+        return Outcome(sum_replies(replies), last.multipliers, last.gap, exchanges, last.note, self.n_parts)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
+from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Frame
 from softseam_services.body.body import Body
@@ -20,7 +21,6 @@ from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import Quantities
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedBody
-from softseam_services.orchestrator.seam_answers import SeamSolution
 from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.orchestrator.trust import Trust
@@ -137,7 +137,7 @@ class SimulatedBody:
         """Let the cut follow its rule after a step; the energies after a switch."""
         return self.regions.follow(replies, motion)
 
-    def book(self, replies: Mapping[str, Advanced], solution: SeamSolution) -> Entry:
+    def book(self, replies: Mapping[str, Advanced], solution: Outcome) -> Entry:
         """Enter a step into the accounts, with the cut that it was taken with."""
         return self.accounts.book(self.regions.sides, replies, solution)
 

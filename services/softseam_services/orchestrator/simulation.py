@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
@@ -35,7 +36,6 @@ from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, worst
 from softseam_services.orchestrator.saved_state import SavedState
-from softseam_services.orchestrator.seam_answers import SeamSolution
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
@@ -46,7 +46,7 @@ from softseam_services.tools.travel import beyond_middle
 T = TypeVar("T")
 Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
-Solutions = dict[str, SeamSolution]
+Solutions = dict[str, Outcome]
 """of a step, by body"""
 
 _CHECKPOINT_STEPS = 50
