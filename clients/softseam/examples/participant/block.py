@@ -8,7 +8,8 @@ are lumped, so with y = R^T x, w = R^T v only the matrix A = M + dt^2 K is ever 
     A (w1 - w0) = dt (R^T (f + M g) - K (y0 - X) - dt K w0)                                                        (2)
 
 and d(x1)/d(f) = dt^2 R A^-1 R^T, with the R of the step in which that was told last: whoever couples the block counts
-with what it was told, and steps are corrected by the same. Cells are eight trilinear hexahedra each, whose change of volume is their mean.
+with what it was told, and steps are corrected by the same. Cells are eight trilinear hexahedra each, whose change of
+volume is their mean.
 """
 
 from __future__ import annotations
