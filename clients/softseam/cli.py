@@ -328,6 +328,36 @@ def health(connect: Endpoint = None, deployment: Deployment = None) -> None:
     raise typer.Exit(ask(connect, deployment))
 
 
+@app.command(
+    epilog="[bold]What it does[/bold]\n\n"
+    "A block of two cells is configured, advanced, corrected, saved and refused, in sessions of its own: other "
+    "sessions of the service are not disturbed. Each check is a sentence of the contract, docs/guide/"
+    "write-a-participant.md; where one fails, the table says what was expected and what came. What the participant's "
+    "Capabilities do not claim is not checked. Exit code 1 where a check fails.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam conform tcp/127.0.0.1:7447 --service fem\n\n"
+    "softseam conform tcp/127.0.0.1:7447 --service my_solver --check momentum --check restore"
+)
+def conform(
+    endpoint: Annotated[str, typer.Argument(metavar="ENDPOINT", help="The router, e.g. tcp/127.0.0.1:7447.")],
+    service: Annotated[
+        str | None, typer.Option("--service", metavar="NAME", help="The participant; default: the only one there.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option("--model", metavar="NAME", help="What it is asked for; default: its service's name.")
+    ] = None,
+    check: Annotated[
+        list[str] | None, typer.Option("--check", metavar="NAME", help="Only this check. Repeatable.")
+    ] = None,
+    deployment: Deployment = None,
+) -> None:
+    """Check a participant on the bus against the protocol: a table of what it must do, and does."""
+    from softseam.conform.command import conform as run_kit
+
+    if not run_kit(endpoint, service, model, deployment, tuple(check or ()), _out()):
+        raise typer.Exit(FAILED)
+
+
 @app.command()
 def quantities() -> None:
     """What a scene's `quantities` may name: units and meanings."""
