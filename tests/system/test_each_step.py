@@ -32,7 +32,7 @@ class Losing(EmbeddedTransport):
     waits = 0
     """how often anybody waited for a participant to come back"""
 
-    def __init__(self, bus: Bus, keys: Keys) -> None:
+    def __init__(self, bus: Bus, keys: Keys, services: Mapping[str, str] | None) -> None:
         super().__init__()
         self.times = BusTimes()
 

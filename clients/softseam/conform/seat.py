@@ -1,0 +1,226 @@
+"""A part of a participant that is being checked: a block of two cells, configured, asked and released."""
+
+from __future__ import annotations
+
+import itertools
+import secrets
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.bus.client import Bus
+from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.participant import (
+    Advance,
+    Advanced,
+    BodyState,
+    Capabilities,
+    Commit,
+    Committed,
+    Configure,
+    Configured,
+    Fields,
+    Observe,
+    PartMesh,
+    Release,
+    Released,
+    ToolMotion,
+)
+from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.topics import ParticipantReply
+from softseam_protocol.wire.codec import decode, encode
+
+Floats = NDArray[np.float64]
+Reply = TypeVar("Reply")
+Vector = tuple[float, float, float]
+
+EDGE, STEP = 0.02, 0.002
+"""of a cell [m]; length of a step [s]"""
+YOUNG, POISSON, DENSITY = 2e4, 0.3, 1000.0
+"""of the block [Pa], [1], [kg/m^3]"""
+WAIT = 60.0
+"""longest wait for an answer [s]"""
+_GRID = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(5)])
+"""the block's nodes, two cells along x (45, 3)"""
+REST = 0.5 * EDGE * _GRID - np.array([EDGE, 0.5 * EDGE, 0.0])
+"""their positions (45, 3) [m]"""
+FAR_END = np.flatnonzero(_GRID[:, 0] == 4).astype(np.int32)
+"""the nine nodes of the face at the larger x"""
+ENDS = np.flatnonzero(_GRID[:, 0] % 4 == 0).astype(np.int32)
+"""the nodes of both faces across x"""
+MASS = 2.0 * EDGE**3 * DENSITY
+"""of the block [kg]"""
+
+
+class Unmet(Exception):
+    """A check failed: what was expected, and what came."""
+
+    def __init__(self, expected: str, came: str) -> None:
+        super().__init__(f"expected {expected}, came {came}")
+        self.expected, self.came = expected, came
+
+
+def expect(met: bool, expected: str, came: object) -> None:
+    """Raises Unmet where it is not met."""
+    if not met:
+        raise Unmet(expected, str(came))
+
+
+def near(expected: str, came: Any, wanted: Any, atol: float) -> None:
+    """Every number within `atol`. Raises Unmet."""
+    error = float(np.abs(np.asarray(came) - np.asarray(wanted)).max(initial=0.0))
+    expect(error <= atol, f"{expected} (within {atol:.2g})", f"{error:.3g} off")
+
+
+@dataclass
+class Service:
+    """A participant's service on the bus, asked for one of its models."""
+
+    bus: Bus
+    key: str
+    model: str
+    _names: Any = field(default_factory=itertools.count)
+    _run: str = field(default_factory=lambda: secrets.token_hex(4))
+
+    def session(self) -> str:
+        """A name that no session had."""
+        return f"conform-{self._run}-{next(self._names)}"
+
+    def ask(self, request: Any, kind: type[Reply]) -> Reply:
+        """The answer. Raises Unmet where there is none, or another."""
+        try:
+            reply = decode(self.bus.request(self.key, encode(request), WAIT), ParticipantReply)
+        except ProtocolError as error:
+            raise Unmet(f"{kind.__name__} in answer to {type(request).__name__}", str(error)) from None
+        expect(isinstance(reply, kind), f"{kind.__name__} in answer to {type(request).__name__}", type(reply).__name__)
+        expect(reply.header == request.header, "the header of the request in its answer", reply.header)
+        return reply  # type: ignore[no-any-return]
+
+    def refusal(self, payload: bytes, kinds: tuple[str, ...]) -> None:
+        """The payload must be refused by a Failure of one of these kinds, or as a step that is `refused`, with a
+        remedy. Raises Unmet."""
+        expected = f"a Failure of kind {' or '.join(kinds)}"
+        try:
+            reply = decode(self.bus.request(self.key, payload, WAIT), ParticipantReply)
+        except Refused as error:
+            kind, text = error.failure.kind, error.failure.message
+        except ProtocolError as error:
+            raise Unmet(expected, str(error)) from None
+        else:
+            refused = isinstance(reply, Advanced) and reply.status is Status.REFUSED and "invalid" in kinds
+            expect(refused, expected, type(reply).__name__)
+            kind, text = kinds[0], reply.why
+        expect(kind in kinds, expected, f"{kind}: {text}")
+        expect(len(text.split()) >= 4, "a text that says what is wrong and the remedy", repr(text))
+
+
+class Seat:
+    """One session's part: the block with these coupling nodes, in this state (rest where absent)."""
+
+    def __init__(
+        self,
+        service: Service,
+        *,
+        gravity: Vector = (0.0, 0.0, 0.0),
+        x: Floats | None = None,
+        v: Floats | None = None,
+        coupling: NDArray[np.int32] = FAR_END,
+    ) -> None:
+        self.service, self.session, self.coupling = service, service.session(), coupling
+        state = None
+        if x is not None or v is not None:
+            none = np.zeros((len(REST), 3))
+            told = BodyState(REST if x is None else x, none if v is None else v, none[:0], np.zeros(0, np.int32))
+            n_points = 42  # nodes on the surface: all but the three inside
+            state = replace(
+                told, contact_force=np.zeros((n_points, 3)), contact_tool=np.full(n_points, -1, dtype=np.int32)
+            )
+        scene = Scene.model_validate(
+            {
+                "softseam": 1,
+                "name": "conform",
+                "gravity": gravity,
+                "step": STEP,
+                "duration": 1.0,
+                "body": {
+                    "shape": {"kind": "block", "size": (2 * EDGE, EDGE, EDGE)},
+                    "cell": EDGE,
+                    "material": {"young": YOUNG, "poisson": POISSON, "density": DENSITY},
+                },
+                "regions": {"default": "pbd" if service.model == "pbd" else "fem"},
+                "models": {"fem": {"tolerance": 1e-8}},
+            }
+        )
+        cells = np.arange(2, dtype=np.int32)
+        self.configure = Configure(
+            self.header(0), bundle_scene(scene), service.model, cells, coupling, state, True, mesh()
+        )
+        self.configured: Configured = service.ask(self.configure, Configured)
+
+    def header(self, step: int, exchange: int = 0) -> Header:
+        return Header(SCHEMA_VERSION, self.session, "near", 0, step, exchange, step * STEP)
+
+    def request(self, step: int, exchange: int = 0, force: Floats | None = None, compliance: bool = False) -> Advance:
+        """A step under a force on the coupling nodes (s, 3) [N], zero where absent."""
+        none = np.zeros((0, 3))
+        motion = ToolMotion(none, np.zeros((0, 4)), none, np.zeros((0, 4)))
+        force = np.zeros((len(self.coupling), 3)) if force is None else force
+        return Advance(self.header(step, exchange), STEP, force, motion, compliance)
+
+    def advance(self, step: int, exchange: int = 0, force: Floats | None = None, compliance: bool = False) -> Advanced:
+        """The answer to `request`, which must have converged. Raises Unmet."""
+        reply = self.service.ask(self.request(step, exchange, force, compliance), Advanced)
+        expect(reply.status is Status.CONVERGED, "a step that converges", f"{reply.status}: {reply.why}")
+        return reply
+
+    def commit(self, step: int) -> None:
+        self.service.ask(Commit(self.header(step)), Committed)
+
+    def observe(self, step: int) -> Fields:
+        return self.service.ask(Observe(self.header(step)), Fields)
+
+    def release(self) -> None:
+        self.service.ask(Release(self.header(0)), Released)
+
+
+def capabilities(service: Service) -> Capabilities:
+    """What it declares of the block. Raises Unmet."""
+    seat = Seat(service)
+    seat.release()
+    able = seat.configured.capabilities
+    if able is None:
+        raise Unmet("Capabilities in Configured, of a part with coupling nodes", "none")
+    return able
+
+
+def mesh() -> PartMesh:
+    """The block's."""
+    cells = np.array(
+        [[2 * c + i + 5 * (j + 3 * k) for k in range(3) for j in range(3) for i in range(3)] for c in (0, 1)]
+    )
+    simpson = np.array([1.0, 4.0, 1.0]) / 6.0
+    share = np.einsum("k,j,i->kji", simpson, simpson, simpson).ravel()
+    mass = np.zeros(len(REST))
+    np.add.at(mass, cells.ravel(), np.tile(0.5 * MASS * share, 2))
+    local = _GRID - 1.0 - 2.0 * np.column_stack([_GRID[:, 0] > 2, np.zeros((len(REST), 2))])
+    outside = np.flatnonzero((np.abs(_GRID - (2, 1, 1)) == (2, 1, 1)).any(axis=1))
+    return PartMesh(
+        np.arange(len(REST), dtype=np.int32),
+        REST,
+        mass,
+        np.zeros(len(REST), dtype=np.int8),
+        cells.astype(np.int32),
+        np.arange(len(outside), dtype=np.int32),
+        (_GRID[outside, 0] > 2).astype(np.int32),
+        local[outside],
+    )
+
+
+def some_force(size: float = 1e-3, seed: int = 0) -> Floats:
+    """On the nodes of the far end (9, 3) [N]; moves them by some micrometres a step."""
+    return size * np.random.default_rng(seed).standard_normal((len(FAR_END), 3))
