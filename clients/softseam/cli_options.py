@@ -26,7 +26,7 @@ Deployment = Annotated[
 ]
 Routes = Annotated[
     list[str] | None,
-    typer.Option("--route", metavar="PART=SERVICE", help="Who takes a part, e.g. far=my_solver. Repeatable."),
+    typer.Option("--route", metavar="PART=SERVICE", help="Who takes a part, e.g. body.far=my_solver. Repeatable."),
 ]
 Recordings = Annotated[
     Path | None, typer.Option("--recordings", metavar="FOLDER", help="Where the recorder writes; default: recordings.")

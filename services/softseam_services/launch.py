@@ -54,7 +54,7 @@ def route(text: str) -> tuple[str, str]:
     """Part and service of `--route PART=SERVICE`. Raises ValueError."""
     part, equals, service = text.partition("=")
     if not (equals and part and service):
-        raise ValueError(f"{text!r} is no route: give PART=SERVICE, such as far=my_solver")
+        raise ValueError(f"{text!r} is no route: give PART=SERVICE, such as body.far=my_solver")
     return part, checked("service", service)
 
 

@@ -22,6 +22,7 @@ from softseam.errors import BadInput
 from softseam.examples.participant.requests import Participant, Seat
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused, SchemaMismatch
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
@@ -57,7 +58,7 @@ class Faulty(Participant):
         return encode(replace(self._said(self, request, reply), header=request.header))
 
     def seat_of(self, request: Any) -> Seat:
-        return self.seats[request.header.session, request.header.participant]
+        return self.seats[request.header.session, request.header.part]
 
 
 class Lenient(Participant):
@@ -76,17 +77,17 @@ class Lenient(Participant):
             if self._acts:
                 for seat in self.seats.values():
                     seat.block.x = seat.block.x + 1e-3
-            raise Refused(Failure(self._becomes if kind == self._kind else kind, text)) from None
+            raise Refused(Failure(FailureKind(self._becomes if kind == self._kind else kind), text)) from None
         except Exception:
             if self._kind != "garbage":
                 raise
-            raise Refused(Failure("internal", "")) from None
+            raise Refused(Failure(FailureKind.INTERNAL, "")) from None
 
 
 def _anew(self: Faulty, request: Any) -> Any:
     """Forgets what it was asked: every Advance is another one."""
     if isinstance(request, Advance):
-        seat = self.seats.get((request.header.session, request.header.participant))
+        seat = self.seats.get((request.header.session, request.header.part))
         if seat is not None:
             seat.kept.pop(Advance, None)
             seat.exchange = -1 if request.header.step == seat.committed else seat.exchange
@@ -181,7 +182,7 @@ def _torque(self: Faulty, request: Any) -> Any:
 
 def _pulled(self: Faulty, request: Any) -> Any:
     """What is turned is pulled back to where it was at rest."""
-    if isinstance(request, Configure) and request.state is not None:
+    if isinstance(request, Configure) and request.state is not None and request.mesh is not None:
         x, rest = request.state.x, request.mesh.x_rest
         return replace(request, state=replace(request.state, x=x + 0.05 * (rest - rest.mean(0)) * [1, -1, 0]))
     return request
@@ -189,7 +190,7 @@ def _pulled(self: Faulty, request: Any) -> Any:
 
 def _lopsided(self: Faulty, request: Any) -> Any:
     """One node bears more than its share."""
-    if isinstance(request, Configure):
+    if isinstance(request, Configure) and request.mesh is not None:
         rest = request.mesh.x_rest.copy()
         rest[22] += 1e-3
         return replace(request, mesh=replace(request.mesh, x_rest=rest))

@@ -35,7 +35,7 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    options = UpOptions(BusOptions(connect=where), tmp_path_factory.mktemp("recordings"), routes={"far": "block"})
+    options = UpOptions(BusOptions(connect=where), tmp_path_factory.mktemp("recordings"), routes={"body.far": "block"})
     lines: list[str] = []
     with supervisor(options, lines.append) as services:
         assert services.wait_ready(READY), lines

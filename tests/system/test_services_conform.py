@@ -17,7 +17,7 @@ SOFTSEAM = Path(sys.executable).with_name("softseam")
 
 
 def conform(services: Services, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [SOFTSEAM, "conform", services.endpoint, *options]
+    command = [str(SOFTSEAM), "conform", services.endpoint, *options]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.names import ONLY_BODY, within
+from softseam_protocol.messages.outcomes import FailureKind, Status
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
@@ -114,7 +115,7 @@ class Service:
         else:
             refused = isinstance(reply, Advanced) and reply.status is Status.REFUSED and "invalid" in kinds
             expect(refused, expected, type(reply).__name__)
-            kind, text = kinds[0], reply.why
+            kind, text = FailureKind(kinds[0]), reply.why
         expect(kind in kinds, expected, f"{kind}: {text}")
         expect(len(text.split()) >= 4, "a text that says what is wrong and the remedy", repr(text))
 
@@ -158,12 +159,12 @@ class Seat:
         )
         cells = np.arange(2, dtype=np.int32)
         self.configure = Configure(
-            self.header(0), bundle_scene(scene), service.model, cells, coupling, state, True, mesh()
+            self.header(0), bundle_scene(scene), service.model, cells, coupling, state, True, ONLY_BODY, mesh()
         )
         self.configured: Configured = service.ask(self.configure, Configured)
 
     def header(self, step: int, exchange: int = 0) -> Header:
-        return Header(SCHEMA_VERSION, self.session, "near", 0, step, exchange, step * STEP)
+        return Header(SCHEMA_VERSION, self.session, within(ONLY_BODY, "near"), 0, step, exchange, step * STEP)
 
     def request(self, step: int, exchange: int = 0, force: Floats | None = None, compliance: bool = False) -> Advance:
         """A step under a force on the coupling nodes (s, 3) [N], zero where absent."""

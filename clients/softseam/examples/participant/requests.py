@@ -12,7 +12,7 @@ from softseam.examples.participant.block import LinearBlock
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.outcomes import FailureKind, Status
 from softseam_protocol.wire.codec import decode, encode
 
 Floats = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Participant:
             raise refused("invalid", str(error)) from None
         if isinstance(reply, messages.Worked) and not reply.seconds:
             reply = replace(reply, seconds=perf_counter() - began)
-        seat = self.seats.get((request.header.session, request.header.participant))
+        seat = self.seats.get((request.header.session, request.header.part))
         if seat is not None:
             seat.kept[type(request)] = reply
         return encode(reply)
@@ -61,7 +61,7 @@ class Participant:
     def answer(self, request: messages.Request) -> messages.Reply:
         """Raises Refused and ValueError."""
         header = request.header
-        key = (header.session, header.participant)
+        key = (header.session, header.part)
         seat = self.seats.get(key)
         if isinstance(request, messages.Release):
             self.seats.pop(key, None)
@@ -212,4 +212,4 @@ def stale(header: Header, seat: Seat) -> Refused:
 
 
 def refused(kind: str, message: str) -> Refused:
-    return Refused(messages.Failure(kind, message))
+    return Refused(messages.Failure(FailureKind(kind), message))
