@@ -23,13 +23,18 @@ def measure(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Map
     model, mesh, jump, gap = np.zeros((4, body.n_cells))
     for name, side in fields.items():
         if sides.models[name] == "pbd":
-            model[sides.cells[name]] = side.model_error
+            model[sides.cells[name]] = told(side.model_error, len(sides.cells[name]))
         else:
-            mesh[sides.cells[name]] = side.mesh_error
+            mesh[sides.cells[name]] = told(side.mesh_error, len(sides.cells[name]))
     if len(sides.seam):
         jump[:] = _jumps(body, sides, neighbours, fields)
         gap[:] = _gaps(body, sides, fields)
     return Indicators(model, mesh, jump, gap)
+
+
+def told(errors: Floats, n_cells: int) -> Floats:
+    """A part's errors by cell (n_cells,) [J]; 0 of a part that does not estimate them."""
+    return errors if len(errors) else np.zeros(n_cells)
 
 
 def energy_error(energy: Floats, strain: float) -> float:

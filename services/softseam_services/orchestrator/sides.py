@@ -164,7 +164,7 @@ def whole_frame(
         side = fields[name]
         x[side.nodes] = side.x
         cauchy[sides.cells[name]] = side.cauchy
-        energy[sides.cells[name]] = side.cell_energy
+        energy[sides.cells[name]] = side.cell_energy if len(side.cell_energy) else 0.0
         point_x[side.points] = side.point_x
         strain = side.point_strain
     force, tool = contact_state(body, fields)

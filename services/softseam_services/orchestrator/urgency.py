@@ -22,6 +22,7 @@ from softseam_protocol.messages.participant import Fields
 from softseam_protocol.scene.regions import NearSpec
 from softseam_services.body.body import Body
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
+from softseam_services.orchestrator.indicators import told
 from softseam_services.orchestrator.sides import Sides
 from softseam_services.orchestrator.stress import von_mises
 
@@ -74,7 +75,7 @@ class Urgency:
         if ERROR in self._bounds:
             error, strain = np.zeros(body.n_cells), 0.0
             for name, side in fields.items():
-                error[sides.cells[name]] = side.model_error
+                error[sides.cells[name]] = told(side.model_error, len(sides.cells[name]))
                 strain += float(side.cell_energy.sum())
             share = strain / body.n_cells
             relative = np.sqrt(error / share) if share > 0.0 else np.zeros(body.n_cells)
