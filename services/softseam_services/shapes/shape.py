@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit as plain_njit
 
 from softseam_services.body.errors import ShapeError
 from softseam_services.jit import PrototypeError
@@ -51,15 +50,10 @@ class Shape:
         """
         if self.distance is None:
             return self.inline
-        kernel = plain_njit(error_model="numpy")(self.distance)
-
-        def distance(size, numbers, x, y, z):
-            return kernel(numbers, x, y, z)
-
         try:
-            return DISTANCE.compile(distance)
+            return DISTANCE.compile(self.distance)
         except PrototypeError as error:
-            raise ShapeError(f"{self.distance.__name__}: {error}") from error
+            raise ShapeError(str(error)) from error
 
     def build(self, spec: Any, files: Files) -> Geometry:
         """The geometry of a specification. Raises ShapeError where it is not fit for kernels and viewers."""

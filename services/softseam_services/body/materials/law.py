@@ -17,7 +17,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from softseam_services.body.body import Floats
 from softseam_services.body.elastic_constants import ElasticConstants
@@ -76,15 +75,10 @@ class Law:
         """Of the compiled `respond`; 0 of a law without state. Raises LawError where it does not compile."""
         if self.respond is None:
             return 0
-        kernel = njit(error_model="numpy")(self.respond)
-
-        def respond(n, F, state, dt, parameters, P, A, following):
-            return kernel(F, state, dt, parameters, P, A, following)
-
         try:
-            return RESPOND.compile(respond)
+            return RESPOND.compile(self.respond)
         except PrototypeError as error:
-            raise LawError(f"{self.respond.__name__}: {error}") from error
+            raise LawError(str(error)) from error
 
     def packed(self, spec: Any, elastic: ElasticConstants) -> Floats:
         """Parameters as kernels take them (MAX_PARAMETERS,). Raises LawError."""

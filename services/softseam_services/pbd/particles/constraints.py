@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from softseam_protocol.scene.particles import ConstraintSpec
@@ -53,15 +52,10 @@ class Constraint:
     @cached_property
     def address(self) -> int:
         """Of the compiled function. Raises ConstraintError where it does not compile."""
-        kernel = njit(error_model="numpy")(self.value)
-
-        def value(k, x, n, parameters, gradient):  # type: ignore[no-untyped-def]
-            return kernel(x, parameters, gradient)
-
         try:
-            return VALUE.compile(value)
+            return VALUE.compile(self.value)
         except PrototypeError as error:
-            raise ConstraintError(f"{self.value.__name__}: {error}") from error
+            raise ConstraintError(str(error)) from error
 
 
 CONSTRAINTS: Table[Constraint] = Table("particle constraints")
