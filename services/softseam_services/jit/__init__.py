@@ -1,12 +1,11 @@
 """Every use of numba's internals, behind two decorators and a class.
 
 `njit` compiles a kernel together with the kernels that it calls; `record` makes a named tuple of arrays one pointer;
-`Prototype` lets a kernel call, by its address, a function that was added from outside, as
-`compiled_outside` compiles it.
+`Prototype` lets a kernel call, by its address, a function that was added from outside.
 """
 
 from softseam_services.jit.linking import njit
-from softseam_services.jit.pointer import Prototype, PrototypeError, compiled_outside
+from softseam_services.jit.pointer import Prototype, PrototypeError
 from softseam_services.jit.records import record
 
-__all__ = ["Prototype", "PrototypeError", "compiled_outside", "njit", "record"]
+__all__ = ["Prototype", "PrototypeError", "njit", "record"]

@@ -8,4 +8,5 @@ DISTANCE = Prototype(
     "signed distance of a tool's shape",
     {"size": int, "numbers": ("size",), "x": float, "y": float, "z": float},
     returns=4,
+    lengths=("size",),
 )

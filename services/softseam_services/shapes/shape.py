@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from softseam_services.body.errors import ShapeError
-from softseam_services.jit import PrototypeError, compiled_outside
+from softseam_services.jit import PrototypeError
 from softseam_services.shapes.branches import BRANCHES
 from softseam_services.shapes.geometry import Geometry
 from softseam_services.shapes.prototype import DISTANCE
@@ -50,15 +50,10 @@ class Shape:
         """
         if self.distance is None:
             return self.inline
-        kernel = compiled_outside(self.distance)
-
-        def distance(size, numbers, x, y, z):
-            return kernel(numbers, x, y, z)
-
         try:
-            return DISTANCE.compile(distance)
+            return DISTANCE.compile(self.distance)
         except PrototypeError as error:
-            raise ShapeError(f"{self.distance.__name__}: {error}") from error
+            raise ShapeError(str(error)) from error
 
     def build(self, spec: Any, files: Files) -> Geometry:
         """The geometry of a specification. Raises ShapeError where it is not fit for kernels and viewers."""

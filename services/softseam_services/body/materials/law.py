@@ -23,7 +23,7 @@ from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.errors import LawError
 from softseam_services.body.materials import point
 from softseam_services.body.materials.prototype import MAX_PARAMETERS, RESPOND, RESPONSE
-from softseam_services.jit import PrototypeError, compiled_outside
+from softseam_services.jit import PrototypeError
 
 __all__ = ["Law", "LawError"]
 
@@ -75,15 +75,10 @@ class Law:
         """Of the compiled `respond`; 0 of a law without state. Raises LawError where it does not compile."""
         if self.respond is None:
             return 0
-        kernel = compiled_outside(self.respond)
-
-        def respond(n, F, state, dt, parameters, P, A, following):
-            return kernel(F, state, dt, parameters, P, A, following)
-
         try:
-            return RESPOND.compile(respond)
+            return RESPOND.compile(self.respond)
         except PrototypeError as error:
-            raise LawError(f"{self.respond.__name__}: {error}") from error
+            raise LawError(str(error)) from error
 
     def packed(self, spec: Any, elastic: ElasticConstants) -> Floats:
         """Parameters as kernels take them (MAX_PARAMETERS,). Raises LawError."""

@@ -23,5 +23,6 @@ RESPOND = Prototype(
         "A": (9, 9),
         "following": ("n",),
     },
+    lengths=("n",),
 )
 """energy density [Pa]; P, A = dP/dF and the state at the end of dt in place"""

@@ -22,7 +22,7 @@ from softseam_protocol.table import Table
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.errors import ConstraintError, SettingError
 from softseam_services.body.particles import ParticleBody
-from softseam_services.jit import PrototypeError, compiled_outside
+from softseam_services.jit import PrototypeError
 
 from .batches import batches
 from .kernels.constraint import N_COLUMNS, VALUE
@@ -53,15 +53,10 @@ class Constraint:
     @cached_property
     def address(self) -> int:
         """Of the compiled function. Raises ConstraintError where it does not compile."""
-        kernel = compiled_outside(self.value)
-
-        def value(k, x, n, parameters, gradient):  # type: ignore[no-untyped-def]
-            return kernel(x, parameters, gradient)
-
         try:
-            return VALUE.compile(value)
+            return VALUE.compile(self.value)
         except PrototypeError as error:
-            raise ConstraintError(f"{self.value.__name__}: {error}") from error
+            raise ConstraintError(str(error)) from error
 
 
 CONSTRAINTS: Table[Constraint] = Table("particle constraints")

@@ -14,6 +14,7 @@ from softseam_services.jit import Prototype, njit
 VALUE = Prototype(
     "value of a particle constraint",
     {"k": int, "x": ("k", 3), "n": int, "parameters": ("n",), "gradient": ("k", 3)},
+    lengths=("k", "n"),
 )
 ADDRESS, PARTICLES, PARAMETERS, ONE_SIDED, FIRST, LAST, PARTICLE, PARAMETER = range(8)
 """columns of a family: address of its function; particles and parameters of each of its constraints; whether it holds
