@@ -120,11 +120,12 @@ class StepReport:
 
     @property
     def seam(self) -> InterfaceReport:
-        """All interfaces together: the largest gap, exchanges and force, the sums of nodes and work."""
+        """All interfaces together: the largest gap, exchanges and force, the sums of nodes and work;
+        one exchange where there are none."""
         told = self.interfaces.values()
         return InterfaceReport(
             max((one.gap for one in told), default=0.0),
-            max((one.exchanges for one in told), default=0),
+            max((one.exchanges for one in told), default=1),
             sum(one.n_nodes for one in told),
             max((one.force for one in told), default=0.0),
             sum(one.work for one in told),

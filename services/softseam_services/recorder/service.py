@@ -79,7 +79,12 @@ class RecorderHandler:
         del self._tapings[session]
         self._finished[session] = recorded
         _log.info(
-            "%s: %d messages, %d lost; %s (%s)", recorded.path, recorded.messages, recorded.lost, recorded.note, reason
+            "%s: %d messages, %d lost; %s (%s)",
+            recorded.path,
+            recorded.messages,
+            recorded.lost,
+            recorded.note or recorded.state,
+            reason,
         )
         return recorded
 
