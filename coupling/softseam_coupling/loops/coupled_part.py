@@ -42,6 +42,14 @@ class CoupledPart:
     impedance: Floats = field(default_factory=lambda: _NONE)
     """S (3n, 3n) [N/m]; empty: none"""
 
+    def hold(self) -> tuple[Floats, ...]:
+        """What of it evolves, to `go_back` to."""
+        return self.compliance, self.told, self.back, self.root, self.impedance
+
+    def go_back(self, held: tuple[Floats, ...]) -> None:
+        """Be as `hold` found it."""
+        self.compliance, self.told, self.back, self.root, self.impedance = held
+
     @property
     def pushed(self) -> bool:
         """Whether its unknown is the push of eq. (2)."""
