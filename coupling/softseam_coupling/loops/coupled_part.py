@@ -43,7 +43,7 @@ class CoupledPart:
     """S (3n, 3n) [N/m]; empty: none"""
 
     def hold(self) -> tuple[Floats, ...]:
-        """What of it evolves, whose arrays are replaced and never written to; to `go_back` to."""
+        """What of it evolves, to `go_back` to."""
         return self.compliance, self.told, self.back, self.root, self.impedance
 
     def go_back(self, held: tuple[Floats, ...]) -> None:

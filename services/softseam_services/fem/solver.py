@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -194,7 +193,10 @@ class FemSolver:
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = standing.angular
         out[kernel.LOWEST : kernel.LOWEST + 6] = standing.bounds.ravel()
 
-    def _reply(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
+    def _reply(
+        self, request: Advance, status: Status, why: str, began: float, correction: Correct | None = None
+    ) -> Advanced:
+        """What became of a request, or of its correction."""
         stepper, reduction = self._stepper, self._reduction
         out, wrench, taken = stepper.out.copy(), stepper.wrench.copy(), stepper.taken
         converged = status is Status.CONVERGED
@@ -205,7 +207,7 @@ class FemSolver:
         whole = request.compliance and converged
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
-            request.header,
+            (correction or request).header,
             status,
             stepper.seam_x.copy(),
             stepper.compliance.copy() if whole else _NONE,
@@ -246,8 +248,8 @@ class FemSolver:
             raise ValueError(f"a correction of this region's seam has shape {shape}")
         if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
             raise ValueError("the correction is not finite: the coupling must send finite forces")
-        stepper.correct(self._committed, self._next, self._request.dt, request, moved(self._tools, self._request.tools))
-        return self._reply(replace(self._request, header=request.header), Status.CONVERGED, "", began)
+        stepper.correct(self._committed, self._next, self._request.dt, request, self._tools)
+        return self._reply(self._request, Status.CONVERGED, "", began, request)
 
     @property
     def capabilities(self) -> Capabilities:

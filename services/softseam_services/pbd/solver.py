@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
 
@@ -42,7 +41,6 @@ class PbdSolver:
         self._committed = new_state(n, model.blocks.n_batches, p, t)
         self._work = new_state(n, model.blocks.n_batches, p, t)
         self._tentative = False
-        self._request: Advance  # the last
         self._taken: Taken  # and what became of it
         self._probe: SeamProbe | None = None
         self._probed = np.zeros(0)  # the state that was probed, see `_compliance`; empty: none
@@ -121,15 +119,16 @@ class PbdSolver:
         compliance = np.zeros((0, 0))
         if request.compliance and not refused:
             compliance = self._compliance(request)
-        self._request, self._taken = request, taken
-        return self._reply(refused or taken.why, compliance, start)
+        self._taken = taken
+        seam_v = work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES
+        return self._reply(request.header, refused or taken.why, compliance, seam_v, start)
 
-    def _reply(self, why: str, compliance: Floats, start: float) -> Advanced:
+    def _reply(self, header: Header, why: str, compliance: Floats, seam_v: Floats, start: float) -> Advanced:
         """What became of the last request."""
-        stepper, work, request, taken = self._stepper, self._work, self._request, self._taken
+        stepper, work, taken = self._stepper, self._work, self._taken
         result, numbers = stepper.result, stepper.result.tolist()
         return Advanced(
-            request.header,
+            header,
             taken.fault.status,
             work.x.take(self.model.region.seam, axis=0),
             compliance,
@@ -151,7 +150,7 @@ class PbdSolver:
             n_substeps=stepper.n_substeps,
             residual=numbers[k.RESIDUAL],
             alarm="; ".join(taken.notice.values()),
-            seam_v=work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES,
+            seam_v=seam_v,
             settles=self._settles(),
             why=why,
             alarm_details=list(taken.notice),
@@ -211,8 +210,7 @@ class PbdSolver:
         watch.settle(work.monitor, stepper.result)
         moved = work.x.take(self.model.region.seam, axis=0) - self._committed.x.take(self.model.region.seam, axis=0)
         stepper.result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
-        self._request = replace(self._request, header=request.header, seam_force=request.force)
-        return self._reply(self._taken.why, np.zeros((0, 0)), began)
+        return self._reply(request.header, self._taken.why, np.zeros((0, 0)), _NO_FORCES, began)
 
     @property
     def capabilities(self) -> Capabilities:
