@@ -69,39 +69,46 @@ class SavedBody:
 
 
 @dataclass(frozen=True, slots=True)
+class SavedTools:
+    """Its tools."""
+
+    progress: Progress
+    lifting: bool
+    """whether a tool has risen"""
+    position: Floats
+    """(t, 3) [m]"""
+    orientation: Floats
+    """(t, 4)"""
+    drives: Floats
+    gripping: NDArray[np.int8]
+    """1 for tools that hold particles (t,)"""
+
+
+@dataclass(frozen=True, slots=True)
 class SavedState:
     """A simulation between two steps."""
 
     scene: str
     """in JSON"""
     step: int
-    progress: Progress
-    lifting: bool
-    """whether a tool has risen"""
     seed: int
-    position: Floats
-    """of tools (t, 3) [m]"""
-    orientation: Floats
-    """of tools (t, 4)"""
-    drives: Floats
-    gripping: NDArray[np.int8]
-    """1 for tools that hold particles (t,)"""
+    tools: SavedTools
     bodies: dict[str, SavedBody]
     """by name"""
 
     def pack(self) -> bytes:
         """As bytes, which `unpack` reads."""
-        progress = self.progress
-        numbers = [self.step, progress.phase, progress.elapsed, self.lifting, self.seed]
+        tools, progress = self.tools, self.tools.progress
+        numbers = [self.step, progress.phase, progress.elapsed, tools.lifting, self.seed]
         numbers += progress.search.to_list()
         entries: dict[str, NDArray[np.generic] | bytes] = {
             "schema": np.array([SCHEMA_VERSION]),
             "scene": self.scene.encode(),
             "numbers": np.array(numbers, dtype=np.float64),
-            "position": self.position,
-            "orientation": self.orientation,
-            "drives": self.drives,
-            "gripping": self.gripping,
+            "position": tools.position,
+            "orientation": tools.orientation,
+            "drives": tools.drives,
+            "gripping": tools.gripping,
         }
         for body, saved in self.bodies.items():
             entries.update({f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()})
@@ -124,13 +131,15 @@ class SavedState:
             return cls(
                 scene=entries["scene"].tobytes().decode(),
                 step=int(step),
-                progress=Progress(int(phase), elapsed, ForceSearch.from_list(search)),
-                lifting=bool(lifting),
                 seed=int(seed),
-                position=entries["position"].astype(np.float64),
-                orientation=entries["orientation"].astype(np.float64),
-                drives=entries["drives"].astype(np.float64),
-                gripping=entries["gripping"].astype(np.int8),
+                tools=SavedTools(
+                    progress=Progress(int(phase), elapsed, ForceSearch.from_list(search)),
+                    lifting=bool(lifting),
+                    position=entries["position"].astype(np.float64),
+                    orientation=entries["orientation"].astype(np.float64),
+                    drives=entries["drives"].astype(np.float64),
+                    gripping=entries["gripping"].astype(np.int8),
+                ),
                 bodies={name: SavedBody.read(_named(of_bodies, f"{name}/")) for name in names},
             )
         except (KeyError, ValueError, TypeError) as error:
