@@ -31,8 +31,8 @@ class SavedBody:
     """None before the first step"""
     begun: Energies
     """with which the body begins, before the first step"""
-    trust: Floats
-    """see `Trust.to_array`"""
+    errors: Floats
+    """see `ErrorEstimator.to_array`"""
     cells: dict[str, NDArray[np.generic]]
     """see `NearCells.to_arrays`"""
     seam: dict[str, Floats]
@@ -46,7 +46,7 @@ class SavedBody:
             "lift_base": np.array([self.lift_base]),
             "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
             "begun": np.array([self.begun.kinetic, self.begun.strain, self.begun.gravity]),
-            "trust": self.trust,
+            "errors": self.errors,
         }
         found.update({_CELLS + name: array for name, array in self.cells.items()})
         found.update({_SEAM + name: array for name, array in self.seam.items()})
@@ -61,7 +61,7 @@ class SavedBody:
             lift_base=float(entries["lift_base"].astype(np.float64)[0]),
             ledger=LedgerState.from_list(ledger) if ledger else None,
             begun=Energies(*entries["begun"].astype(np.float64).tolist()),
-            trust=entries["trust"].astype(np.float64),
+            errors=entries["errors"].astype(np.float64),
             cells=_named(entries, _CELLS),
             seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM).items()},
             participants={name: state.tobytes() for name, state in _named(entries, _PART).items()},

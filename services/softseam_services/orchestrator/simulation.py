@@ -19,10 +19,10 @@ from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Step
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.accounts import Entry
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
 from softseam_services.orchestrator.notices import Tell, ToolNotices
@@ -233,14 +233,14 @@ class Simulation:
         return found
 
     def _book_and_adapt(self, solutions: Solutions, motion: ToolMotion) -> tuple[dict[str, Entry], bool]:
-        """Enter the step into the accounts, then let the cuts follow it; whether one did."""
+        """Enter the step into the balance, then let the cuts follow it; whether one did."""
         entries, switched = {}, False
         for name, body in self.bodies.items():
             entries[name] = body.book(solutions[name].replies, solutions[name])
         for name, body in self.bodies.items():
             energies = self._told(partial(body.follow, solutions[name].replies, motion))
             if energies is not None:
-                body.accounts.switched(energies)
+                body.balance.switched(energies)
                 switched = True
         if self._clock.step % _CHECKPOINT_STEPS == 0:
             for body in self.bodies.values():
@@ -264,7 +264,7 @@ class Simulation:
         """Tell what of the step is worth an event."""
         at = self._clock.step - 1
         for name, body in self.bodies.items():
-            body.notices.follow(at, solutions[name].replies, body.accounts.raised, estimates.get(name))
+            body.notices.follow(at, solutions[name].replies, body.balance.raised, estimates.get(name))
         if moved.missed:
             self._event("force", f"step {at}: {moved.missed}")
         self._notices.follow(at, move.too_far, self._moving.met)
@@ -306,7 +306,7 @@ class Simulation:
         body = self.only
         energies = body.regions.set_near(near)
         self._frames = None
-        return body.accounts.switched(energies)
+        return body.balance.switched(energies)
 
     def close(self) -> None:
         """Release the participants and the transport."""
