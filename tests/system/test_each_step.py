@@ -101,8 +101,8 @@ def test_a_step_whose_fields_are_lost_is_taken_once(bus: Bus, monkeypatch: pytes
         assert isinstance(answer, Observation) and not answer.frames
         assert answer.header.step == taken and answer.report.header.step == taken - 1
         assert [event.message for event in answer.events if event.kind == "lost"] == [
-            f"step {taken - 1} is taken, but what follows it was not done: participant 'near' is lost: it did not come "
-            "back within 60 s: is its service running and supervised?"
+            f"step {taken - 1} is taken, but what follows it was not done: participant 'body.near' is lost: it did not "
+            "come back within 60 s: is its service running and supervised?"
         ]
         assert Losing.waits == taken - LAST + 1
     with pytest.raises(FieldsNotObserved, match=f"step {LAST} is taken, but"):
