@@ -13,6 +13,8 @@ WAYS = ((0, 1), (1, 2), (2, 3), (1, 4), (2, 5))
 """order of a polynomial in time, and through how many of the last steps: more than the order asks for smooth noise;
 those through fewer come first"""
 N_KEPT = max(n for _, n in WAYS)
+_N_READY = [sum(n <= known for _, n in WAYS) for known in range(N_KEPT + 1)]
+"""ways for which enough steps are known, by how many are"""
 _MEMORY = 0.5
 """share of a way's mean square error that is left a step later [1]"""
 
@@ -64,13 +66,13 @@ class Prediction:
 
     def predict(self, dt: float) -> Floats:
         """The next, a step of dt [s] later, in the way that was best lately (c, 3)."""
-        row = int(np.argmin(self._errors))
+        row = int(self._errors.argmin())
         predicted = predict(self._weights(dt)[row], self._kept.reshape(N_KEPT, -1))
         return np.asarray(predicted.reshape(self._kept.shape[1:]))
 
     def commit(self, vectors: Floats, dt: float) -> None:
         """A step of dt [s] came to these vectors (c, 3): every way is scored on them."""
-        weights, known = self._weights(dt), sum(n <= self._n for _, n in WAYS)
+        weights, known = self._weights(dt), _N_READY[self._n]
         flat = np.ascontiguousarray(vectors).reshape(-1)
         score(weights, known, _MEMORY, self._kept.reshape(N_KEPT, -1), flat, self._errors)
         self._times[1:] = self._times[:-1].copy()

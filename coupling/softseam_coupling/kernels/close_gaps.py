@@ -56,6 +56,32 @@ def _move(part, yields, push, moved):
 
 
 @njit(cache=True, error_model="numpy")
+def _add_image(part, rows, own, image):
+    """Add B_p x of vectors on a part's nodes (3n,) to all rows (3c,)."""
+    sign, n, at = part[SIGN], part[N_NODES], part[ROWS_AT]
+    if sign:
+        for i in range(3 * n):
+            image[i] += sign * own[i]
+        return
+    for row in range(len(image) // 3):
+        weights = rows[at + row * n : at + (row + 1) * n]
+        for node in range(n):
+            weight = weights[node]
+            for k in range(3):
+                image[3 * row + k] += weight * own[3 * node + k]
+
+
+@njit(cache=True, error_model="numpy")
+def gap_at(table, rows, x, offset):
+    """Of all rows (3c,) [m], where the parts' nodes are at x (3N,) [m]."""
+    gap = -offset
+    for p in range(len(table)):
+        first = 3 * table[p, FIRST]
+        _add_image(table[p], rows, x[first : first + 3 * table[p, N_NODES]], gap)
+    return gap
+
+
+@njit(cache=True, error_model="numpy")
 def _answer(table, rows, yields, impedances, unknown, acted, multipliers, push, move, left):
     """What the parts do under the unknown, where these forces acted on their nodes.
 
@@ -91,15 +117,7 @@ def _answer(table, rows, yields, impedances, unknown, acted, multipliers, push, 
                     begin = part[IMPEDANCE_AT] + i * n
                     back = _dot(impedances[begin : begin + n], own_move)
                     multipliers[i] = sign * (own_push[i] - back + acted[first + i])
-            if sign:
-                for i in range(n):
-                    left[i] += sign * own_move[i]
-            else:
-                for row in range(n_rows // 3):
-                    for node in range(n // 3):
-                        weight = rows[at + row * (n // 3) + node]
-                        for k in range(3):
-                            left[3 * row + k] += weight * own_move[3 * node + k]
+            _add_image(part, rows, own_move, left)
 
 
 @njit(cache=True, error_model="numpy")

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.kernels import close_gaps as kernel
-from softseam_coupling.kernels.close_gaps import close_gaps
-from softseam_coupling.loops.coupled_part import HARDLY, CoupledPart, gap_of
+from softseam_coupling.kernels.close_gaps import close_gaps, gap_at
+from softseam_coupling.loops.coupled_part import HARDLY, CoupledPart
 
 Floats = NDArray[np.float64]
 
@@ -78,12 +78,17 @@ class Closure:
 
     def gap(self, x: dict[str, Floats]) -> Floats:
         """Of all rows, where the parts' nodes are at x (n, 3) [m] (c, 3) [m]."""
-        return gap_of(self._parts, x, self._offset)
+        flat, places = self._flat, np.concatenate([x[name] for name in self._parts])
+        gap = gap_at(flat.table, flat.rows, places.reshape(-1), self._offset.reshape(-1))
+        return np.asarray(gap.reshape(-1, 3))
 
     def target(self, name: str, x: dict[str, Floats]) -> Floats:
         """Where a part's nodes belong by the places of all others (n, 3) [m]; its rows are the identity."""
-        others = (other.image(x[other_name]) for other_name, other in self._parts.items() if other_name != name)
-        return np.asarray(self._parts[name].sign * (self._offset - sum(others)))
+        wanted = self._offset
+        for other_name, other in self._parts.items():
+            if other_name != name:
+                wanted = wanted - other.image(x[other_name])
+        return np.asarray(self._parts[name].sign * wanted)
 
     def solve(
         self, gap: Floats, acted: dict[str, Floats], told: Floats, tolerance: float

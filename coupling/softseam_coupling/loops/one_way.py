@@ -315,7 +315,7 @@ class OneWay:
         corrections = {}
         for name, part in self._parts.items():
             push, short = part.push_for(pushes[name], moves[name], replies[name].n_contacts == 0)
-            if largest(short) > 0.3 * self._setup.tolerance:
+            if short is not None and largest(short) > 0.3 * self._setup.tolerance:
                 return None
             corrections[name] = Correction(push, part.force(found))
         return corrections

@@ -26,7 +26,7 @@ from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
-from softseam_services.request_check import problem_of, problem_of_anchor
+from softseam_services.request_check import problem_of, problem_of_anchor, problem_of_correction
 from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
 
@@ -241,13 +241,12 @@ class FemSolver:
 
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam; see `kernels.linear_answer`."""
-        began, stepper, shape = time.perf_counter(), self._stepper, (len(self._region.seam), 3)
+        began, stepper = time.perf_counter(), self._stepper
         if not (self._tentative and stepper.settles):
             raise ValueError("this step cannot be corrected: only one that implicit Euler solved at once can")
-        if request.push.shape != shape or request.force.shape != shape:
-            raise ValueError(f"a correction of this region's seam has shape {shape}")
-        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
-            raise ValueError("the correction is not finite: the coupling must send finite forces")
+        problem = problem_of_correction(request, len(self._region.seam))
+        if problem:
+            raise ValueError(problem)
         stepper.correct(self._committed, self._next, self._request.dt, request, self._tools)
         return self._reply(self._request, Status.CONVERGED, "", began, request)
 

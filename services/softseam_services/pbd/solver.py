@@ -10,7 +10,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.request_check import problem_of
+from softseam_services.request_check import problem_of, problem_of_correction
 from softseam_services.tools.tool_set import ToolSet
 
 from . import watch
@@ -126,7 +126,7 @@ class PbdSolver:
     def _reply(self, header: Header, why: str, compliance: Floats, seam_v: Floats, start: float) -> Advanced:
         """What became of the last request."""
         stepper, work, taken = self._stepper, self._work, self._taken
-        result, numbers = stepper.result, stepper.result.tolist()
+        result, numbers = stepper.result.copy(), stepper.result.tolist()
         return Advanced(
             header,
             taken.fault.status,
@@ -138,15 +138,15 @@ class PbdSolver:
             numbers[k.GRAVITY],
             numbers[k.TOOL_WORK],
             numbers[k.SEAM_WORK],
-            result[k.MOMENTUM : k.MOMENTUM + 3].copy(),
-            result[k.ANGULAR : k.ANGULAR + 3].copy(),
+            result[k.MOMENTUM : k.MOMENTUM + 3],
+            result[k.ANGULAR : k.ANGULAR + 3],
             numbers[k.PENETRATION],
             numbers[k.SLIP],
             int(numbers[k.N_CONTACTS]),
             taken.sweeps,
             time.perf_counter() - start,
             stepper.distance.copy(),
-            result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
+            result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3),
             n_substeps=stepper.n_substeps,
             residual=numbers[k.RESIDUAL],
             alarm="; ".join(taken.notice.values()),
@@ -191,13 +191,12 @@ class PbdSolver:
 
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam, as the probe found it."""
-        began, shape = time.perf_counter(), (len(self.model.region.seam), 3)
+        began = time.perf_counter()
         if not (self._tentative and self._settles()):
             raise ValueError("this step cannot be corrected: only one as long as the probed one, taken to plan, can")
-        if request.push.shape != shape or request.force.shape != shape:
-            raise ValueError(f"a correction of this region's seam has shape {shape}")
-        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
-            raise ValueError("the correction is not finite: the coupling must send finite forces")
+        problem = problem_of_correction(request, len(self.model.region.seam))
+        if problem:
+            raise ValueError(problem)
         if len(self._ways) == 0:
             self._ways = self._probe_again()[1]
         probe, work, stepper = self._probe, self._work, self._stepper
