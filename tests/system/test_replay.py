@@ -61,13 +61,13 @@ def test_everything_is_in_it(rrd: Path) -> None:
     """Regions apart from each other, stress, tools, forces, curves, words; each where a person would look for it."""
     stats = rerun("rrd", "stats", str(rrd))
     for path in (
-        "/world/body/near",
-        "/world/body/far",
-        "/world/body/stress",
+        "/world/bodies/body/near",
+        "/world/bodies/body/far",
+        "/world/bodies/body/stress",
         "/world/tools/left",
         "/world/tools/ball",
-        "/world/forces/contact",
-        "/world/forces/seam",
+        "/world/bodies/body/forces/contact",
+        "/world/bodies/body/forces/seam",
         "/curves/quantities/grip_force/grip_force",
         "/curves/seam/gap/gap",
         "/curves/energy/stored/strain",
@@ -78,7 +78,7 @@ def test_everything_is_in_it(rrd: Path) -> None:
         "/legend/scale",
     ):
         assert f"{path}:" in stats, path
-    rows = rerun("rrd", "print", "-v", str(rrd)).count("/world/body/stress")
+    rows = rerun("rrd", "print", "-v", str(rrd)).count("/world/bodies/body/stress")
     assert rows >= 1
 
 
