@@ -112,7 +112,7 @@ def uniform(service: Service) -> None:
         force = np.zeros(n)
         force[i] = push
         moves[:, i] = (seat.advance(0, 1 + i, force.reshape(-1, 3)).seam_x - free).ravel() / push
-    held = np.linalg.solve(moves, (x[ENDS] - free).ravel()).reshape(-1, 3)
+    held = np.linalg.lstsq(moves, (x[ENDS] - free).ravel(), rcond=None)[0].reshape(-1, 3)
     reply = seat.advance(0, 1 + n, held)
     near("ends that are held", reply.seam_x, x[ENDS], 0.01 * stretch * EDGE)
     wanted = YOUNG * stretch * EDGE**2

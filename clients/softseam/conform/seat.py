@@ -24,6 +24,7 @@ from softseam_protocol.messages.participant import (
     Committed,
     Configure,
     Configured,
+    Correct,
     Fields,
     Observe,
     PartMesh,
@@ -44,6 +45,8 @@ EDGE, STEP = 0.02, 0.002
 """of a cell [m]; length of a step [s]"""
 YOUNG, POISSON, DENSITY = 2e4, 0.3, 1000.0
 """of the block [Pa], [1], [kg/m^3]"""
+_EPOCH = 1
+"""that all seats are configured in: there is an older one"""
 WAIT = 60.0
 """longest wait for an answer [s]"""
 _GRID = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(5)])
@@ -73,7 +76,8 @@ def expect(met: bool, expected: str, came: object) -> None:
 
 
 def near(expected: str, came: Any, wanted: Any, atol: float) -> None:
-    """Every number within `atol`. Raises Unmet."""
+    """As many numbers, each within `atol`. Raises Unmet."""
+    expect(np.shape(came) == np.shape(wanted), f"{expected}, of shape {np.shape(wanted)}", np.shape(came))
     error = float(np.abs(np.asarray(came) - np.asarray(wanted)).max(initial=0.0))
     expect(error <= atol, f"{expected} (within {atol:.2g})", f"{error:.3g} off")
 
@@ -102,9 +106,10 @@ class Service:
         expect(reply.header == request.header, "the header of the request in its answer", reply.header)
         return reply  # type: ignore[no-any-return]
 
-    def refusal(self, payload: bytes, kinds: tuple[str, ...]) -> None:
+    def refusal(self, payload: bytes, kinds: tuple[str, ...]) -> bool:
         """The payload must be refused by a Failure of one of these kinds, or as a step that is `refused`, with a
-        remedy. Raises Unmet."""
+        remedy. Whether it was by a Failure. Raises Unmet."""
+        failure = True
         expected = f"a Failure of kind {' or '.join(kinds)}"
         try:
             reply = decode(self.bus.request(self.key, payload, WAIT), ParticipantReply)
@@ -115,9 +120,10 @@ class Service:
         else:
             refused = isinstance(reply, Advanced) and reply.status is Status.REFUSED and "invalid" in kinds
             expect(refused, expected, type(reply).__name__)
-            kind, text = FailureKind(kinds[0]), reply.why
+            failure, kind, text = False, FailureKind(kinds[0]), reply.why
         expect(kind in kinds, expected, f"{kind}: {text}")
         expect(len(text.split()) >= 4, "a text that says what is wrong and the remedy", repr(text))
+        return failure
 
 
 class Seat:
@@ -164,7 +170,7 @@ class Seat:
         self.configured: Configured = service.ask(self.configure, Configured)
 
     def header(self, step: int, exchange: int = 0) -> Header:
-        return Header(SCHEMA_VERSION, self.session, within(ONLY_BODY, "near"), 0, step, exchange, step * STEP)
+        return Header(SCHEMA_VERSION, self.session, within(ONLY_BODY, "near"), _EPOCH, step, exchange, step * STEP)
 
     def request(self, step: int, exchange: int = 0, force: Floats | None = None, compliance: bool = False) -> Advance:
         """A step under a force on the coupling nodes (s, 3) [N], zero where absent."""
@@ -175,8 +181,17 @@ class Seat:
 
     def advance(self, step: int, exchange: int = 0, force: Floats | None = None, compliance: bool = False) -> Advanced:
         """The answer to `request`, which must have converged. Raises Unmet."""
-        reply = self.service.ask(self.request(step, exchange, force, compliance), Advanced)
+        return self._stepped(self.request(step, exchange, force, compliance))
+
+    def correct(self, step: int, exchange: int, push: Floats, force: Floats) -> Advanced:
+        """The tentative step, moved on by the answer to a push; that force acts from then on. Raises Unmet."""
+        return self._stepped(Correct(self.header(step, exchange), push, force))
+
+    def _stepped(self, request: Advance | Correct) -> Advanced:
+        reply = self.service.ask(request, Advanced)
         expect(reply.status is Status.CONVERGED, "a step that converges", f"{reply.status}: {reply.why}")
+        wanted = (len(self.coupling), 3)
+        expect(reply.seam_x.shape == wanted, f"Advanced.seam_x of shape {wanted}", reply.seam_x.shape)
         return reply
 
     def commit(self, step: int) -> None:
