@@ -31,7 +31,6 @@ def definite(service: Service) -> None:
     near("a symmetric compliance", H, H.T, _SYMMETRIC * size)
     least = float(np.linalg.eigvalsh(0.5 * (H + H.T)).min())
     expect(least > -1e-9 * size, "no negative eigenvalue", f"{least:.3g} of {size:.3g} m/N")
-    seat.release()
 
 
 def predicts(service: Service) -> None:
@@ -41,7 +40,6 @@ def predicts(service: Service) -> None:
     went = seat.advance(0, 1, force).seam_x - still.seam_x
     told = (_told(seat, still) @ force.ravel()).reshape(-1, 3)
     near("the move that the compliance tells", told, went, 0.05 * float(np.abs(went).max()))
-    seat.release()
 
 
 def corrects(service: Service) -> None:
@@ -62,4 +60,3 @@ def corrects(service: Service) -> None:
         if step == 0:
             redone = seat.advance(step, 2, pull + push).seam_x - reply.seam_x
             near("what redoing the step gives", moved, redone, _CORRECTED * size)
-    seat.release()

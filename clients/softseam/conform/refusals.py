@@ -31,7 +31,6 @@ def _refused(make: Callable[[Seat], bytes], *kinds: str) -> Callable[[Service], 
             expect(bits(again) == bits(before), "the same bytes for the request before the refusal", "others")
         after = seat.advance(1, 5, some_force())
         near("the same step as before the refusal", after.seam_x, before.seam_x, 1e-7 * EDGE)
-        seat.release()
 
     return check
 
