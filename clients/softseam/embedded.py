@@ -203,7 +203,10 @@ _APART = (
     "softseam_protocol/publish.py",
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
-    *(f"softseam_services/orchestrator/{name}.py" for name in ("alone", "attendance", "bus_transport", "desk")),
+    *(
+        f"softseam_services/orchestrator/{name}.py"
+        for name in ("bus_transport", "client_liveness", "client_session", "singleton")
+    ),
     *(f"softseam_services/orchestrator/{name}.py" for name in ("recorder_feed", "service")),
     "softseam_services/recorder/*.py",
 )

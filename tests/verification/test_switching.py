@@ -119,7 +119,7 @@ def test_saved_state_continues_bit_for_bit() -> None:
     "missing",
     [
         "numbers",
-        *(f"bodies/body/{name}" for name in ("regions.idle", "regions.cut", "ledger", "begun", "trust")),
+        *(f"bodies/body/{name}" for name in ("regions.idle", "regions.cut", "ledger", "begun", "errors")),
         *(f"bodies/body/{name}" for name in ("seam.told_body.near", "seam.pace", "part.body.far")),
     ],
 )

@@ -22,7 +22,7 @@ from softseam_protocol.messages.participant import Observe, Reply, Request
 from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
-from softseam_services.orchestrator import trust
+from softseam_services.orchestrator import error_estimate
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -95,7 +95,7 @@ def test_only_who_would_gain_by_it_is_told_to_take_hex27(
     element: str, other: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """hex27_reduced is the softer of the two: on coarse cells it errs less. All are told of shorter cells."""
-    monkeypatch.setattr(trust, "BOUND", 1e-3)
+    monkeypatch.setattr(error_estimate, "BOUND", 1e-3)
     of = simulation(bonded(element, 0.45, 1))
     said = at_the_end(of)
     of.close()
@@ -237,6 +237,6 @@ def test_the_estimate_is_a_number_even_of_nonsense() -> None:
     of.step()
     fields = of.regions.participants.observe(indicators=True, own=True)
     fields["body.far"].mesh_error[0] = np.nan
-    said = of.only.trust.now(0.1, of.regions.sides, fields)
+    said = of.only.errors.now(0.1, of.regions.sides, fields)
     assert said is not None and "not numbers" in said.text and said.answer == 0.0
     of.close()

@@ -43,7 +43,7 @@ class CoupledPart:
     """S (3n, 3n) [N/m]; empty: none"""
 
     def hold(self) -> tuple[Floats, ...]:
-        """What of it evolves, whose arrays are replaced and never written to; to `go_back` to."""
+        """What of it evolves, to `go_back` to."""
         return self.compliance, self.told, self.back, self.root, self.impedance
 
     def go_back(self, held: tuple[Floats, ...]) -> None:
@@ -69,14 +69,16 @@ class CoupledPart:
         moved = self.root @ (self.root.T @ flat) if self.root.size else self.compliance @ flat
         return np.asarray(moved.reshape(-1, 3))
 
-    def push_for(self, change: Floats, move: Floats, free: bool) -> tuple[Floats, Floats]:
+    def push_for(self, change: Floats, move: Floats, free: bool) -> tuple[Floats, Floats | None]:
         """The push (n, 3) [N] that moves the part on by `move` (n, 3) [m], and what that is short of it (n, 3) [m].
+
+        None where it is not short: a part whose answer is `change` times what it told.
 
         A part is moved on by what it told, and knows nothing of what it was taught since. Where it is free of contacts
         the push is the change of force itself, so that it is given exactly that impulse.
         """
         if self.told is self.compliance or not self.told.size:
-            return change, np.zeros_like(move)
+            return change, None
         push = change
         if not free:
             if not self.back.size:

@@ -76,9 +76,13 @@ class _Trust:
     least_age: int = _LEAST_AGE
     """steps that its compliance serves at least; doubled where it is found anew for its age"""
 
+    def hold(self) -> tuple[float, int, int, bool, bool, int]:
+        """All of it."""
+        return self.kappa, self.n_contacts, self.age, self.renew, self.repeat, self.least_age
+
     def to_array(self) -> Floats:
         """All of it."""
-        return np.array([self.kappa, self.n_contacts, self.age, self.renew, self.repeat, self.least_age], np.float64)
+        return np.array(self.hold(), dtype=np.float64)
 
     @classmethod
     def of(cls, array: Floats) -> _Trust:
@@ -124,14 +128,14 @@ class OneWay:
     def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
         """A step that fails leaves everything as it was. What a part told in it may not have arrived: it is asked
         again."""
-        held = {name: (part.hold(), self._trust[name].to_array()) for name, part in self._parts.items()}
+        held = {name: (part.hold(), self._trust[name].hold()) for name, part in self._parts.items()}
         rest = self._closure.hold(), self._impedance, self._dt
         try:
             return self._solve(ask, correct, dt, may_refuse)
         except BaseException:
             for name, (part, trust) in held.items():
                 self._parts[name].go_back(part)
-                self._trust[name] = _Trust.of(trust)
+                self._trust[name] = _Trust(*trust)
             inverse, self._impedance, self._dt = rest
             self._closure.go_back(inverse)
             self._tell_anew()
@@ -159,13 +163,14 @@ class OneWay:
             x = {name: reply.seam_x for name, reply in replies.items()}
             self._measure(replies, x, before, moves, requests, asked)
             self._hear(replies, requests)
-            size = largest(self._closure.gap(x))
+            gap = self._closure.gap(x)
+            size = largest(gap)
             if not math.isfinite(size):
                 raise StepDiverged("a part's answer is not finite")
             if may_refuse and any(reply.status != Status.CONVERGED for reply in replies.values()):
                 raise StepRefused(exchange)  # a part that stands where it began says nothing of the others
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
-            found, pushes, moves = self._closure.solve(x, acted, multipliers, _EXACT * self._setup.tolerance)
+            found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
             if all(reply.settles for reply in replies.values()):
                 if self._sure(moves):
                     corrections = self._corrections(replies, found, pushes, moves)
@@ -310,7 +315,7 @@ class OneWay:
         corrections = {}
         for name, part in self._parts.items():
             push, short = part.push_for(pushes[name], moves[name], replies[name].n_contacts == 0)
-            if largest(short) > 0.3 * self._setup.tolerance:
+            if short is not None and largest(short) > 0.3 * self._setup.tolerance:
                 return None
             corrections[name] = Correction(push, part.force(found))
         return corrections

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +26,7 @@ from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
-from softseam_services.request_check import problem_of, problem_of_anchor
+from softseam_services.request_check import problem_of, problem_of_anchor, problem_of_correction
 from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
 
@@ -194,7 +193,10 @@ class FemSolver:
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = standing.angular
         out[kernel.LOWEST : kernel.LOWEST + 6] = standing.bounds.ravel()
 
-    def _reply(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
+    def _reply(
+        self, request: Advance, status: Status, why: str, began: float, correction: Correct | None = None
+    ) -> Advanced:
+        """What became of a request, or of its correction."""
         stepper, reduction = self._stepper, self._reduction
         out, wrench, taken = stepper.out.copy(), stepper.wrench.copy(), stepper.taken
         converged = status is Status.CONVERGED
@@ -205,7 +207,7 @@ class FemSolver:
         whole = request.compliance and converged
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
-            request.header,
+            (correction or request).header,
             status,
             stepper.seam_x.copy(),
             stepper.compliance.copy() if whole else _NONE,
@@ -239,15 +241,14 @@ class FemSolver:
 
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam; see `kernels.linear_answer`."""
-        began, stepper, shape = time.perf_counter(), self._stepper, (len(self._region.seam), 3)
+        began, stepper = time.perf_counter(), self._stepper
         if not (self._tentative and stepper.settles):
             raise ValueError("this step cannot be corrected: only one that implicit Euler solved at once can")
-        if request.push.shape != shape or request.force.shape != shape:
-            raise ValueError(f"a correction of this region's seam has shape {shape}")
-        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
-            raise ValueError("the correction is not finite: the coupling must send finite forces")
-        stepper.correct(self._committed, self._next, self._request.dt, request, moved(self._tools, self._request.tools))
-        return self._reply(replace(self._request, header=request.header), Status.CONVERGED, "", began)
+        problem = problem_of_correction(request, len(self._region.seam))
+        if problem:
+            raise ValueError(problem)
+        stepper.correct(self._committed, self._next, self._request.dt, request, self._tools)
+        return self._reply(self._request, Status.CONVERGED, "", began, request)
 
     @property
     def capabilities(self) -> Capabilities:

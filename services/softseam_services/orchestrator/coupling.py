@@ -15,8 +15,8 @@ from softseam_coupling.loops.loop import Loop, LoopSetup
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.scene.regions import SeamSpec
 from softseam_services.body.body import Body
-from softseam_services.orchestrator.pace import Pace
 from softseam_services.orchestrator.sides import Sides, side_mass
+from softseam_services.orchestrator.subdivision import Subdivision
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Coupling:
     """A loop, and how finely its steps are subdivided at present."""
 
     loop: Loop
-    pace: Pace = field(default_factory=Pace)
+    pace: Subdivision = field(default_factory=Subdivision)
 
     def to_arrays(self) -> dict[str, Floats]:
         """Everything that evolves, for a snapshot."""

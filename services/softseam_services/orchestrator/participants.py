@@ -43,8 +43,8 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.notices import Tell
-from softseam_services.orchestrator.parts import CutStep
 from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.subdivided_step import SubdividedStep
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 
 Floats = NDArray[np.float64]
@@ -260,7 +260,7 @@ class Participants:
         Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
         """
         assert self._coupling is not None
-        pace, step = self._coupling.pace, CutStep(motion, self._clock.dt)
+        pace, step = self._coupling.pace, SubdividedStep(motion, self._clock.dt)
         before = pace.parts
         if before > 1:
             self._kept = self.keep()

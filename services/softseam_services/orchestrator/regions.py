@@ -14,21 +14,21 @@ from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, 
 from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import model_functions
-from softseam_services.orchestrator.accounts import SWITCH_LIMIT, Accounts
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling, couple
+from softseam_services.orchestrator.energy_balance import SWITCH_LIMIT, EnergyBalance
 from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.goal import Goal
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.goal_watch import GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
+from softseam_services.orchestrator.no_cells import NoCells
 from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.participants import Kept, Participants, Tied
 from softseam_services.orchestrator.sides import Sides, cut, merged_state, part_mesh, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
-from softseam_services.orchestrator.undivided import Undivided
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Regions:
 
     name      of the body
     clock     of the simulation
-    accounts  tell what share of the energy a switch changes
+    balance  tell what share of the energy a switch changes
     tell      receives kind and text of every event
     """
 
@@ -50,13 +50,13 @@ class Regions:
         setup: Setup,
         transport: Transport,
         clock: Clock,
-        accounts: Accounts,
+        balance: EnergyBalance,
         tell: Tell,
     ) -> None:
         self._name, self._scene, self._body = name, setup.scene, setup.body
-        self._clock, self._accounts, self._tell = clock, accounts, tell
+        self._clock, self._balance, self._tell = clock, balance, tell
         body = self._body
-        self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
+        self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else NoCells()
         self._goal = self._watch = None
         if isinstance(body, Body) and self._scene.regions.goal is not None:
             self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
@@ -97,7 +97,7 @@ class Regions:
             self.near.refused()
             raise
         change = done.total - sum(reply.kinetic + reply.strain + reply.gravity for reply in replies.values())
-        share = self._accounts.share_of_switch(change)
+        share = self._balance.share_of_switch(change)
         cost = f"{reason}; energy {change:+.2g} J, {100.0 * share:.2g} %"
         if share <= SWITCH_LIMIT:
             self._tell("regions", cost)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, InterfaceReport, PartReport, StepReport
-from softseam_services.orchestrator.accounts import Entry
+from softseam_services.orchestrator.energy_balance import Entry
 
 Floats = NDArray[np.float64]
 

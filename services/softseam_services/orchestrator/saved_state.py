@@ -31,8 +31,8 @@ class SavedBody:
     """None before the first step"""
     begun: Energies
     """with which the body begins, before the first step"""
-    trust: Floats
-    """see `Trust.to_array`"""
+    errors: Floats
+    """see `ErrorEstimator.to_array`"""
     cells: dict[str, NDArray[np.generic]]
     """see `NearCells.to_arrays`"""
     seam: dict[str, Floats]
@@ -46,7 +46,7 @@ class SavedBody:
             "lift_base": np.array([self.lift_base]),
             "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
             "begun": np.array([self.begun.kinetic, self.begun.strain, self.begun.gravity]),
-            "trust": self.trust,
+            "errors": self.errors,
         }
         found.update({_CELLS + name: array for name, array in self.cells.items()})
         found.update({_SEAM + name: array for name, array in self.seam.items()})
@@ -61,11 +61,27 @@ class SavedBody:
             lift_base=float(entries["lift_base"].astype(np.float64)[0]),
             ledger=LedgerState.from_list(ledger) if ledger else None,
             begun=Energies(*entries["begun"].astype(np.float64).tolist()),
-            trust=entries["trust"].astype(np.float64),
+            errors=entries["errors"].astype(np.float64),
             cells=_named(entries, _CELLS),
             seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM).items()},
             participants={name: state.tobytes() for name, state in _named(entries, _PART).items()},
         )
+
+
+@dataclass(frozen=True, slots=True)
+class SavedTools:
+    """Its tools."""
+
+    progress: Progress
+    lifting: bool
+    """whether a tool has risen"""
+    position: Floats
+    """(t, 3) [m]"""
+    orientation: Floats
+    """(t, 4)"""
+    drives: Floats
+    gripping: NDArray[np.int8]
+    """1 for tools that hold particles (t,)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,33 +91,24 @@ class SavedState:
     scene: str
     """in JSON"""
     step: int
-    progress: Progress
-    lifting: bool
-    """whether a tool has risen"""
     seed: int
-    position: Floats
-    """of tools (t, 3) [m]"""
-    orientation: Floats
-    """of tools (t, 4)"""
-    drives: Floats
-    gripping: NDArray[np.int8]
-    """1 for tools that hold particles (t,)"""
+    tools: SavedTools
     bodies: dict[str, SavedBody]
     """by name"""
 
     def pack(self) -> bytes:
         """As bytes, which `unpack` reads."""
-        progress = self.progress
-        numbers = [self.step, progress.phase, progress.elapsed, self.lifting, self.seed]
+        tools, progress = self.tools, self.tools.progress
+        numbers = [self.step, progress.phase, progress.elapsed, tools.lifting, self.seed]
         numbers += progress.search.to_list()
         entries: dict[str, NDArray[np.generic] | bytes] = {
             "schema": np.array([SCHEMA_VERSION]),
             "scene": self.scene.encode(),
             "numbers": np.array(numbers, dtype=np.float64),
-            "position": self.position,
-            "orientation": self.orientation,
-            "drives": self.drives,
-            "gripping": self.gripping,
+            "position": tools.position,
+            "orientation": tools.orientation,
+            "drives": tools.drives,
+            "gripping": tools.gripping,
         }
         for body, saved in self.bodies.items():
             entries.update({f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()})
@@ -124,13 +131,15 @@ class SavedState:
             return cls(
                 scene=entries["scene"].tobytes().decode(),
                 step=int(step),
-                progress=Progress(int(phase), elapsed, ForceSearch.from_list(search)),
-                lifting=bool(lifting),
                 seed=int(seed),
-                position=entries["position"].astype(np.float64),
-                orientation=entries["orientation"].astype(np.float64),
-                drives=entries["drives"].astype(np.float64),
-                gripping=entries["gripping"].astype(np.int8),
+                tools=SavedTools(
+                    progress=Progress(int(phase), elapsed, ForceSearch.from_list(search)),
+                    lifting=bool(lifting),
+                    position=entries["position"].astype(np.float64),
+                    orientation=entries["orientation"].astype(np.float64),
+                    drives=entries["drives"].astype(np.float64),
+                    gripping=entries["gripping"].astype(np.int8),
+                ),
                 bodies={name: SavedBody.read(_named(of_bodies, f"{name}/")) for name in names},
             )
         except (KeyError, ValueError, TypeError) as error:

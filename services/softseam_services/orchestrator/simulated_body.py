@@ -13,8 +13,9 @@ from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Frame
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.accounts import Accounts, Entry
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
+from softseam_services.orchestrator.error_estimate import ErrorEstimator
 from softseam_services.orchestrator.notices import Notices, Tell
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program
@@ -23,7 +24,6 @@ from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedBody
 from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.transport import Transport
-from softseam_services.orchestrator.trust import Trust
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -56,12 +56,12 @@ class SimulatedBody:
     ) -> None:
         self.name, self.scene, self.body = name, setup.scene, setup.body
         self._prefix, self._clock = prefix, clock
-        self.accounts = Accounts(_standing(self.body))
-        self.regions = Regions(name, bundle, setup, transport, clock, self.accounts, tell)
+        self.balance = EnergyBalance(_standing(self.body))
+        self.regions = Regions(name, bundle, setup, transport, clock, self.balance, tell)
         """its parts, as the rule cuts them"""
         self.participants = self.regions.participants
         """that hold the parts"""
-        self.trust = Trust(self.body, self.scene)
+        self.errors = ErrorEstimator(self.body, self.scene)
         self.notices = Notices(self.scene, tell)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
         self._probes = Probes(self.body, points) if isinstance(self.body, Body) else None
@@ -74,10 +74,10 @@ class SimulatedBody:
     def reset(self) -> None:
         """Back to the start of the scene."""
         self._lift_base = 0.0
-        self.trust.reset()
-        self.accounts.reset()
+        self.errors.reset()
+        self.balance.reset()
         self.participants.stand(self._clock.step)
-        self.accounts.begun = self.regions.start(resting_state(self.body))
+        self.balance.begun = self.regions.start(resting_state(self.body))
 
     # ---- one step
 
@@ -119,11 +119,11 @@ class SimulatedBody:
         self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats, done: bool
     ) -> ErrorEstimate | None:
         """Look at the errors where that is due, as a phase ends; how far the run can be trusted, where it is done."""
-        if self.trust.due(sum(reply.strain for reply in replies.values()), done):
+        if self.errors.due(sum(reply.strain for reply in replies.values()), done):
             fields = self.participants.observe(indicators=True, own=True)
             goal = self.regions.goal_error(fields, position, orientation)
-            self.trust.look(self._clock.time, self.regions.sides, fields, goal)
-        return self.trust.estimate() if done else None
+            self.errors.look(self._clock.time, self.regions.sides, fields, goal)
+        return self.errors.estimate() if done else None
 
     def estimate(self, position: Floats, orientation: Floats) -> ErrorEstimate | None:
         """How far the answer may be off as the body stands; None of particles."""
@@ -131,15 +131,15 @@ class SimulatedBody:
             return None
         fields = self.participants.observe(indicators=True, own=True)
         goal = self.regions.goal_error(fields, position, orientation)
-        return self.trust.now(self._clock.time, self.regions.sides, fields, goal)
+        return self.errors.now(self._clock.time, self.regions.sides, fields, goal)
 
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow its rule after a step; the energies after a switch."""
         return self.regions.follow(replies, motion)
 
     def book(self, replies: Mapping[str, Advanced], solution: Outcome) -> Entry:
-        """Enter a step into the accounts, with the cut that it was taken with."""
-        return self.accounts.book(self.regions.sides, replies, solution)
+        """Enter a step into the balance, with the cut that it was taken with."""
+        return self.balance.book(self.regions.sides, replies, solution)
 
     def _named(self, quantities: Mapping[str, float]) -> dict[str, float]:
         return {self._prefix + name: value for name, value in quantities.items()}
@@ -151,9 +151,9 @@ class SimulatedBody:
         participants = self.participants.snapshot()
         return SavedBody(
             lift_base=self._lift_base,
-            ledger=self.accounts.ledger,
-            begun=self.accounts.begun,
-            trust=self.trust.to_array(),
+            ledger=self.balance.ledger,
+            begun=self.balance.begun,
+            errors=self.errors.to_array(),
             cells=self.regions.near_arrays(),
             seam=self.participants.seam_arrays(),
             participants=participants,
@@ -161,24 +161,24 @@ class SimulatedBody:
 
     def check(self, saved: SavedBody) -> None:
         """Raise KeyError, ValueError or IndexError where a state is not this body's; changes nothing."""
-        near, trust = self.regions.near_arrays(), self.trust.to_array()
+        near, trust = self.regions.near_arrays(), self.errors.to_array()
         try:
             self.regions.take_near(saved.cells)
-            self.trust.take(saved.trust)
+            self.errors.take(saved.errors)
             sides, _ = self.regions.tied(saved.seam)
             missing = set(sides.names) - saved.participants.keys()
             if missing:
                 raise KeyError(*sorted(missing))
         finally:
             self.regions.take_near(near)
-            self.trust.take(trust)
+            self.errors.take(trust)
 
     def load(self, saved: SavedBody) -> None:
         """Continue from `save`, after the clock."""
         self.regions.take_near(saved.cells)
-        self.trust.take(saved.trust)
+        self.errors.take(saved.errors)
         self._lift_base = saved.lift_base
-        self.accounts.ledger, self.accounts.begun = saved.ledger, saved.begun
+        self.balance.ledger, self.balance.begun = saved.ledger, saved.begun
         self.participants.stand(self._clock.step)
         self.participants.restore(self.regions.tied(saved.seam), saved.participants)
 

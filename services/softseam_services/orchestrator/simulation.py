@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
 from typing import TypeVar
@@ -19,19 +18,16 @@ from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
-from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.accounts import Entry
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.clock import Clock
-from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.islands import advance_all
+from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
 from softseam_services.orchestrator.notices import Tell, ToolNotices
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.probes import share_probes
-from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, worst
@@ -40,8 +36,6 @@ from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.server import build_setup
-from softseam_services.tools.motion import tool_motion
-from softseam_services.tools.travel import beyond_middle
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]
@@ -54,23 +48,6 @@ _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
 _FARTHEST = 100.0
 """way of a tool in a step beyond which nobody meant it [m]"""
-
-
-@dataclass(slots=True)
-class _Move:
-    """What the tools do in a step."""
-
-    command: Floats
-    """(t, 6) [m/s, rad/s]"""
-    motion: ToolMotion
-    after: Progress | None
-    """of the motion; None where a force decides that"""
-    by_hand: bool
-    too_far: Sequence[str]
-    """tools that move half their thickness"""
-    phase: int = -1
-    """of the motion in which the step ends"""
-    phase_ends: bool = False
 
 
 class Simulation:
@@ -92,9 +69,7 @@ class Simulation:
         self._bundle, self._emit = bundle, emit
         if isinstance(transport, EmbeddedTransport):
             transport.adopt(bundle, setups)
-        grips = grips_by_phase(self.scene, self.tools, bodies)
-        self._drives = Drives(self.scene, bodies, grips)
-        self._program = Program(self.scene.motion, self.scene.step, self.tools, grips, self._drives.phases)
+        self._moving = MovingTools(self.scene, self.tools, bodies)
         self._duration = self.scene.duration
         self._notices = ToolNotices(self._event)
         self._clock = Clock(session, self.scene.step)
@@ -102,18 +77,19 @@ class Simulation:
         recovering = RecoveringTransport(transport, on_event=self._event)
         self._transport = TimedTransport(recovering, self._stopwatch)
         probes = share_probes({name: setup.body for name, setup in setups.items()}, self.scene.probes)
+        program = self._moving.program
         self.bodies = {
             name: SimulatedBody(
                 name=name,
                 prefix=prefix(name, setups),
                 bundle=bundle,
                 setup=setup,
-                program=self._program,
+                program=program,
                 points=probes[name],
                 transport=self._transport,
                 clock=self._clock,
                 tell=self._tells(name),
-                gripped=self._program.grip is None or self._program.grip.body is setup.body,
+                gripped=program.grip is None or program.grip.body is setup.body,
             )
             for name, setup in setups.items()
         }
@@ -135,12 +111,12 @@ class Simulation:
         """Whether the scene's duration, or without one its motion, is over."""
         if self._duration is not None:
             return self._clock.step >= round(self._duration / self.scene.step)
-        return self._program.done(self._progress)
+        return self._moving.done
 
     @property
     def expected_steps(self) -> int | None:
         """Steps of the whole run, where that can be foreseen."""
-        length = self._duration if self._duration is not None else self._program.duration()
+        length = self._duration if self._duration is not None else self._moving.program.duration()
         return None if length is None else math.ceil(length / self.scene.step - 1e-6)
 
     @property
@@ -169,12 +145,7 @@ class Simulation:
         """Back to the start of the scene."""
         self._seed = self.scene.seed if seed is None else seed
         self._clock.start(0)
-        self._progress = Progress()
-        self._drives.reset()
-        self._position = self.tools.position.copy()
-        self._orientation = self.tools.orientation.copy()
-        self._gripping = np.zeros(len(self.tools.names), dtype=np.int8)
-        self._lifting = False
+        self._moving.reset()
         self._forget()
         self.events.clear()
         for body in self.bodies.values():
@@ -201,21 +172,22 @@ class Simulation:
         Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
         """
         began, ongoing = perf_counter(), not self.done
-        move = self._move(velocities)
+        move = self._moving.next(velocities)
         self._stopwatch.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         solutions = advance_all(self._islands(), self._transport, move.motion, look)
         wrenches = {name: _wrench(solution.replies) for name, solution in solutions.items()}
         first, *others = wrenches.values()
         wrench = sum(others, first)
-        self._go_on(move, wrench)
+        moved = self._moving.take(move, wrench)
+        self._clock.step += 1
         frames = self._look(solutions, look or (self._wants_fields and self.done))
         quantities = self._measure(solutions, wrenches, frames or {})
         entries, switched = self._book_and_adapt(solutions, move.motion)
-        estimates = self._judge(solutions, ongoing and not move.by_hand, move.phase_ends)
+        estimates = self._judge(solutions, ongoing and not move.by_hand, moved.phase_ends)
         report = step_report(
             header=self._clock.last_step(),
-            phase=move.phase,
+            phase=moved.phase,
             motion=move.motion,
             wrench=wrench,
             quantities=quantities,
@@ -228,7 +200,7 @@ class Simulation:
         )
         if switched:
             self._frames = None
-        self._notify(solutions, move, estimates)
+        self._notify(solutions, move, moved, estimates)
         self._report = report
         if self._emit is not None:
             self._emit(report)
@@ -236,50 +208,14 @@ class Simulation:
                 self._emit(frame)
         return report
 
-    def _move(self, velocities: Mapping[str, Sequence[float]] | None) -> _Move:
-        """What the tools do in the coming step."""
-        progress: Progress | None
-        if velocities is None:
-            command, progress = self._program.step(self._progress, self._position, self._orientation)
-            self._drives.apply(command, self._progress, self._orientation)
-            gripping = self._program.gripping(self._progress, self._gripping)
-        else:
-            command, gripping = self._commanded(velocities)
-            progress = self._progress
-        motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
-        if any(gripping.tolist()):
-            motion = replace(motion, gripping=gripping.copy())
-        too_far = beyond_middle(self.tools, motion)
-        self._next_gripping = gripping
-        return _Move(command, motion, progress, velocities is not None, too_far)
-
     def _islands(self) -> dict[str, Participants]:
         return {name: body.participants for name, body in self.bodies.items()}
-
-    def _go_on(self, move: _Move, wrench: Floats) -> None:
-        """The step is taken: tools, clock and motion are at its end, where all bodies did this to the tools (t, 6)."""
-        self._position, self._orientation = move.motion.position_next, move.motion.orientation_next
-        self._gripping = self._next_gripping
-        self._clock.step += 1
-        if not move.by_hand:
-            self._drives.measured(wrench, self._orientation)
-        after = move.after
-        if after is None:
-            closing = self._program.closing_force(self._progress, wrench, self._orientation)
-            after = self._program.after(self._progress, self._position, self._orientation, closing)
-            missed = self._program.missed(self._progress, closing) if after.phase > self._progress.phase else ""
-            if missed:
-                self._event("force", f"step {self._clock.step - 1}: {missed}")
-        move.phase = self._program.phase_of(self._progress, after)
-        move.phase_ends = after.phase > self._progress.phase
-        self._progress = after
-        self._lifting = self._lifting or max(move.command[:, 2].tolist(), default=0.0) > 0.0
 
     def _look(self, solutions: Solutions, asked: bool) -> dict[str, Frame] | None:
         """The bodies' fields where they are asked for; None where they are not, or are lost."""
         frames = None
         if asked:
-            at = self._position, self._orientation
+            at = self._moving.poses
             frames = self._told(
                 lambda: {name: body.look(solutions[name].replies, *at) for name, body in self.bodies.items()}
             )
@@ -293,18 +229,18 @@ class Simulation:
         found: dict[str, float] = {}
         for name, body in self.bodies.items():
             replies, frame = solutions[name].replies, frames.get(name)
-            found |= body.measure(replies, wrenches[name], self._position, self._orientation, frame, self._lifting)
+            found |= body.measure(replies, wrenches[name], *self._moving.poses, frame, self._moving.lifting)
         return found
 
     def _book_and_adapt(self, solutions: Solutions, motion: ToolMotion) -> tuple[dict[str, Entry], bool]:
-        """Enter the step into the accounts, then let the cuts follow it; whether one did."""
+        """Enter the step into the balance, then let the cuts follow it; whether one did."""
         entries, switched = {}, False
         for name, body in self.bodies.items():
             entries[name] = body.book(solutions[name].replies, solutions[name])
         for name, body in self.bodies.items():
             energies = self._told(partial(body.follow, solutions[name].replies, motion))
             if energies is not None:
-                body.accounts.switched(energies)
+                body.balance.switched(energies)
                 switched = True
         if self._clock.step % _CHECKPOINT_STEPS == 0:
             for body in self.bodies.values():
@@ -318,19 +254,20 @@ class Simulation:
             return {}
         found = {}
         for name, body in self.bodies.items():
-            replies, at = solutions[name].replies, (self._position, self._orientation)
+            replies, at = solutions[name].replies, self._moving.poses
             estimate = self._told(partial(body.judge, replies, *at, done))
             if estimate is not None:
                 found[name] = estimate
         return found
 
-    def _notify(self, solutions: Solutions, move: _Move, estimates: Mapping[str, ErrorEstimate]) -> None:
+    def _notify(self, solutions: Solutions, move: Move, moved: Moved, estimates: Mapping[str, ErrorEstimate]) -> None:
         """Tell what of the step is worth an event."""
         at = self._clock.step - 1
         for name, body in self.bodies.items():
-            body.notices.follow(at, solutions[name].replies, body.accounts.raised, estimates.get(name))
-        met = self._program.met(max(0.0, self._program.compression(self._position, self._orientation)))
-        self._notices.follow(at, move.too_far, met)
+            body.notices.follow(at, solutions[name].replies, body.balance.raised, estimates.get(name))
+        if moved.missed:
+            self._event("force", f"step {at}: {moved.missed}")
+        self._notices.follow(at, move.too_far, self._moving.met)
 
     # ---- what is known
 
@@ -344,7 +281,7 @@ class Simulation:
     def frames(self) -> dict[str, Frame]:
         """The bodies as they stand."""
         if self._frames is None:
-            at = self._position, self._orientation
+            at = self._moving.poses
             self._frames = {name: body.look({}, *at) for name, body in self.bodies.items()}
         return self._frames
 
@@ -361,7 +298,7 @@ class Simulation:
 
     def estimate(self) -> ErrorEstimate | None:
         """How far the answer may be off as the bodies stand, of the one that is off most; None of particles."""
-        found = {name: body.estimate(self._position, self._orientation) for name, body in self.bodies.items()}
+        found = {name: body.estimate(*self._moving.poses) for name, body in self.bodies.items()}
         return worst({name: estimate for name, estimate in found.items() if estimate is not None})
 
     def set_near(self, near: NDArray[np.bool_]) -> float:
@@ -369,7 +306,7 @@ class Simulation:
         body = self.only
         energies = body.regions.set_near(near)
         self._frames = None
-        return body.accounts.switched(energies)
+        return body.balance.switched(energies)
 
     def close(self) -> None:
         """Release the participants and the transport."""
@@ -384,13 +321,8 @@ class Simulation:
         return SavedState(
             scene=self._bundle.scene,
             step=self._clock.step,
-            progress=self._progress,
-            lifting=self._lifting,
             seed=self._seed,
-            position=self._position,
-            orientation=self._orientation,
-            drives=self._drives.state,
-            gripping=self._gripping,
+            tools=self._moving.save(),
             bodies={name: body.save() for name, body in self.bodies.items()},
         ).pack()
 
@@ -400,53 +332,18 @@ class Simulation:
         if saved.scene != self._bundle.scene:
             raise ArchiveError("this state was saved from another scene: open that scene to restore it")
         try:
-            position = saved.position.reshape(self._position.shape)
-            orientation = saved.orientation.reshape(self._orientation.shape)
-            drives = saved.drives.reshape(self._drives.state.shape)
-            gripping = saved.gripping.reshape(self._gripping.shape)
             for name, body in self.bodies.items():
                 body.check(saved.bodies[name])
+            self._moving.load(saved.tools)
         except (KeyError, ValueError, IndexError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
         self._clock.start(saved.step)
-        self._progress, self._seed, self._lifting = saved.progress, saved.seed, saved.lifting
-        self._position, self._orientation = position, orientation
-        self._drives.state[:] = drives
-        self._gripping = gripping
+        self._seed = saved.seed
         self._forget()
         for name, body in self.bodies.items():
             body.load(saved.bodies[name])
 
     # ---- small parts
-
-    def _commanded(self, velocities: Mapping[str, Sequence[float]]) -> tuple[Floats, NDArray[np.int8]]:
-        """What tools do (t, 6) [m/s, rad/s], and 1 for those that hold particles (t,)."""
-        command = np.zeros((len(self.tools.names), 6))
-        gripping = self._gripping.copy()
-        particles = any(not isinstance(body.body, Body) for body in self.bodies.values())
-        for name, velocity in velocities.items():
-            if name not in self.tools.names:
-                raise ValueError(f"no tool is called {name!r}; the scene has: {', '.join(self.tools.names) or 'none'}")
-            value = np.asarray(velocity, dtype=np.float64)
-            if value.shape not in ((3,), (6,), (7,)) or not np.isfinite(value).all():
-                raise ValueError(
-                    f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
-                    f"or seven with its grip (1 or 0), not {velocity!r}"
-                )
-            if np.abs(value[:3]).max() * self.scene.step > _FARTHEST:
-                raise ValueError(
-                    f"the velocity of {name!r} is {value.tolist()}, more than {_FARTHEST:g} m in a step: give m/s"
-                )
-            if len(value) == 7 and value[6] != 0.0 and not particles:
-                raise ValueError(
-                    f"the velocity of {name!r} has a grip, its seventh number: tools grip particles only, and this "
-                    "body is of cells, which friction holds: give six"
-                )
-            tool = self.tools.names.index(name)
-            command[tool, : len(value[:6])] = value[:6]
-            if len(value) == 7:
-                gripping[tool] = value[6] != 0.0
-        return command, gripping
 
     def _told(self, act: Callable[[], T]) -> T | None:
         """What follows a step that is taken: where a participant is lost in it, that is told, and the step counts."""

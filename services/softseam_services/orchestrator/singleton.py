@@ -18,7 +18,7 @@ class AlreadyServed(BusError):
     """Another orchestrator serves the deployment."""
 
 
-def wait_alone(bus: Bus, keys: Keys, stop: threading.Event) -> None:
+def wait_to_be_only(bus: Bus, keys: Keys, stop: threading.Event) -> None:
     """Until no other orchestrator is there, or this one is to stop. Raises AlreadyServed."""
     every, end = keys.every_live("orchestrator"), time.monotonic() + PATIENCE
     while there := _there(bus, every):

@@ -66,7 +66,7 @@ _SHORTEST = 0.25
 """least factor of cell edges that is advised [1]"""
 
 
-class Trust:
+class ErrorEstimator:
     """What the looks of a run found."""
 
     def __init__(self, body: AnyBody, scene: Scene) -> None:

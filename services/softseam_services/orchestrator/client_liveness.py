@@ -20,7 +20,7 @@ _PERIOD = 1.0
 """between questions to the router [s]"""
 
 
-class Attendance:
+class ClientLiveness:
     """Since when clients have been gone. One thread calls `look` again and again, any thread the rest."""
 
     def __init__(self, bus: Bus, keys: Keys) -> None:

@@ -36,7 +36,7 @@ class Entry:
     """[m]"""
 
 
-class Accounts:
+class EnergyBalance:
     """What steps do to the energy of one body (see `softseam_coupling.ledger`).
 
     standing  energy that the body has because it stands on its base [J]

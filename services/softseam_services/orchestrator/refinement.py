@@ -32,7 +32,7 @@ Mask = NDArray[np.bool_]
 STRESS, ERROR, GOAL = "stress", "model error", "goal"
 
 
-class Urgency:
+class RefinementIndicators:
     """What the last look at the fields found."""
 
     def __init__(self, body: Body, near: NearSpec | None, goal: str | None = None) -> None:

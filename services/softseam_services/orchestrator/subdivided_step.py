@@ -9,7 +9,7 @@ import numpy as np
 
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Advanced, ToolMotion
-from softseam_services.orchestrator.pace import FINEST
+from softseam_services.orchestrator.subdivision import FINEST
 
 _POSES = ("position", "orientation", "position_next", "orientation_next")
 
@@ -54,7 +54,7 @@ def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
     }
 
 
-class CutStep:
+class SubdividedStep:
     """One step as it is being taken: how much of it is done, and what its parts gave."""
 
     def __init__(self, motion: ToolMotion, dt: float) -> None:

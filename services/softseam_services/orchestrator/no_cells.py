@@ -11,7 +11,7 @@ from softseam_protocol.messages.participant import Advanced, Fields
 from softseam_services.orchestrator.sides import Sides
 
 
-class Undivided:
+class NoCells:
     """Stands for `NearCells` where there are no cells."""
 
     model = "pbd"

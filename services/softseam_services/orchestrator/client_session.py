@@ -44,7 +44,7 @@ class Answer:
     payload: bytes
 
 
-class Desk:
+class ClientSession:
     """Runs one session. One request at a time: whoever calls holds `lock`."""
 
     def __init__(

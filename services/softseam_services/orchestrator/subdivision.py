@@ -21,7 +21,7 @@ _LONGEST = 64
 """most steps between tries of a coarser one"""
 
 
-class Pace:
+class Subdivision:
     """Parts of the steps to come: one until a step fails, then four, eight ... `FINEST`."""
 
     def __init__(self) -> None:
