@@ -28,6 +28,19 @@ def test_the_services_conform(services: Services, bus: Bus, service: str) -> Non
     assert f"{service} conforms" in done.stdout and done.stdout.count("passed") == len(CHECKS)
 
 
+def test_the_example_conforms(services: Services, bus: Bus) -> None:
+    """In a process of its own, beside the services."""
+    command = [sys.executable, "-m", "softseam.examples.participant", "--connect", services.endpoint]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as block:
+        try:
+            assert block.stdout is not None and "answers" in block.stdout.readline()
+            done = conform(services, "--service", "block")
+        finally:
+            block.terminate()
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "block conforms" in done.stdout and done.stdout.count("passed") == len(CHECKS)
+
+
 def test_a_failed_check_is_exit_code_1(services: Services, bus: Bus) -> None:
     """FEM, asked for a model that it does not run; without a name, the participants that there are."""
     done = conform(services, "--service", "fem", "--model", "pbd")

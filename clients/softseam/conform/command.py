@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from softseam.bar import Bar
-from softseam.conform.seat import Service, Unmet, capabilities
+from softseam.conform.seat import Service, Silent, Unmet, capabilities
 from softseam.conform.table import CHECKS
 from softseam.errors import BadInput, NoConnection
 from softseam_protocol.bus.client import Bus
@@ -20,7 +20,7 @@ from softseam_protocol.topics import DEFAULT_DEPLOYMENT, Keys
 
 _FIRST, _RETRY = 10.0, 0.25
 """longest wait for a participant, and between two looks [s]"""
-PASSED, FAILED, NOT_CLAIMED = "passed", "failed", "not claimed"
+PASSED, FAILED, NOT_CLAIMED, NOT_RUN = "passed", "failed", "not claimed", "not run"
 
 
 @dataclass(frozen=True)
@@ -69,13 +69,16 @@ def conform(
 def run_checks(
     service: Service, names: tuple[str, ...] = (), progress: Callable[[int, str], None] = lambda done, name: None
 ) -> list[Row]:
-    """A row for each check, or for those named; `progress` is told how many are done and which is next."""
+    """A row for each check, or for those named; `progress` is told how many are done and which is next.
+
+    Where no answer comes in time, the checks after that one are not run.
+    """
     try:
         able = capabilities(service)
     except Unmet as unmet:
         return [Row("configure", FAILED, unmet.expected, unmet.came)]
-    rows = []
-    for done, name in enumerate(names or tuple(CHECKS)):
+    rows, todo = [], names or tuple(CHECKS)
+    for done, name in enumerate(todo):
         progress(done, name)
         check = CHECKS[name]
         if not check.claimed(able):
@@ -85,8 +88,11 @@ def run_checks(
             check.run(service)
         except Unmet as unmet:
             rows.append(Row(name, FAILED, unmet.expected, unmet.came))
+            if isinstance(unmet, Silent):
+                return rows + [Row(left, NOT_RUN) for left in todo[done + 1 :]]
         else:
             rows.append(Row(name, PASSED))
+        service.release()
     return rows
 
 
@@ -121,11 +127,12 @@ def wait_answers(bus: Bus, keys: Keys, service: str) -> None:
 
 def _table(service: str, rows: list[Row]) -> Table:
     table = Table(title=f"participant {service}", title_justify="left")
-    for column in ("check", "what it says", "outcome", "expected", "came"):
+    told = any(row.expected for row in rows)  # where all passed, a row is a line
+    for column in ("check", "what it says", "outcome", *(("expected", "came") if told else ())):
         table.add_column(column, overflow="fold")
-    colour = {PASSED: "green", FAILED: "bold red", NOT_CLAIMED: "yellow"}
+    colour = {PASSED: "green", FAILED: "bold red", NOT_CLAIMED: "yellow", NOT_RUN: "yellow"}
     for row in rows:
         says = CHECKS[row.name].says if row.name in CHECKS else "the block of the kit is built"
         outcome = f"[{colour[row.outcome]}]{row.outcome}[/]"
-        table.add_row(row.name, says, outcome, escape(row.expected), escape(row.came))
+        table.add_row(row.name, says, outcome, *((escape(row.expected), escape(row.came)) if told else ()))
     return table

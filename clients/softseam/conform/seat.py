@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import secrets
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.errors import BusTimeout, ProtocolError, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.names import ONLY_BODY, within
 from softseam_protocol.messages.outcomes import FailureKind, Status
@@ -24,6 +25,7 @@ from softseam_protocol.messages.participant import (
     Committed,
     Configure,
     Configured,
+    Correct,
     Fields,
     Observe,
     PartMesh,
@@ -44,6 +46,8 @@ EDGE, STEP = 0.02, 0.002
 """of a cell [m]; length of a step [s]"""
 YOUNG, POISSON, DENSITY = 2e4, 0.3, 1000.0
 """of the block [Pa], [1], [kg/m^3]"""
+_EPOCH = 1
+"""that all seats are configured in: there is an older one"""
 WAIT = 60.0
 """longest wait for an answer [s]"""
 _GRID = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(5)])
@@ -66,6 +70,10 @@ class Unmet(Exception):
         self.expected, self.came = expected, came
 
 
+class Silent(Unmet):
+    """No answer came in time: whatever else is asked would wait as long."""
+
+
 def expect(met: bool, expected: str, came: object) -> None:
     """Raises Unmet where it is not met."""
     if not met:
@@ -73,7 +81,8 @@ def expect(met: bool, expected: str, came: object) -> None:
 
 
 def near(expected: str, came: Any, wanted: Any, atol: float) -> None:
-    """Every number within `atol`. Raises Unmet."""
+    """As many numbers, each within `atol`. Raises Unmet."""
+    expect(np.shape(came) == np.shape(wanted), f"{expected}, of shape {np.shape(wanted)}", np.shape(came))
     error = float(np.abs(np.asarray(came) - np.asarray(wanted)).max(initial=0.0))
     expect(error <= atol, f"{expected} (within {atol:.2g})", f"{error:.3g} off")
 
@@ -85,6 +94,10 @@ class Service:
     bus: Bus
     key: str
     model: str
+    wait: float = WAIT
+    """longest wait for an answer [s]"""
+    seats: list[Seat] = field(default_factory=list)
+    """that were configured since `release` was called"""
     _names: Any = field(default_factory=itertools.count)
     _run: str = field(default_factory=lambda: secrets.token_hex(4))
 
@@ -94,30 +107,46 @@ class Service:
 
     def ask(self, request: Any, kind: type[Reply]) -> Reply:
         """The answer. Raises Unmet where there is none, or another."""
-        try:
-            reply = decode(self.bus.request(self.key, encode(request), WAIT), ParticipantReply)
-        except ProtocolError as error:
-            raise Unmet(f"{kind.__name__} in answer to {type(request).__name__}", str(error)) from None
-        expect(isinstance(reply, kind), f"{kind.__name__} in answer to {type(request).__name__}", type(reply).__name__)
+        expected = f"{kind.__name__} in answer to {type(request).__name__}"
+        reply = self._reply(encode(request), expected)
+        if isinstance(reply, ProtocolError):
+            raise Unmet(expected, str(reply))
+        expect(isinstance(reply, kind), expected, type(reply).__name__)
         expect(reply.header == request.header, "the header of the request in its answer", reply.header)
         return reply  # type: ignore[no-any-return]
 
-    def refusal(self, payload: bytes, kinds: tuple[str, ...]) -> None:
+    def refusal(self, payload: bytes, kinds: tuple[str, ...]) -> bool:
         """The payload must be refused by a Failure of one of these kinds, or as a step that is `refused`, with a
-        remedy. Raises Unmet."""
+        remedy. Whether it was by a Failure. Raises Unmet."""
+        failure = True
         expected = f"a Failure of kind {' or '.join(kinds)}"
-        try:
-            reply = decode(self.bus.request(self.key, payload, WAIT), ParticipantReply)
-        except Refused as error:
-            kind, text = error.failure.kind, error.failure.message
-        except ProtocolError as error:
-            raise Unmet(expected, str(error)) from None
+        reply = self._reply(payload, expected)
+        if isinstance(reply, Refused):
+            kind, text = reply.failure.kind, reply.failure.message
+        elif isinstance(reply, ProtocolError):
+            raise Unmet(expected, str(reply))
         else:
             refused = isinstance(reply, Advanced) and reply.status is Status.REFUSED and "invalid" in kinds
             expect(refused, expected, type(reply).__name__)
-            kind, text = FailureKind(kinds[0]), reply.why
+            failure, kind, text = False, FailureKind(kinds[0]), reply.why
         expect(kind in kinds, expected, f"{kind}: {text}")
         expect(len(text.split()) >= 4, "a text that says what is wrong and the remedy", repr(text))
+        return failure
+
+    def release(self) -> None:
+        """Release the seats of a check, however it ended."""
+        while self.seats:
+            with suppress(Unmet):
+                self.seats.pop().release()
+
+    def _reply(self, payload: bytes, expected: str) -> Any:
+        """The reply, or the error that came instead. Raises Silent."""
+        try:
+            return decode(self.bus.request(self.key, payload, self.wait), ParticipantReply)
+        except BusTimeout as error:
+            raise Silent(expected, str(error)) from None
+        except ProtocolError as error:
+            return error
 
 
 class Seat:
@@ -162,9 +191,10 @@ class Seat:
             self.header(0), bundle_scene(scene), service.model, cells, coupling, state, True, ONLY_BODY, mesh()
         )
         self.configured: Configured = service.ask(self.configure, Configured)
+        service.seats.append(self)
 
     def header(self, step: int, exchange: int = 0) -> Header:
-        return Header(SCHEMA_VERSION, self.session, within(ONLY_BODY, "near"), 0, step, exchange, step * STEP)
+        return Header(SCHEMA_VERSION, self.session, within(ONLY_BODY, "near"), _EPOCH, step, exchange, step * STEP)
 
     def request(self, step: int, exchange: int = 0, force: Floats | None = None, compliance: bool = False) -> Advance:
         """A step under a force on the coupling nodes (s, 3) [N], zero where absent."""
@@ -175,8 +205,17 @@ class Seat:
 
     def advance(self, step: int, exchange: int = 0, force: Floats | None = None, compliance: bool = False) -> Advanced:
         """The answer to `request`, which must have converged. Raises Unmet."""
-        reply = self.service.ask(self.request(step, exchange, force, compliance), Advanced)
+        return self._stepped(self.request(step, exchange, force, compliance))
+
+    def correct(self, step: int, exchange: int, push: Floats, force: Floats) -> Advanced:
+        """The tentative step, moved on by the answer to a push; that force acts from then on. Raises Unmet."""
+        return self._stepped(Correct(self.header(step, exchange), push, force))
+
+    def _stepped(self, request: Advance | Correct) -> Advanced:
+        reply = self.service.ask(request, Advanced)
         expect(reply.status is Status.CONVERGED, "a step that converges", f"{reply.status}: {reply.why}")
+        wanted = (len(self.coupling), 3)
+        expect(reply.seam_x.shape == wanted, f"Advanced.seam_x of shape {wanted}", reply.seam_x.shape)
         return reply
 
     def commit(self, step: int) -> None:
@@ -191,9 +230,8 @@ class Seat:
 
 def capabilities(service: Service) -> Capabilities:
     """What it declares of the block. Raises Unmet."""
-    seat = Seat(service)
-    seat.release()
-    able = seat.configured.capabilities
+    able = Seat(service).configured.capabilities
+    service.release()
     if able is None:
         raise Unmet("Capabilities in Configured, of a part with coupling nodes", "none")
     return able

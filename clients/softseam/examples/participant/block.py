@@ -15,6 +15,7 @@ volume is their mean.
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,14 @@ _OCTANTS = np.array([(octant + _CORNERS) @ (1, 3, 9) for octant in _CORNERS])
 """places of each octant's corners among a cell's 27 nodes (8, 8)"""
 
 
+def linear(body: dict[str, Any]) -> tuple[float, float]:
+    """Young's modulus [Pa] and Poisson's ratio of a body of the scene. Raises ValueError where these are not all."""
+    material = body["material"]
+    if material["retardation_time"] or body["inclusions"] or any(body["spin"]):
+        raise ValueError("no retardation_time, inclusions or spin in a linear block: leave this body to fem or pbd")
+    return material["young"], material["poisson"]
+
+
 class LinearBlock:
     """The part that a Configure describes (n nodes, c cells, s coupling nodes) and its state."""
 
@@ -37,9 +46,10 @@ class LinearBlock:
         scene, mesh = json.loads(request.bundle.scene), request.mesh
         if mesh is None:
             raise ValueError("Configure tells no mesh: a linear block needs cells, of an orchestrator as new as itself")
-        material = scene["body"]["material"]
-        self.mu = material["young"] / (2.0 * (1.0 + material["poisson"]))
-        self.lame = 2.0 * self.mu * material["poisson"] / (1.0 - 2.0 * material["poisson"])
+        body = (scene.get("bodies") or {request.body: scene["body"]})[request.body]
+        young, poisson = linear(body)
+        self.mu = young / (2.0 * (1.0 + poisson))
+        self.lame = 2.0 * self.mu * poisson / (1.0 - 2.0 * poisson)
         self.mesh, self.rest, self.mass = mesh, mesh.x_rest, mesh.mass
         self.weight = self.mass[:, None] * np.array(scene["gravity"])
         self.coupling = np.searchsorted(mesh.nodes, request.seam_nodes)
@@ -51,7 +61,7 @@ class LinearBlock:
         for nodes, stiffness in zip(self.octants, self.stiffness, strict=True):
             at = (3 * nodes[:, None] + np.arange(3)).ravel()
             self.K[np.ix_(at, at)] += stiffness
-        self.x, self.v = self.rest.copy(), np.zeros((n, 3))
+        self.x, self.v = self.rest.copy(), np.tile(body["velocity"], (n, 1))
         if request.state is not None:
             self.x, self.v = request.state.x[mesh.nodes], request.state.v[mesh.nodes]
         self.told, self.told_dt = np.eye(3), 0.0
