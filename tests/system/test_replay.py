@@ -71,7 +71,7 @@ def test_everything_is_in_it(rrd: Path) -> None:
         "/curves/quantities/grip_force/grip_force",
         "/curves/seam/gap/gap",
         "/curves/energy/stored/strain",
-        "/curves/regions/cells/near_fem",
+        "/curves/parts/cells/body.near_fem",
         "/curves/speed/rtf/rtf",
         "/summary",
         "/log",
