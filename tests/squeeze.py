@@ -14,7 +14,7 @@ from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Begin
-from softseam_protocol.messages.session import Event, Frame, RegionReport, SeamReport, StepReport
+from softseam_protocol.messages.session import Event, Frame, InterfaceReport, PartReport, StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
@@ -53,7 +53,7 @@ class Squeeze:
         self.scene = Scene.model_validate({**SCENE, "body": body_spec})
         self.bundle = Bundle(scene=self.scene.model_dump_json(), files={"notes.txt": b"carried along"})
         self.body: Body = build_body(self.scene, {})
-        self.begin: Begin = begin(self.bundle, self.body, build_tools(self.scene, self.body), session, seed=7)
+        self.begin: Begin = begin(self.bundle, {"body": self.body}, build_tools(self.scene, self.body), session, seed=7)
         self.n_steps, self.drop, self.session = n_steps, drop, session
         mid = self.body.x_rest[self.body.cell_nodes[:, 13]]
         self.cell_mid = mid
@@ -120,16 +120,18 @@ class Squeeze:
                 "slip": 2e-4 * (force > 0) + (lift - self._body_lift(lift)),
                 "peak_von_mises": 450.0 * force,
             },
-            seam=SeamReport(
-                gap=2e-8 * (1 + 0.5 * np.sin(k)),
-                exchanges=1 + k % 3,
-                n_nodes=len(self.seam),
-                force=0.02 * force,
-                work=1e-9,
-            ),
-            regions={
-                "near": RegionReport("fem", near, 45 * 9, 1e-5, 0.7 * strain, 0.1 * lift, 1, 3e-4),
-                "far": RegionReport("pbd", far, 27 * 9, 1e-5, 0.3 * strain, 0.1 * lift, 12, 2e-4),
+            interfaces={
+                "body.seam": InterfaceReport(
+                    gap=2e-8 * (1 + 0.5 * np.sin(k)),
+                    exchanges=1 + k % 3,
+                    n_nodes=len(self.seam),
+                    force=0.02 * force,
+                    work=1e-9,
+                )
+            },
+            parts={
+                "body.near": PartReport("body", "fem", near, 45 * 9, 1e-5, 0.7 * strain, 0.1 * lift, 1, 3e-4),
+                "body.far": PartReport("body", "pbd", far, 27 * 9, 1e-5, 0.3 * strain, 0.1 * lift, 12, 2e-4),
             },
             energy={
                 "kinetic": 2e-5,
@@ -159,7 +161,7 @@ class Squeeze:
         )
         cauchy[..., 0] = -force / 0.0025 * bump
         cauchy[..., 4] = 60.0 * np.sign(at[..., 0]) * (lift > 0)
-        rest = self.begin.surface.point_rest
+        rest = self.begin.surfaces["body"].point_rest
         contact = np.zeros_like(rest)
         tool = np.full(len(rest), -1, dtype=np.int32)
         if force > 0:
@@ -173,6 +175,7 @@ class Squeeze:
         multiplier[:, 0] = np.sign(body.x_rest[self.seam, 0]) * force / (0.5 * len(self.seam))
         return Frame(
             header=self._header(k),
+            body="body",
             x=self._deform(body.x_rest, grip, lift),
             cauchy=cauchy,
             cell_near=self.near.astype(np.int8),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,10 +21,11 @@ from softseam.symmetric import symmetric
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import bundle_scene, scene_hash
-from softseam_protocol.scene.materials import SpherePart
-from softseam_protocol.scene.scene import BlockShape, BodySpec, Scene
-from softseam_protocol.scene.spec import BoxRegion
+from softseam_protocol.scene.parts import SpherePart
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.spec import BoxRegion, Vector
 
 _MANY = 100_000
 """unknowns whose factor takes 1.5 GB, and seconds"""
@@ -34,11 +35,12 @@ _SWIFT = 4.0
 if TYPE_CHECKING:
     from softseam_services.body.body import Body
     from softseam_services.body.check import Part
+    from softseam_services.server import Setup
     from softseam_services.tools.tool_set import ToolSet
 
 
 def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
-    """Build the body and the tools as a run would, and print what they are. Raises SceneRefused."""
+    """Build the bodies and the tools as a run would, and print what they are. Raises SceneRefused."""
     loaded, bundle = bundle_of(name)
     scene = with_settings(loaded, settings)
     if scene is not loaded:
@@ -46,38 +48,60 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     if endless := too_many_steps(scene):
         raise SceneRefused(located(endless, name, settings))
     try:
-        from softseam_services.body.body import Body
-        from softseam_services.body.check import check_body
-        from softseam_services.body.errors import SettingError
-        from softseam_services.body.particles import ParticleBody
-        from softseam_services.orchestrator.goal import Goal
-        from softseam_services.orchestrator.probes import Probes
-        from softseam_services.pbd.levels import coarse_cells
+        from softseam_services.orchestrator.probes import share_probes
         from softseam_services.server import build_setup
     except ImportError as error:
         raise missing_extra(error, "checking a mesh") from error
     try:
         with translated():
-            setup = build_setup(bundle)
-            built = setup.body
+            setups = {body: build_setup(bundle, body) for body in scene.bodies}
+            probes = share_probes({body: setup.body for body, setup in setups.items()}, scene.probes)
+    except SceneRefused as error:
+        raise SceneRefused(located(str(error), name, settings)) from None
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim")
+    table.add_row("scene", f"{scene.name}  (hash {scene_hash(bundle)[:12]})")
+    found = {body: _check_body(setup, probes[body], name, settings) for body, setup in setups.items()}
+    console.print(table)
+    for body, (facts, doubts, notes) in found.items():
+        if len(found) > 1:
+            console.print(Text(f"\n{body}", style="bold"))
+        console.print(facts)
+        _warn(doubts, name, settings, console)
+        for note in notes:
+            console.print(Text(f"note: {note}", style="dim"))
+    console.print(Text("the scene can be simulated", style="green"))
+
+
+def _check_body(
+    setup: Setup, probes: Mapping[str, Vector], name: str, settings: Sequence[str]
+) -> tuple[Table, list[str], list[str]]:
+    """What a body is, what is doubtful about it, and notes. Raises SceneRefused."""
+    from softseam_services.body.body import Body
+    from softseam_services.body.check import check_body
+    from softseam_services.body.errors import SettingError
+    from softseam_services.body.particles import ParticleBody
+    from softseam_services.orchestrator.goal import Goal
+    from softseam_services.orchestrator.probes import Probes
+    from softseam_services.pbd.levels import coarse_cells
+
+    scene, built = setup.scene, setup.body
+    try:
+        with translated():
             if isinstance(built, Body):
-                Probes(built, scene.probes)
+                Probes(built, probes)
                 if scene.regions.goal is not None:
                     Goal(scene, built, setup.tools)
     except SceneRefused as error:
         raise SceneRefused(located(str(error), name, settings)) from None
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
-    table.add_row("scene", f"{scene.name}  (hash {scene_hash(bundle)[:12]})")
     if isinstance(built, ParticleBody):
         for fact, value in built.facts().items():
             table.add_row(fact, value)
         table.add_row("models", _models(scene))
         table.add_row("steps", _steps(scene))
-        console.print(table)
-        _warn(odd_motion(scene, float(np.ptp(built.x_rest, axis=0).max())), name, settings, console)
-        console.print(Text("the scene can be simulated", style="green"))
-        return
+        return table, odd_motion(scene, float(np.ptp(built.x_rest, axis=0).max())), []
     body = check_body(built)
     assert isinstance(scene.body, BodySpec)  # it has cells
     table.add_row("size", " x ".join(f"{1e3 * side:.4g}" for side in body.size) + " mm")
@@ -112,11 +136,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         table.add_row("coarse", blocks)
         doubts += _pokes_between(scene, built, coarse, setup.tools)
     table.add_row("steps", _steps(scene))
-    console.print(table)
-    _warn(doubts, name, settings, console)
-    for note in (*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)):
-        console.print(Text(f"note: {note}", style="dim"))
-    console.print(Text("the scene can be simulated", style="green"))
+    return table, doubts, [*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)]
 
 
 def _warn(doubts: Sequence[str], name: str, settings: Sequence[str], console: Console) -> None:
@@ -231,7 +251,7 @@ def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
     from softseam_services.tools.motion import tool_motion
     from softseam_services.tools.travel import beyond_middle
 
-    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, body.x_rest))
+    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, [body]))
     found = []
     for phase in range(len(scene.motion)):
         command, _ = program.step(Progress(phase, 0.0), tools.position, tools.orientation)
@@ -260,7 +280,8 @@ def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: T
     kept_away = near is not None and near.model == "fem" and near.within is not None
     shares = is_covered_by_faces(body)
     narrow = []
-    for name, outline, followed in zip(tools.names, tools.outline, tools.near, strict=True):
+    for name, geometry, followed in zip(tools.names, tools.geometry, tools.near, strict=True):
+        outline = geometry.outline
         width = float(np.sort(np.ptp(outline, axis=0))[1]) if len(outline) else math.inf
         felt = shares and scene.tools[name].kind == "box"
         if width < edge * (1.0 - 1e-9) and not felt and not (followed and kept_away):

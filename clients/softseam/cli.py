@@ -11,8 +11,10 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from softseam.cli_options import Deployment, Endpoint, Recordings, Routes, SceneArgument, Settings, Tolerance
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 from softseam_protocol.extensions import ExtensionError, load_extensions
+from softseam_protocol.scene.scene import SeveralBodies
 
 app = typer.Typer(
     name="softseam",
@@ -38,28 +40,6 @@ EXIT_CODES = {
 """of an error: that of the nearest of its classes; what was refused before it began is bad input"""
 Model = Literal["fem", "pbd", "hybrid"]
 Role = Literal["router", "fem", "pbd", "orchestrator", "recorder"]
-
-
-SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a bundled scene.")]
-Endpoint = Annotated[
-    str | None,
-    typer.Option("--connect", metavar="ENDPOINT", help="Router of running services, e.g. tcp/127.0.0.1:7447."),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. tools.left.friction=0.05. Repeatable."),
-]
-
-Tolerance = Annotated[
-    float | None,
-    typer.Option("--tolerance", metavar="SHARE", help="Largest error of any quantity, e.g. 0.05 for 5 %."),
-]
-Deployment = Annotated[
-    str | None, typer.Option("--deployment", metavar="NAME", help="Keeps apart what shares a router; default: local.")
-]
-Recordings = Annotated[
-    Path | None, typer.Option("--recordings", metavar="FOLDER", help="Where the recorder writes; default: recordings.")
-]
 
 
 def _out() -> Console:
@@ -187,7 +167,7 @@ def chart(
     "FEM alone is refined until every quantity of the scene is known to a quarter of the tolerance, but for many of "
     "softseam's own scenes, with which a reference ships; it is refined only where that is too vague. Then the "
     "configurations of [bold]softseam chart[/bold] are tried, cheapest first, until no other can be faster than the "
-    "best one that is accurate enough; where they foretell that their cells with shorter steps are, so are these. To "
+    "best one that is accurate enough; of cells that promise to be with shorter steps, these are tried, too. To "
     "be so whatever the reference may be off by may cost half as much again; where it would cost more, the plan is not "
     "sure, and says so. Plan and runs are kept in ~/.cache/softseam, for other tolerances too, and "
     "[bold]softseam run --tolerance[/bold] follows the plan.\n\n"
@@ -290,11 +270,12 @@ def up(
     connect: Endpoint = None,
     deployment: Deployment = None,
     recordings: Recordings = None,
+    route: Routes = None,
 ) -> None:
     """Run router, fem, pbd, orchestrator and recorder on this machine; what dies or freezes is restarted."""
     from softseam.processes import up as run_all
 
-    raise typer.Exit(run_all(connect, deployment, recordings, tuple(command or ())))
+    raise typer.Exit(run_all(connect, deployment, recordings, tuple(route or ()), tuple(command or ())))
 
 
 @app.command(
@@ -306,12 +287,13 @@ def serve(
     connect: Endpoint = None,
     deployment: Deployment = None,
     recordings: Recordings = None,
+    route: Routes = None,
     guard: Annotated[bool, typer.Option("--guard", help="Restart it when it dies or freezes.")] = False,
 ) -> None:
     """Run one service until Ctrl-C: for several machines, containers, or a supervisor of your own."""
     from softseam.processes import serve as run_one
 
-    raise typer.Exit(run_one(role, connect, deployment, recordings, guard=guard))
+    raise typer.Exit(run_one(role, connect, deployment, recordings, tuple(route or ()), guard=guard))
 
 
 @app.command(epilog="[bold]Example[/bold]\n\nsoftseam health --connect tcp/127.0.0.1:7447")
@@ -320,6 +302,36 @@ def health(connect: Endpoint = None, deployment: Deployment = None) -> None:
     from softseam.processes import health as ask
 
     raise typer.Exit(ask(connect, deployment))
+
+
+@app.command(
+    epilog="[bold]What it does[/bold]\n\n"
+    "A block of two cells is configured, advanced, corrected, saved and refused, in sessions of its own: other "
+    "sessions of the service are not disturbed. Each check is a sentence of the contract, docs/guide/"
+    "write-a-participant.md; where one fails, the table says what was expected and what came. What the participant's "
+    "Capabilities do not claim is not checked. Exit code 1 where a check fails.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam conform tcp/127.0.0.1:7447 --service fem\n\n"
+    "softseam conform tcp/127.0.0.1:7447 --service my_solver --check momentum --check restore"
+)
+def conform(
+    endpoint: Annotated[str, typer.Argument(metavar="ENDPOINT", help="The router, e.g. tcp/127.0.0.1:7447.")],
+    service: Annotated[
+        str | None, typer.Option("--service", metavar="NAME", help="The participant; default: the only one there.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option("--model", metavar="NAME", help="What it is asked for; default: its service's name.")
+    ] = None,
+    check: Annotated[
+        list[str] | None, typer.Option("--check", metavar="NAME", help="Only this check. Repeatable.")
+    ] = None,
+    deployment: Deployment = None,
+) -> None:
+    """Check a participant on the bus against the protocol: a table of what it must do, and does."""
+    from softseam.conform.command import conform as run_kit
+
+    if not run_kit(endpoint, service, model, deployment, tuple(check or ()), _out()):
+        raise typer.Exit(FAILED)
 
 
 @app.command()
@@ -356,7 +368,7 @@ def main() -> int:
         load_extensions()
         app()
         return OK
-    except ExtensionError as error:
+    except (ExtensionError, SeveralBodies) as error:
         error_console.print(f"[bold red]error:[/bold red] {escape(str(error))}", highlight=False, soft_wrap=True)
         return BAD_INPUT
     except SoftseamError as error:

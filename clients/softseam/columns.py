@@ -35,14 +35,14 @@ class Columns:
 
     Names: time [s], quantity.*, energy.* [J], seconds.* [s], gap [m], exchanges, multiplier [N], seam_nodes,
     penetration [m], momentum.x .. .z, angular_momentum.x .. .z, tool.<name>.fx .. .z (force [N] and position [m]), and
-    for each region <region>.cells, .nodes, .iterations, .<model>.
+    for each part <part>.cells, .nodes, .iterations.
     """
 
     def __init__(self, step: float, tools: tuple[str, ...]) -> None:
         self._step, self._tools = step, tools
         self._rows: list[dict[str, float]] = []
         self.models: dict[str, str] = {}
-        """model of each region"""
+        """model of each part"""
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -61,10 +61,10 @@ class Columns:
         row.update((f"quantity.{name}", value) for name, value in report.quantities.items())
         row.update((f"energy.{name}", value) for name, value in report.energy.items())
         row.update((f"seconds.{name}", report.seconds.get(name, 0.0)) for name in SPENT)
-        for name, region in report.regions.items():
-            self.models[name] = region.model
-            row[f"{name}.cells"], row[f"{name}.nodes"] = float(region.n_cells), float(region.n_nodes)
-            row[f"{name}.iterations"] = float(region.iterations)
+        for name, part in report.parts.items():
+            self.models[name] = part.model
+            row[f"{name}.cells"], row[f"{name}.nodes"] = float(part.n_cells), float(part.n_nodes)
+            row[f"{name}.iterations"] = float(part.iterations)
         for axis, label in enumerate("xyz"):
             row[f"momentum.{label}"] = float(report.momentum[axis])
             row[f"angular_momentum.{label}"] = float(report.angular_momentum[axis])

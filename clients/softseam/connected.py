@@ -22,6 +22,7 @@ from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.liveness import CLIENT
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Bundle, Failure
 from softseam_protocol.messages.recording import End, Recorded
 from softseam_protocol.messages.session import (
@@ -204,8 +205,8 @@ class ConnectedBackend:
 
 def _refusal(failure: Failure, invalid: type[SoftseamError]) -> SoftseamError:
     """The client's error for an orchestrator's refusal."""
-    if failure.kind == "schema":
+    if failure.kind == FailureKind.SCHEMA:
         return SchemaMismatch(failure.message)
-    if failure.kind == "invalid":
+    if failure.kind == FailureKind.INVALID:
         return invalid(failure.message)
     return SimulationFailed(failure.message)

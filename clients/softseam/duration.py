@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numpy.typing import NDArray
 
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, Shape
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
-from softseam_protocol.scene.scene import MOST_STEPS, BlockShape, BodySpec, Scene
-from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool, SphereTool
-
-Floats = NDArray[np.float64]
+from softseam_protocol.scene.scene import MOST_STEPS, Scene
+from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 
 
 def expected_duration(scene: Scene) -> float | None:
-    """Simulated time of the whole run [s]; None where it depends on a force, or on the width of a mesh."""
+    """Simulated time of the whole run [s]; None where it depends on a force, or on the extent of a tool that
+    only services know."""
     if scene.duration is not None:
         return scene.duration
     total = 0.0
@@ -48,42 +45,40 @@ def too_many_steps(scene: Scene) -> str:
     return f"step: {count}, more than {MOST_STEPS:,}: lengthen `step`, or shorten the motion"
 
 
+def _shape_between(scene: Scene, first: ToolSpec, second: ToolSpec) -> Shape | None:
+    """Shape of the body that the two close on; None where it has none, or where it is not known which of several."""
+    shapes = [body.shape if isinstance(body, BodySpec) else None for body in scene.bodies.values()]
+    if len(shapes) == 1:
+        return shapes[0]
+    if isinstance(first, PlaneTool) or isinstance(second, PlaneTool):
+        return None
+    middle = 0.5 * np.add(first.position, second.position)
+    for body in scene.bodies.values():
+        if isinstance(body, BodySpec) and isinstance(body.shape, BlockShape):
+            size = np.array(body.shape.size)
+            if (np.abs(middle - body.position - [0.0, 0.0, 0.5 * size[2]]) <= 0.5 * size).all():
+                return body.shape
+    return None
+
+
 def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:
     """Length of a closing phase [s]; `closed` is how far each tool has approached the other before [m]."""
     bounds = [] if phase.until.time is None else [phase.until.time]
-    shape = scene.body.shape if isinstance(scene.body, BodySpec) else None
     first, second = (scene.tools[name] for name in phase.tools)
+    shape = _shape_between(scene, first, second)
     if (
         phase.until.compression is not None
         and isinstance(shape, BlockShape)
-        and not isinstance(first, PlaneTool | MeshTool)
-        and not isinstance(second, PlaneTool | MeshTool)
+        and not isinstance(first, PlaneTool)
+        and not isinstance(second, PlaneTool)
     ):
         way = np.subtract(second.position, first.position)
         axis = way / np.linalg.norm(way)
-        gap = float(way @ axis) - _extent(first, axis) - _extent(second, axis)
-        gap -= sum(closed.get(name, 0.0) for name in phase.tools)
-        width = float(np.abs(axis) @ np.array(shape.size))
-        bounds.append(max(0.0, gap - (1.0 - phase.until.compression) * width) / (2.0 * phase.close))
+        x, y, z = axis.tolist()
+        one, other = first.extent((x, y, z)), second.extent((x, y, z))
+        if one is not None and other is not None:
+            gap = float(way @ axis) - one - other
+            gap -= sum(closed.get(name, 0.0) for name in phase.tools)
+            width = float(np.abs(axis) @ np.array(shape.size))
+            bounds.append(max(0.0, gap - (1.0 - phase.until.compression) * width) / (2.0 * phase.close))
     return min(bounds, default=None)
-
-
-def _extent(tool: BoxTool | SphereTool | CapsuleTool | CylinderTool, axis: Floats) -> float:
-    """Half extent of a tool along a unit vector at time 0 [m]."""
-    if isinstance(tool, SphereTool):
-        return tool.radius
-    if isinstance(tool, BoxTool):
-        return 0.5 * float(np.abs(_turned_back(np.array(tool.rotation), axis)) @ np.array(tool.size))
-    along = abs(float(axis @ np.array(tool.axis))) / float(np.linalg.norm(tool.axis))
-    across = tool.radius if isinstance(tool, CapsuleTool) else tool.radius * math.sqrt(max(0.0, 1.0 - along * along))
-    return 0.5 * tool.length * along + across
-
-
-def _turned_back(rotation: Floats, vector: Floats) -> Floats:
-    """A vector in the frame that a rotation vector [rad] turned: Rodrigues' formula with the opposite angle."""
-    angle = float(np.linalg.norm(rotation))
-    if angle == 0.0:
-        return vector
-    axis = rotation / angle
-    turned = vector * math.cos(angle) - np.cross(axis, vector) * math.sin(angle)
-    return np.asarray(turned + axis * float(axis @ vector) * (1.0 - math.cos(angle)))

@@ -14,12 +14,13 @@ import softseam_protocol
 from softseam.errors import BadInput, BadSnapshot, SceneRefused, SimulationFailed, missing_extra
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.outcomes import EventKind, FailureKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
@@ -116,7 +117,8 @@ class EmbeddedBackend:
         except OSError as error:
             raise BadInput(f"cannot make the folder of {path}: {error.strerror}") from error
         with translated():
-            start = begin(self._bundle, self.simulation.body, self.simulation.tools, seed=seed)
+            bodies = {name: one.body for name, one in self.simulation.bodies.items()}
+            start = begin(self._bundle, bodies, self.simulation.tools, seed=seed)
             self._recorder = McapRecorder(path, start, existing="replace", on_loss=self._tell_loss)
 
     def _stop_recording(self) -> None:
@@ -137,24 +139,23 @@ class Resimulation:
         from softseam_services.orchestrator.embedded import EmbeddedTransport
         from softseam_services.orchestrator.simulation import Simulation
 
-        self._frame: Frame | None = None
+        self._frames: dict[str, Frame] = {}
         self._simulation = Simulation(bundle, EmbeddedTransport(), emit=self._take)
         self._simulation.reset(seed)
 
     def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport:
         return self._simulation.step(velocities, fields=fields)
 
-    def frame(self) -> Frame:
-        """The last step's frame. A region switch at the end of that step is not in it, as in a recording."""
-        assert self._frame is not None
-        return self._frame
+    def frame(self, body: str) -> Frame:
+        """A body's frame of the last step. A switch at the end of that step is not in it, as in a recording."""
+        return self._frames[body]
 
     def close(self) -> None:
         self._simulation.close()
 
     def _take(self, message: Message) -> None:
         if isinstance(message, Frame):
-            self._frame = message
+            self._frames[message.body] = message
 
 
 @contextmanager
@@ -172,12 +173,14 @@ def compile_first(scene: Scene) -> None:
     """Compile what no process has compiled yet on this machine and a scene needs, so that no step waits for it."""
     from softseam_services.warm_up import compile_side_by_side, never_compiled
 
-    if not isinstance(scene.body, BodySpec):
-        return  # particles: few kernels, which compile in seconds
-    near = scene.regions.near
-    goal = () if scene.regions.goal is None else ("fem",)  # whose kernels solve for the adjoint
-    models = sorted({scene.regions.default, *(() if near is None else (near.model,)), *goal})
-    fresh = [model for model in models if never_compiled(model)]
+    models: set[str] = set()
+    for name, body in scene.bodies.items():
+        if not isinstance(body, BodySpec):
+            continue  # particles: few kernels, which compile in seconds
+        regions = scene.of(name).regions
+        models |= {regions.default, *(() if regions.near is None else (regions.near.model,))}
+        models |= set() if regions.goal is None else {"fem"}  # whose kernels solve for the adjoint
+    fresh = [model for model in sorted(models) if never_compiled(model)]
     if fresh:
         if sys.stderr.isatty():
             print("compiling the solvers for this machine, once: a minute or so", file=sys.stderr)
@@ -200,7 +203,10 @@ _APART = (
     "softseam_protocol/publish.py",
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
-    *(f"softseam_services/orchestrator/{name}.py" for name in ("alone", "attendance", "bus_transport", "desk")),
+    *(
+        f"softseam_services/orchestrator/{name}.py"
+        for name in ("bus_transport", "client_liveness", "client_session", "singleton")
+    ),
     *(f"softseam_services/orchestrator/{name}.py" for name in ("recorder_feed", "service")),
     "softseam_services/recorder/*.py",
 )
@@ -242,17 +248,17 @@ class translated:  # reads as the function that it is used as
 def _translate(error: BaseException, opening: bool) -> None:
     """Raise the client's error for one of the services; return for any other."""
     from softseam_protocol.table import MissingRow
-    from softseam_services.body.errors import LawError, MeshError, SettingError
+    from softseam_services.body.errors import MeshError, RowError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.participants import StepFailed
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
     from softseam_services.recorder.whole_file import RecordError
     from softseam_services.tools.errors import ToolError
 
-    refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == "invalid"
+    refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == FailureKind.INVALID
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
-    if isinstance(error, MissingRow | LawError):
+    if isinstance(error, MissingRow | RowError):
         raise BadInput(str(error)) from error
     if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.errors import FieldsNotObserved
+from softseam.errors import BadInput, FieldsNotObserved
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.outcomes import EventKind
@@ -19,8 +19,8 @@ from softseam_protocol.messages.session import (
     Event,
     Frame,
     Indicators,
-    RegionReport,
-    SeamReport,
+    InterfaceReport,
+    PartReport,
     StepReport,
 )
 
@@ -42,11 +42,74 @@ class ToolView:
 
 
 @dataclass(frozen=True, eq=False)
+class BodyView:
+    """Fields of one body at the end of a step. Arrays are read-only."""
+
+    frame: Frame
+    """the message that they came in"""
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of all nodes (N, 3) [m]."""
+        return self.frame.x
+
+    @property
+    def surface(self) -> Floats:
+        """Positions of the true surface's points (P, 3) [m]."""
+        return self.frame.point_x
+
+    @property
+    def contact_force(self) -> Floats:
+        """Contact force on each surface point (P, 3) [N]."""
+        return self.frame.contact_force
+
+    @property
+    def contact_tool(self) -> NDArray[np.int32]:
+        """Index of the tool that each surface point touches, -1 for none (P,)."""
+        return self.frame.contact_tool
+
+    @property
+    def cell_near(self) -> NDArray[np.int8]:
+        """1 where a cell belongs to the near region, 0 where to the far one (n_cells,)."""
+        return self.frame.cell_near
+
+    @property
+    def cauchy(self) -> Floats:
+        """Cauchy stress xx yy zz yz xz xy per octant of each cell (n_cells, 8, 6) [Pa]."""
+        return self.frame.cauchy
+
+    @property
+    def von_mises(self) -> Floats:
+        """Von Mises stress per octant of each cell (n_cells, 8) [Pa]."""
+        return von_mises(self.frame.cauchy)
+
+    @property
+    def principal_stress(self) -> Floats:
+        """Principal Cauchy stresses, ascending, per octant of each cell (n_cells, 8, 3) [Pa]."""
+        return principal_stress(self.frame.cauchy)
+
+    @property
+    def strain_energy(self) -> Floats:
+        """Strain energy of each cell, which sum to those of `parts` (n_cells,) [J]."""
+        return self.frame.cell_energy
+
+    @property
+    def indicators(self) -> Indicators:
+        """Errors of model and mesh [J], traction jump [Pa] and gap [m] of each cell (n_cells,)."""
+        found = self.frame.indicators
+        if found is None:
+            raise FieldsNotObserved(
+                "the scene does not observe its errors: add model_error, mesh_error or traction_jump to `quantities`"
+            )
+        return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Observation:
     """State and error indicators of the simulation at the end of a step.
 
-    Fields of the whole body (`positions`, `cauchy`, `von_mises`, ...) are there unless the step was taken with
-    `fields=False`; reading one then raises FieldsNotObserved. Arrays are read-only.
+    Fields (`bodies`; of a scene with one body also `positions`, `cauchy`, `von_mises`, ...) are there unless the step
+    was taken with `fields=False`; reading one then raises FieldsNotObserved. Arrays are read-only.
     """
 
     time: float
@@ -59,10 +122,17 @@ class Observation:
     """what happened since the observation before: switches, phases, fallbacks, recoveries, alarms"""
     report: StepReport
     """the message that all this came in"""
-    frame: Frame | None
-    """the fields' message, None where they were not asked for"""
+    frames: Mapping[str, Frame]
+    """the fields' messages by body; empty where they were not asked for"""
     tool_names: tuple[str, ...]
     """in the scene's order"""
+
+    def __repr__(self) -> str:
+        """In a few lines: when, how far, and what is measured; `report` and `frames` have the rest."""
+        numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.quantities.items())
+        fields = ", ".join(self.frames) or "none"
+        over = ", done" if self.done else ""
+        return f"<Observation: step {self.step}, {self.time:.4g} s{over}; {numbers}; fields of: {fields}>"
 
     @cached_property
     def tools(self) -> Mapping[str, ToolView]:
@@ -83,14 +153,14 @@ class Observation:
         return MappingProxyType(self.report.quantities)
 
     @property
-    def seam(self) -> SeamReport:
-        """Gap [m], exchanges, nodes, largest multiplier [N] and work [J] of the seam."""
+    def seam(self) -> InterfaceReport:
+        """Gap [m], exchanges, nodes, largest multiplier [N] and work [J] of all interfaces together."""
         return self.report.seam
 
     @property
-    def regions(self) -> Mapping[str, RegionReport]:
-        """Model, size, energies [J] and cost of the near and the far region."""
-        return MappingProxyType(self.report.regions)
+    def parts(self) -> Mapping[str, PartReport]:
+        """Body, model, size, energies [J] and cost of each part, by id: BODY.near and BODY.far."""
+        return MappingProxyType(self.report.parts)
 
     @property
     def energies(self) -> Mapping[str, float]:
@@ -137,68 +207,72 @@ class Observation:
         """Largest slip of a touching point on a moving tool [m]."""
         return self._quantity("slip")
 
-    @property
-    def positions(self) -> Floats:
-        """Positions of all nodes (N, 3) [m]."""
-        return self._fields().x
-
-    @property
-    def surface(self) -> Floats:
-        """Positions of the true surface's points (P, 3) [m]."""
-        return self._fields().point_x
-
-    @property
-    def contact_force(self) -> Floats:
-        """Contact force on each surface point (P, 3) [N]."""
-        return self._fields().contact_force
-
-    @property
-    def contact_tool(self) -> NDArray[np.int32]:
-        """Index of the tool that each surface point touches, -1 for none (P,)."""
-        return self._fields().contact_tool
-
-    @property
-    def cell_near(self) -> NDArray[np.int8]:
-        """1 where a cell belongs to the near region, 0 where to the far one (n_cells,)."""
-        return self._fields().cell_near
-
-    @property
-    def cauchy(self) -> Floats:
-        """Cauchy stress xx yy zz yz xz xy per octant of each cell (n_cells, 8, 6) [Pa]."""
-        return self._fields().cauchy
-
-    @property
-    def von_mises(self) -> Floats:
-        """Von Mises stress per octant of each cell (n_cells, 8) [Pa]."""
-        return von_mises(self._fields().cauchy)
-
-    @property
-    def principal_stress(self) -> Floats:
-        """Principal Cauchy stresses, ascending, per octant of each cell (n_cells, 8, 3) [Pa]."""
-        return principal_stress(self._fields().cauchy)
-
-    @property
-    def strain_energy(self) -> Floats:
-        """Strain energy of each cell, which sum to those of `regions` (n_cells,) [J]."""
-        return self._fields().cell_energy
-
-    @property
-    def indicators(self) -> Indicators:
-        """Errors of model and mesh [J], traction jump [Pa] and gap [m] of each cell (n_cells,)."""
-        found = self._fields().indicators
-        if found is None:
-            raise FieldsNotObserved(
-                "the scene does not observe its errors: add model_error, mesh_error or traction_jump to `quantities`"
-            )
-        return found
-
-    def _fields(self) -> Frame:
-        if self.frame is None:
+    @cached_property
+    def bodies(self) -> Mapping[str, BodyView]:
+        """Fields of each body by name."""
+        if not self.frames:
             for event in self.events:
                 if event.kind is EventKind.LOST and event.header.step == self.step:
                     raise FieldsNotObserved(event.message)
             raise FieldsNotObserved("this observation was taken without fields: take the step with fields=True")
-        return self.frame
+        return MappingProxyType({name: BodyView(frame) for name, frame in self.frames.items()})
+
+    @property
+    def body(self) -> BodyView:
+        """Fields of the body of a scene that has one; the properties below are its own."""
+        if len(self.bodies) > 1:
+            raise BadInput(f"the scene has several bodies: {', '.join(self.bodies)}: take one of `bodies`")
+        return next(iter(self.bodies.values()))
+
+    @property
+    def positions(self) -> Floats:
+        """See `BodyView.positions`."""
+        return self.body.positions
+
+    @property
+    def surface(self) -> Floats:
+        """See `BodyView.surface`."""
+        return self.body.surface
+
+    @property
+    def contact_force(self) -> Floats:
+        """See `BodyView.contact_force`."""
+        return self.body.contact_force
+
+    @property
+    def contact_tool(self) -> NDArray[np.int32]:
+        """See `BodyView.contact_tool`."""
+        return self.body.contact_tool
+
+    @property
+    def cell_near(self) -> NDArray[np.int8]:
+        """See `BodyView.cell_near`."""
+        return self.body.cell_near
+
+    @property
+    def cauchy(self) -> Floats:
+        """See `BodyView.cauchy`."""
+        return self.body.cauchy
+
+    @property
+    def von_mises(self) -> Floats:
+        """See `BodyView.von_mises`."""
+        return self.body.von_mises
+
+    @property
+    def principal_stress(self) -> Floats:
+        """See `BodyView.principal_stress`."""
+        return self.body.principal_stress
+
+    @property
+    def strain_energy(self) -> Floats:
+        """See `BodyView.strain_energy`."""
+        return self.body.strain_energy
+
+    @property
+    def indicators(self) -> Indicators:
+        """See `BodyView.indicators`."""
+        return self.body.indicators
 
     def _quantity(self, name: str) -> float:
         try:
@@ -212,10 +286,10 @@ class Observation:
 
 def observation_from(message: messages.Observation, tool_names: tuple[str, ...]) -> Observation:
     """The client's view of an Observation message; `tool_names` in the scene's order."""
-    report, frame = message.report, message.frame
+    report = message.report
     arrays = [report.tool_position, report.tool_orientation, report.command, report.turning, report.wrench]
     arrays += [report.momentum, report.angular_momentum]
-    if frame is not None:
+    for frame in message.frames.values():
         arrays += [frame.x, frame.cauchy, frame.point_x, frame.contact_force, frame.cell_energy]
         if frame.indicators is not None:
             seen = frame.indicators
@@ -225,4 +299,4 @@ def observation_from(message: messages.Observation, tool_names: tuple[str, ...])
     for array in arrays:
         array.setflags(write=False)
     header, events = message.header, tuple(message.events)
-    return Observation(header.time, header.step, report.done, events, report, frame, tool_names)
+    return Observation(header.time, header.step, report.done, events, report, message.frames, tool_names)

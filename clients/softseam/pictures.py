@@ -25,7 +25,7 @@ def draw_pictures(recording: Recording | Path | str, folder: Path | str) -> list
     for message in recording:
         builder.add(message)
     written = []
-    if recording.surface is not None and recording.counts.get("Frame"):
+    if recording.surfaces and recording.counts.get("Frame"):
         written.append(draw_snapshots(recording, builder, folder / "snapshots.png"))
     if len(builder.columns):
         written.append(draw_curves(recording, builder, folder / "curves.png"))

@@ -17,21 +17,39 @@ ROLES = ("router", "fem", "pbd", "orchestrator", "recorder")
 PURPOSE = "running services"
 
 
-def serve(role: str, connect: str | None, deployment: str | None, directory: Path | None, *, guard: bool) -> int:
+def serve(
+    role: str,
+    connect: str | None,
+    deployment: str | None,
+    directory: Path | None,
+    route: tuple[str, ...],
+    *,
+    guard: bool,
+) -> int:
     """Serve one role until SIGTERM or Ctrl-C; returns the exit code."""
     from softseam_services import launch
 
     if role != "router":
         require_extra("solve", PURPOSE)
-    return launch.serve(role, launch.ServeOptions(_options(connect, deployment), directory or launch.RECORDINGS, guard))
+    options = launch.ServeOptions(_options(connect, deployment), directory or launch.RECORDINGS, guard, _routes(route))
+    return launch.serve(role, options)
 
 
-def up(connect: str | None, deployment: str | None, directory: Path | None, command: tuple[str, ...]) -> int:
+def up(
+    connect: str | None,
+    deployment: str | None,
+    directory: Path | None,
+    route: tuple[str, ...],
+    command: tuple[str, ...],
+) -> int:
     """Run all services until Ctrl-C, or until `command` has ended; returns the exit code."""
     from softseam_services import launch
 
     require_extra("solve", PURPOSE)
-    return launch.up(launch.UpOptions(_options(connect, deployment), directory or launch.RECORDINGS, command=command))
+    options = launch.UpOptions(
+        _options(connect, deployment), directory or launch.RECORDINGS, command=command, routes=_routes(route)
+    )
+    return launch.up(options)
 
 
 @contextmanager
@@ -56,6 +74,16 @@ def health(connect: str | None, deployment: str | None) -> int:
     from softseam_services.__main__ import show_health
 
     return show_health(replace(_options(connect, deployment), listen="", wait=3.0), ROLES)
+
+
+def _routes(given: tuple[str, ...]) -> dict[str, str]:
+    """Raises BadInput."""
+    from softseam_services import launch
+
+    try:
+        return dict(launch.route(text) for text in given)
+    except ValueError as error:
+        raise BadInput(str(error)) from None
 
 
 def _options(connect: str | None, deployment: str | None) -> BusOptions:

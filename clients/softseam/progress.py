@@ -78,7 +78,7 @@ class RunProgress:
     def _state(self, observation: Observation) -> str:
         total = f" of {self._total:.2f}" if self._total else ""
         rtf = f"RTF {self.rtf:.1f}" if self.rtf else "RTF -"
-        grip = observation.quantities.get("grip_force", 0.0)
+        grip = max((v for name, v in observation.quantities.items() if name.endswith("grip_force")), default=0.0)
         return f"t {observation.time:.2f}{total} s  {rtf}  ETA {self._eta(observation)}  grip {grip:.2f} N"
 
     def _eta(self, observation: Observation) -> str:

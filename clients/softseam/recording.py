@@ -44,8 +44,8 @@ class Recording:
         self.path = _newest(Path(path))
         self.counts: dict[str, int] = {}
         """messages by type"""
-        self.surface: SurfaceMesh | None = None
-        """the body's surface mesh, or None where the file ends before it"""
+        self.surfaces: dict[str, SurfaceMesh] = {}
+        """the bodies' surface meshes by name; those that the file ends before are missing"""
         self.metadata: dict[str, str] = {}
         """session, seed, schema, epoch, started"""
         self.facts: dict[str, str] = {}
@@ -89,8 +89,9 @@ class Recording:
     def reports(self) -> Iterator[StepReport]:
         return self.only(StepReport)
 
-    def frames(self) -> Iterator[Frame]:
-        return self.only(Frame)
+    def frames(self, body: str | None = None) -> Iterator[Frame]:
+        """Of one body, or of all, step after step."""
+        return (frame for frame in self.only(Frame) if body in (None, frame.body))
 
     def events(self) -> Iterator[Event]:
         return self.only(Event)
@@ -143,7 +144,7 @@ class Recording:
                 raise Damage(f"is damaged: a {kind} cannot be decoded ({error})") from None
             counts[kind] = counts.get(kind, 0) + 1
             if isinstance(decoded, SurfaceMesh):
-                self.surface = decoded
+                self.surfaces[decoded.body] = decoded
         self.counts = counts
         for record in group.records:
             if isinstance(record, Header):

@@ -27,11 +27,10 @@ from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
-from softseam_protocol.quantities import probed
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene
 
-REPORT_VERSION = 1
+REPORT_VERSION = 2
 
 
 class ReportBuilder:
@@ -39,7 +38,7 @@ class ReportBuilder:
 
     bundle   the scene that is run
     facts    versions and machine of the process that simulates
-    model    'hybrid', 'fem' or 'pbd'; found from the regions where it is not given
+    model    'hybrid', 'fem' or 'pbd'; found from the parts where it is not given
     """
 
     def __init__(self, bundle: Bundle, *, facts: Mapping[str, str] | None = None, model: str | None = None) -> None:
@@ -91,7 +90,7 @@ class ReportBuilder:
             "symmetry": symmetric(self._scene),
             "steps": len(c),
             "simulated_seconds": len(c) * self._scene.step,
-            "regions": self._regions(),
+            "parts": self._parts(),
             "seam": {
                 "worst_gap": {"value": _max(c["gap"]), "unit": "m"},
                 "largest_multiplier": {"value": _max(c["multiplier"]), "unit": "N"},
@@ -111,7 +110,7 @@ class ReportBuilder:
                 "largest": _max(c["energy.kinetic"] + c["energy.strain"]),
             },
             "penetration": {"worst": _max(c["penetration"]), "unit": "m"},
-            "slip": {"worst": _max(c["quantity.slip"]), "unit": "m"},
+            "slip": {"worst": max((_max(c[f"quantity.{name}"]) for name in self._slips()), default=0.0), "unit": "m"},
             "momentum": {"unit": "kg m/s", "values": self._vectors("momentum")},
             "angular_momentum": {"unit": "kg m^2/s", "values": self._vectors("angular_momentum")},
             "events": [
@@ -121,11 +120,14 @@ class ReportBuilder:
             "recording": {"path": recording, "lost_messages": lost, "note": note},
         }
 
+    def _slips(self) -> list[str]:
+        return [name for name in self.columns.names("quantity.") if name.rpartition(".")[2] == "slip"]
+
     def _found_model(self) -> str:
         models = set(self.columns.models.values())
         return models.pop() if len(models) == 1 else "hybrid" if models else "none"
 
-    def _regions(self) -> dict[str, Any]:
+    def _parts(self) -> dict[str, Any]:
         return {
             name: {
                 "model": model,
@@ -152,7 +154,7 @@ class ReportBuilder:
     def _quantities(self) -> dict[str, Any]:
         """By name: its values, and whether the scene asks for it; what it does not ask for is always reported."""
         c = self.columns
-        asked = {*self._scene.quantities, *probed(self._scene.probes)}
+        asked = {*self._scene.asked}
         found = {}
         for name in c.names("quantity."):
             values = c[f"quantity.{name}"]

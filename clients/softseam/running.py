@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
+from softseam.choice import choice
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
@@ -115,6 +116,7 @@ def follow(
         nonlocal setup
         if setup is None:
             setup = perf_counter() - began - observation.seconds.get("total", 0.0)
+            console.print(Text(f"{label or scene.name}: {choice(scene, observation)}"), soft_wrap=True)
         for event in observation.events:
             builder.add(event)
         builder.add(observation.report)
@@ -133,9 +135,7 @@ def note_recording(report: dict[str, Any], session: Session, path: Path | None) 
     """
     recorded = session.recorded
     lost, note = (None, session.unrecorded) if recorded is None else (recorded.lost, recorded.note)
-    report["recording"].update(
-        path=None if path is None else str(path), lost_messages=lost, note=None if note == "closed" else note
-    )
+    report["recording"].update(path=None if path is None else str(path), lost_messages=lost, note=note or None)
 
 
 def print_recording(console: Console, report: Mapping[str, Any]) -> None:

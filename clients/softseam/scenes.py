@@ -11,9 +11,10 @@ from softseam.errors import SceneRefused
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import SceneError, bundle_scene, files_of, place_of
 from softseam_protocol.scene.file import load_scene as _load
+from softseam_protocol.scene.keys import fields_of
 from softseam_protocol.scene.scene import Scene
 
-_NAMED = re.compile(rf"(?:^|: )((?:{'|'.join(Scene.model_fields)})(?:\.[\w-]+)*): ")
+_NAMED = re.compile(rf"(?:^|: )((?:{'|'.join(fields_of(Scene))})(?:\.[\w-]+)*): ")
 _CHECKOUT = Path(__file__).parents[2] / "scenes"
 _INSTALLED = Path(__file__).parents[1] / "softseam_scenes"
 

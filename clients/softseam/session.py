@@ -83,9 +83,7 @@ def open_as_given(
 ) -> Session:
     """A session on a scene as it is given, without a plan for its tolerance; arguments as for `softseam.open`."""
     parsed, bundle = bundle_of(scene)
-    varied = with_settings(parsed, settings)
-    if model is not None:
-        varied = with_model(varied, model)
+    varied = _varied(parsed, model, settings)
     if endless := too_many_steps(varied):
         raise SceneRefused(located(endless, scene, settings))
     if varied is not parsed:
@@ -99,6 +97,18 @@ def open_as_given(
     except SceneRefused as error:
         raise SceneRefused(located(str(error), scene, settings)) from error
     return Session(varied, bundle, backend)
+
+
+def _varied(scene: Scene, model: Model | None, settings: Sequence[str]) -> Scene:
+    """The scene with settings and one model; what does not go with its regions may go with that model alone."""
+    if model is None:
+        return with_settings(scene, settings)
+    try:
+        return with_model(with_settings(scene, settings), model)
+    except SceneRefused:
+        if model == "hybrid" or any(setting.strip().startswith("regions") for setting in settings):
+            raise
+    return with_model(with_settings(with_model(scene, model), settings), model)
 
 
 def _backend(bundle: Bundle, connect: str | None, record: str | Path | bool | None, timeout: float) -> Backend:

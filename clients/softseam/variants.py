@@ -9,9 +9,10 @@ from typing import Any, Literal, get_args
 
 from softseam.errors import BadInput, SceneRefused
 from softseam_protocol.scene import marked_yaml
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, parse_scene, scene_json
 from softseam_protocol.scene.regions import RegionsSpec
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 AS_GIVEN = ("budget=null", "tolerance=null")
 """settings with which a scene is simulated as it stands, whatever accuracy it asks for"""
@@ -26,6 +27,11 @@ def with_model(scene: Scene, model: Model) -> Scene:
     """
     if model not in get_args(Model):
         raise BadInput(f"no model is called {model!r}; there are: {', '.join(get_args(Model))}")
+    if len(scene.bodies) > 1:
+        raise BadInput(
+            f"the scene {scene.name!r} has several bodies, each with its own model: say regions.default of each, "
+            f"e.g. --set bodies.{next(iter(scene.bodies))}.regions={{default: fem}}"
+        )
     if model != "pbd" and not isinstance(scene.body, BodySpec):
         raise BadInput(
             f"the scene {scene.name!r} has a {scene.body.kind}, which is made of particles: only pbd moves it"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.columns import Columns
+from softseam_protocol.messages.names import prefix
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, ReleasePhase
 from softseam_protocol.scene.scene import Scene
 
@@ -34,7 +35,7 @@ class Verdict:
 
 
 def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
-    """Lifted, set down or dropped, where tools went up with the body between them; else whether the run came to its
+    """Lifted, set down or dropped, where tools went up with a body between them; else whether the run came to its
     end.
 
     Dropped: in the end the tools that lift press on it with less than 5 % of their largest force, or the body's lowest
@@ -52,7 +53,8 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     risen = tool_rise(names, columns)
     forces = [np.stack([columns[f"tool.{name}.f{axis}"] for axis in "xyz"]) for name in names]
     force = np.asarray(sum(np.linalg.norm(each, axis=0) for each in forces))
-    height = columns["quantity.lift_height"]
+    of = _held(scene, columns)
+    height = columns[f"quantity.{of}lift_height"]
     set_down = _set_down(columns["time"], risen, np.where(np.isfinite(height), height, risen), force)
     if set_down:
         return Verdict("set down", f"set down: {set_down}{end}")
@@ -61,7 +63,7 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
         return ended
     touched, touches = bool(force.max() > 0.0), bool(force[-1] > _LOST * force.max())
     lift = float(height[-1]) if np.isfinite(height[-1]) else (rise if touches else 0.0)
-    slip = columns["quantity.slip"]
+    slip = columns[f"quantity.{of}slip"]
     slip = slip[np.isfinite(slip)]
     # the largest so far: a point that has slid out of the tools' reach no longer counts in the last step
     slid = not len(slip) or slip.max() >= 0.5 * (rise - lift)
@@ -71,6 +73,12 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     if not touches or (lift < 0.5 * rise and slid):
         return Verdict("dropped", f"dropped: {figures}{end}")
     return Verdict("lifted", f"lifted: {figures}{end}")
+
+
+def _held(scene: Scene, columns: Columns) -> str:
+    """Prefix of the quantities of the body that the tools had: of several, the one that rose most."""
+    names = [prefix(name, scene.bodies) for name in scene.bodies]
+    return max(names, key=lambda of: float(np.nanmax(columns[f"quantity.{of}lift_height"], initial=0.0)))
 
 
 def with_failures(verdict: Verdict, failed: int, steps: int) -> Verdict:

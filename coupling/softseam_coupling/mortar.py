@@ -29,8 +29,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.inverse import invert_definite
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -38,8 +36,6 @@ __all__ = ["TRACES", "SeamTie", "identity_tie", "mortar_tie"]
 
 _LEAST_FILL = 0.05
 """share that an empty quarter of a face keeps, so that M_nn stays well conditioned [1]"""
-
-_LEAST_COMPLIANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -57,44 +53,9 @@ class SeamTie:
             return x_near - x_far
         return np.asarray(x_near - self.p @ x_far - self.c)
 
-    def rate(self, v_near: Floats, v_far: Floats) -> Floats:
-        """Of the gap (s, 3) [m/s]; clamped nodes of the seam do not move."""
-        return v_near - v_far if self.p is None else np.asarray(v_near - self.p @ v_far)
-
-    def image(self, x_far: Floats) -> Floats:
-        """Where the near side's seam nodes belong (s, 3) [m]."""
-        return x_far if self.p is None else np.asarray(self.p @ x_far + self.c)
-
     def far_force(self, lambda_: Floats) -> Floats:
         """Nodal forces on the far side (s, 3) [N] that belong to lambda on the near side."""
         return -lambda_ if self.p is None else np.asarray(-(self.p.T @ lambda_))
-
-    def compliance(self, near: Floats, far: Floats) -> Floats:
-        """H_near + P H_far P^T (3 s, 3 s) [m/N]."""
-        return near + self.far_compliance(far)
-
-    def far_compliance(self, far: Floats) -> Floats:
-        """P H_far P^T (3 s, 3 s) [m/N]: how the far side's image on the near side's nodes yields."""
-        if self.p is None:
-            return far
-        n = far.shape[0]
-        half = (self.p @ far.reshape(n // 3, 3 * n)).reshape(n, n)
-        whole = self.p @ np.ascontiguousarray(half.T).reshape(n // 3, 3 * n)
-        return np.ascontiguousarray(whole.reshape(n, n).T)
-
-
-def stiffness_of(compliance: Floats) -> Floats:
-    """The inverse of a compliance's symmetric part (n, n) [N/m], symmetric.
-
-    Directions that hardly yield (eigenvalues below 1e-6 of the largest) are held no stiffer than that.
-    """
-    h = 0.5 * (compliance + compliance.T)
-    inverse = invert_definite(h, _LEAST_COMPLIANCE)
-    if inverse is not None:
-        return inverse
-    values, vectors = np.linalg.eigh(h)
-    values = np.maximum(values, _LEAST_COMPLIANCE * values[-1])
-    return np.ascontiguousarray((vectors / values) @ vectors.T)
 
 
 def identity_tie(n_nodes: int) -> SeamTie:

@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.kernels.predict import predict, score
+
 Floats = NDArray[np.float64]
 
 WAYS = ((0, 1), (1, 2), (2, 3), (1, 4), (2, 5))
-"""order of a polynomial in time, and through how many of the last steps: more than the order asks for smooth noise"""
+"""order of a polynomial in time, and through how many of the last steps: more than the order asks for smooth noise;
+those through fewer come first"""
 N_KEPT = max(n for _, n in WAYS)
+_N_READY = [sum(n <= known for _, n in WAYS) for known in range(N_KEPT + 1)]
+"""ways for which enough steps are known, by how many are"""
 _MEMORY = 0.5
 """share of a way's mean square error that is left a step later [1]"""
 
@@ -45,6 +50,7 @@ class Prediction:
         self._times = np.zeros(N_KEPT)
         self._errors = np.full(len(WAYS), np.inf)  # of those that were never scored
         self._n = 0
+        self._weighed: tuple[float, Floats] | None = None  # length of a step, and its `_weights`
         if first is not None:
             self._kept[0], self._n = first, 1
 
@@ -60,33 +66,28 @@ class Prediction:
 
     def predict(self, dt: float) -> Floats:
         """The next, a step of dt [s] later, in the way that was best lately (c, 3)."""
-        row = int(np.argmin(self._errors))
-        predicted = self._weights(dt)[row] @ self._kept.reshape(N_KEPT, -1)
+        row = int(self._errors.argmin())
+        predicted = predict(self._weights(dt)[row], self._kept.reshape(N_KEPT, -1))
         return np.asarray(predicted.reshape(self._kept.shape[1:]))
 
     def commit(self, vectors: Floats, dt: float) -> None:
         """A step of dt [s] came to these vectors (c, 3): every way is scored on them."""
-        if self._n:
-            miss = self._weights(dt) @ self._kept.reshape(N_KEPT, -1) - vectors.reshape(-1)
-            square = np.einsum("wi,wi->w", miss, miss)
-            known = self._ready
-            before = np.where(np.isfinite(self._errors), self._errors, square)
-            self._errors[known] = _MEMORY * before[known] + (1.0 - _MEMORY) * square[known]
-        self._kept[1:], self._times[1:] = self._kept[:-1].copy(), self._times[:-1].copy()
-        self._kept[0], self._times[0] = vectors, self._times[1] + dt
+        weights, known = self._weights(dt), _N_READY[self._n]
+        flat = np.ascontiguousarray(vectors).reshape(-1)
+        score(weights, known, _MEMORY, self._kept.reshape(N_KEPT, -1), flat, self._errors)
+        self._times[1:] = self._times[:-1].copy()
+        self._times[0] = self._times[1] + dt
         self._n = min(self._n + 1, N_KEPT)
-
-    @property
-    def _ready(self) -> NDArray[np.bool_]:
-        """Ways for which enough steps are known."""
-        return np.array([n <= self._n for _, n in WAYS])
+        if weights is not _EVENLY:  # which it stays in steps of one length
+            self._weighed = None
 
     def _weights(self, dt: float) -> Floats:
         """Of the kept vectors, in every way (w, N_KEPT) [1]."""
-        before = self._times[0] - self._times
-        if self._n == N_KEPT and np.abs(before - dt * np.arange(N_KEPT)).max() < 1e-9 * dt:
-            return _EVENLY
-        return _all_weights(-before, dt, self._n)
+        if self._weighed is None or self._weighed[0] != dt:
+            before = self._times[0] - self._times
+            even = self._n == N_KEPT and np.abs(before - dt * np.arange(N_KEPT)).max() < 1e-9 * dt
+            self._weighed = dt, _EVENLY if even else _all_weights(-before, dt, self._n)
+        return self._weighed[1]
 
     def to_arrays(self) -> dict[str, Floats]:
         """Everything, for a snapshot."""
@@ -99,3 +100,4 @@ class Prediction:
         numbers = arrays["numbers"]
         self._times[:], self._errors[:] = numbers[:N_KEPT], numbers[N_KEPT:-1]
         self._n = int(arrays["numbers"][-1])
+        self._weighed = None

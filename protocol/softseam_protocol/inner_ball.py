@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from softseam_protocol.material_borders import Piece, Planes, half_edges, material_borders
-from softseam_protocol.scene.materials import BoxPart, InclusionSpec, SpherePart
+from softseam_protocol.scene.materials import InclusionSpec
+from softseam_protocol.scene.parts import BoxPart, SpherePart
 from softseam_protocol.scene.spec import Vector
 
 REACH = 1.5

@@ -10,7 +10,8 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from softseam_protocol.scene.materials import BoxPart, InclusionSpec
+from softseam_protocol.scene.materials import InclusionSpec
+from softseam_protocol.scene.parts import BoxPart
 from softseam_protocol.scene.spec import Vector
 
 Planes = tuple[float, ...]

@@ -45,7 +45,8 @@ def _rule(field: Field) -> str:
     if field.is_enum:
         return f"  // one of: {', '.join(field.of)}"
     if field.named:
-        return "  // letters, digits, _ and -, at most 64"
+        also = ", or two of these and a dot" if field.named.dotted else ""
+        return f"  // letters, digits, _ and -, at most 64{also}"
     return "  // may be absent" if field.optional else ""
 
 

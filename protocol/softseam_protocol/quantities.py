@@ -96,9 +96,9 @@ PROBED: Table[Quantity] = Table(
 
 
 def quantity(name: str) -> Quantity:
-    """The row of a quantity, or of what is reported at a probe. Raises MissingRow."""
-    probe, _, what = name.rpartition(".")
-    return PROBED[what] if probe else QUANTITIES[name]
+    """The row of a quantity, of one body's (BODY.NAME), or of what is reported at a probe. Raises MissingRow."""
+    owner, _, what = name.rpartition(".")
+    return PROBED[what] if owner and what not in QUANTITIES else QUANTITIES[what]
 
 
 def probed(probes: Iterable[str]) -> tuple[str, ...]:

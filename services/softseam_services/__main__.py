@@ -9,7 +9,7 @@ from pathlib import Path
 
 from softseam_protocol.errors import ProtocolError
 from softseam_services.bus_options import BusOptions
-from softseam_services.launch import RECORDINGS, ROLES, ServeOptions, UpOptions, say, serve, up
+from softseam_services.launch import RECORDINGS, ROLES, ServeOptions, UpOptions, route, say, serve, up
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -23,6 +23,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     for command in (one, every):
         _add_bus(command)
         command.add_argument("--directory", type=Path, default=RECORDINGS, help="where recordings go")
+        command.add_argument(
+            "--route", type=route, action="append", default=[], metavar="PART=SERVICE", help="who takes a part"
+        )
     every.add_argument("client", nargs="*", help="a command to run once all services are ready")
 
     warm = commands.add_parser("warm", help="compile every kernel into numba's cache")
@@ -34,9 +37,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     args = parser.parse_args(argv)
     if args.command == "serve":
-        return serve(args.role, ServeOptions(_bus(args), args.directory, args.guard))
+        return serve(args.role, ServeOptions(_bus(args), args.directory, args.guard, dict(args.route)))
     if args.command == "up":
-        return up(UpOptions(_bus(args), args.directory, tuple(args.client)))
+        return up(UpOptions(_bus(args), args.directory, tuple(args.client), routes=dict(args.route)))
     if args.command == "warm":
         return _warm(args.what)
     return show_health(_bus(args), tuple(args.role or ROLES))

@@ -7,13 +7,14 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from softseam_protocol.errors import BusError, ProtocolError
 from softseam_protocol.extensions import ExtensionError, load_extensions
 from softseam_protocol.table import MissingRow
+from softseam_protocol.topics import checked
 from softseam_services.bus_options import BusOptions
 from softseam_services.child import Service, service_argv
 from softseam_services.lifeline import Lifeline
@@ -40,11 +41,21 @@ class ServeOptions:
     listen      of the router: where everybody connects; of others: see BusOptions
     directory   of the recorder: where its files go
     guard       run the service in a child process that is restarted when it dies or freezes
+    routes      of the orchestrator: the service that takes a part or a model, where that is not the model's own
     """
 
     bus: BusOptions = field(default_factory=BusOptions.from_environment)
     directory: Path = RECORDINGS
     guard: bool = False
+    routes: Mapping[str, str] = field(default_factory=dict)
+
+
+def route(text: str) -> tuple[str, str]:
+    """Part and service of `--route PART=SERVICE`. Raises ValueError."""
+    part, equals, service = text.partition("=")
+    if not (equals and part and service):
+        raise ValueError(f"{text!r} is no route: give PART=SERVICE, such as body.far=my_solver")
+    return part, checked("service", service)
 
 
 def serve(role: str, options: ServeOptions) -> int:
@@ -85,7 +96,7 @@ def _serve(role: str, options: ServeOptions, life: Lifeline) -> None:
         from softseam_services.tables import check_tables
 
         check_tables()
-        serve_orchestrator(options.bus, life)
+        serve_orchestrator(options.bus, life, options.routes)
     else:
         from softseam_services.recorder.service import serve_recorder
 
@@ -98,6 +109,8 @@ def _options_argv(role: str, options: ServeOptions) -> tuple[str, ...]:
     argv += ["--listen", bus.listen]
     if role == "recorder":
         argv += ["--directory", str(options.directory)]
+    if role == "orchestrator":
+        argv += [word for part, service in options.routes.items() for word in ("--route", f"{part}={service}")]
     return tuple(argv)
 
 
@@ -128,6 +141,7 @@ class UpOptions:
     directory  where the recorder's files go
     command    argv to run once all services are ready (a client); its end stops the services
     ready      longest wait for all services to be ready, compilation included [s]
+    routes     see ServeOptions
     """
 
     bus: BusOptions = field(default_factory=BusOptions.from_environment)
@@ -135,11 +149,12 @@ class UpOptions:
     command: tuple[str, ...] = ()
     ready: float = 300.0
     limits: Limits = field(default_factory=Limits)
+    routes: Mapping[str, str] = field(default_factory=dict)
 
 
 def supervisor(options: UpOptions, report: Callable[[str], None] = say) -> Supervisor:
     """All services of this machine, the router first; use as a context manager."""
-    serve_options = ServeOptions(options.bus, options.directory.absolute())
+    serve_options = ServeOptions(options.bus, options.directory.absolute(), routes=options.routes)
     order = ("router", "fem", "pbd", "recorder", "orchestrator")
     return Supervisor([child(role, serve_options) for role in order], report, options.limits)
 

@@ -9,6 +9,7 @@ import logging
 from collections import Counter
 
 from softseam_protocol.errors import DecodeError, Refused, SchemaMismatch
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Configure, Failure
 from softseam_protocol.topics import ParticipantRequest
 from softseam_protocol.wire.codec import decode, encode
@@ -40,7 +41,7 @@ class ParticipantHandler:
             self._count("schema" if isinstance(error, SchemaMismatch) else "invalid", str(error))
             raise
         if isinstance(request, Configure) and request.model != self._model:
-            reply: object = Failure("invalid", f"this service runs {self._model!r}, not {request.model!r}")
+            reply: object = Failure(FailureKind.INVALID, f"this service runs {self._model!r}, not {request.model!r}")
         else:
             reply = self._server.handle(request)
         if isinstance(reply, Failure):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from softseam_protocol.messages.participant import Advance
+from softseam_protocol.messages.participant import Advance, Correct
 from softseam_services.tools.kernels import all_finite
 
 
@@ -30,6 +30,16 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
         if not (np.isfinite(force).all() and np.isfinite(start).all()):
             return "the seam force is not finite: the seam solver must send finite multipliers"
         return "tool poses are not finite: they hold NaN or infinity"
+    return ""
+
+
+def problem_of_correction(request: Correct, n_seam: int) -> str:
+    """What is wrong with the forces that a step is moved on by; '' where nothing is."""
+    push, force = request.push, request.force
+    if push.shape != (n_seam, 3) or force.shape != (n_seam, 3):
+        return f"a correction of this region's seam has shape ({n_seam}, 3)"
+    if not (np.isfinite(push).all() and np.isfinite(force).all()):
+        return "the correction is not finite: the coupling must send finite forces"
     return ""
 
 

@@ -7,10 +7,13 @@ nothing. See `participant` for the states.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.names import ONLY_BODY
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
@@ -58,16 +61,18 @@ use_one_thread()  # every process that simulates loads this module: results do n
 
 @dataclass(frozen=True)
 class Setup:
-    """What a bundle describes, built once a process."""
+    """What a bundle describes of one body, built once a process."""
 
     scene: Scene
+    """with that body alone"""
     body: AnyBody
     tools: ToolSet
 
 
-def build_setup(bundle: Bundle) -> Setup:
-    """Scene, body and tools of a bundle. Raises SceneError, MeshError, ToolError or SettingError."""
-    scene = scene_from_bundle(bundle)
+def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
+    """Scene, body of that name and tools of a bundle. Raises SceneError, MeshError, ToolError or SettingError, and
+    KeyError where the scene has no such body."""
+    scene = scene_from_bundle(bundle).of(name)
     body = build_any_body(scene, bundle.files)
     tools = build_tools(scene, body, bundle.files)
     if isinstance(body, Body):
@@ -132,31 +137,32 @@ class ParticipantServer:
 
     def __init__(self) -> None:
         self._seats: dict[tuple[str, str], _Seat] = {}
-        self._setups: dict[bytes, Setup] = {}  # these two in the order of their last use
+        self._setups: dict[tuple[bytes, str], Setup] = {}  # these two in the order of their last use
         self._built = Built()
 
-    def adopt(self, bundle: Bundle, setup: Setup) -> None:
-        """Share a set-up that the same process has built already."""
-        self._setups[_digest(bundle)] = setup
+    def adopt(self, bundle: Bundle, setups: Mapping[str, Setup]) -> None:
+        """Share set-ups, by their bodies, that the same process has built already."""
+        digest = _digest(bundle)
+        self._setups.update({(digest, name): setup for name, setup in setups.items()})
 
     def handle(self, request: Request) -> Reply:
         """Serve one request; every failure is a `Failure`, never an exception."""
         header = request.header
         if header.schema != SCHEMA_VERSION:
             return Failure(
-                "schema",
+                FailureKind.SCHEMA,
                 f"the request has schema version {header.schema}, this participant speaks {SCHEMA_VERSION}: "
                 "install the same version of softseam on both sides",
             )
         try:
             return self._serve(request)
         except MemoryError:
-            return Failure("internal", "out of memory: use larger cells or give the participant more")
+            return Failure(FailureKind.INTERNAL, "out of memory: use larger cells or give the participant more")
         except Exception as error:  # a service must answer; the text names the cause
-            return Failure("invalid", f"{type(error).__name__}: {error}")
+            return Failure(FailureKind.INVALID, f"{type(error).__name__}: {error}")
 
     def _serve(self, request: Request) -> Reply:
-        key = (request.header.session, request.header.participant)
+        key = (request.header.session, request.header.part)
         seat = self._used(key)
         if isinstance(request, Configure):
             if seat is not None:
@@ -171,7 +177,7 @@ class ParticipantServer:
             self._seats.pop(key, None)
             return Released(request.header)
         if seat is None:
-            return Failure("not_configured", f"participant {key[1]!r} of session {key[0]!r} has no region yet")
+            return Failure(FailureKind.NOT_CONFIGURED, f"no part {key[1]!r} of session {key[0]!r} is configured here")
         kept = seat.replies.get(type(request))
         if kept is not None and kept[0].header == request.header:
             return kept[1]
@@ -192,8 +198,8 @@ class ParticipantServer:
 
     def _configure(self, key: tuple[str, str], request: Configure) -> Reply:
         began = perf_counter()
-        digest = _digest(request.bundle)
-        setup = self._setups.pop(digest, None) or build_setup(request.bundle)
+        digest = _digest(request.bundle), request.body
+        setup = self._setups.pop(digest, None) or build_setup(request.bundle, request.body)
         while len(self._setups) >= _BODIES_KEPT:
             self._setups.pop(next(iter(self._setups)))
         self._setups[digest] = setup
@@ -239,7 +245,7 @@ class ParticipantServer:
             seat.committed, seat.exchange = header.step, -1
             seat.replies = {Configure: seat.replies[Configure]}
             return Restored(header)
-        return Failure("invalid", f"a participant does not answer {type(request).__name__}")
+        return Failure(FailureKind.INVALID, f"a participant does not answer {type(request).__name__}")
 
 
 def _with_fields(seat: _Seat, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
@@ -267,7 +273,7 @@ def _digest(bundle: Bundle) -> bytes:
 def _stale(request: Request, seat: _Seat) -> Failure:
     header = request.header
     return Failure(
-        "stale",
+        FailureKind.STALE,
         f"{type(request).__name__} of epoch {header.epoch}, step {header.step}, exchange {header.exchange} does not "
         f"follow epoch {seat.epoch}, {seat.committed} committed steps, exchange {seat.exchange}",
     )

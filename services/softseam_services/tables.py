@@ -6,11 +6,18 @@ the other hears of it when a service starts or a session opens in this process, 
 
 from __future__ import annotations
 
-from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
+from softseam_coupling import accelerations
+from softseam_coupling.loops import LOOPS
+from softseam_protocol.scene.kinds import ACCELERATIONS, ELEMENTS, INTEGRATORS, SCHEMES
 from softseam_protocol.scene.materials import MATERIALS
+from softseam_protocol.scene.particles import CONSTRAINTS
+from softseam_protocol.scene.parts import PARTS
+from softseam_protocol.scene.tools import TOOLS
 from softseam_services.body.materials import LAWS
 from softseam_services.fem import elements
 from softseam_services.fem.integrators import table as integrators
+from softseam_services.pbd.particles import constraints
+from softseam_services.shapes import SHAPES
 
 
 def check_tables() -> None:
@@ -19,5 +26,10 @@ def check_tables() -> None:
         (MATERIALS, LAWS),
         (ELEMENTS, elements.ELEMENTS),
         (INTEGRATORS, integrators.INTEGRATORS),
+        (SCHEMES, LOOPS),
+        (ACCELERATIONS, accelerations.ACCELERATIONS),
+        (TOOLS, SHAPES),
+        (CONSTRAINTS, constraints.CONSTRAINTS),
+        (PARTS, SHAPES),
     ):
         done.require(said, f"the table of {said.title}")

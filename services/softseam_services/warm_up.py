@@ -19,6 +19,7 @@ import numpy as np
 from numba import config
 
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import (
     Advance,
     Bundle,
@@ -112,7 +113,7 @@ def _solve_one_side() -> None:
     bundle = Bundle(scene.model_copy(update=ground).model_dump_json(), {})
     setup = build_setup(bundle)
     server = ParticipantServer()
-    server.adopt(bundle, setup)
+    server.adopt(bundle, {ONLY_BODY: setup})
     _asked(server, Configure(_header(0), bundle, "fem", np.array([0, 1], dtype=np.int32), np.zeros(0, dtype=np.int32)))
     tools = setup.tools
     motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((1, 6)), scene.step)
@@ -125,7 +126,7 @@ def _ask_everything(model: str, mesh: bool) -> None:
     bundle = Bundle(warm_scene(model, mesh).model_dump_json(), {"wedge.obj": WEDGE} if mesh else {})
     setup = build_setup(bundle)
     server = ParticipantServer()
-    server.adopt(bundle, setup)
+    server.adopt(bundle, {ONLY_BODY: setup})
     ask, header = partial(_asked, server), _header
     tools, scene = setup.tools, setup.scene
     assert isinstance(setup.body, Body)

@@ -20,7 +20,7 @@ from rich.table import Table
 from timing import least
 
 from softseam_protocol.messages.participant import Advance
-from softseam_protocol.scene.scene import BodySpec
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_services.body.materials import build_material
 from softseam_services.pbd.forms import SIGNS, build_forms
 from softseam_services.pbd.hourglass import block_constants

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from softseam.variants import Model, with_model, with_settings
-from softseam_coupling.loops import closure
+from softseam_coupling.loops import closure, one_way
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.fem import solver as fem
 from softseam_services.fem import step as fem_step
-from softseam_services.orchestrator import embedded, one_way_seam, participants, regions, simulation
+from softseam_services.orchestrator import embedded, participants, regions, simulation
 from softseam_services.pbd import solver as pbd
 from softseam_services.pbd import step as pbd_step
 
@@ -41,7 +41,7 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("PBD: Python", pbd.PbdSolver, "advance"),
     ("seam: closing the gaps", closure.Closure, "solve"),
     ("seam: compliances inverted", closure.Closure, "_invert"),
-    ("seam: the rest", one_way_seam.OneWaySeam, "solve"),
+    ("seam: the rest", one_way.OneWay, "solve"),
     ("messages", embedded.EmbeddedTransport, "exchange"),
     ("cuts", regions.Regions, "_switch"),
     ("snapshots", participants.Participants, "snapshot"),

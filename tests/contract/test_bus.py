@@ -20,6 +20,7 @@ from softseam_protocol.bus.inbox import Inbox, Received
 from softseam_protocol.bus.server import MOST_WAITING
 from softseam_protocol.errors import BusError, BusTimeout, DecodeError, ForkedBus, NoReply, NoRouter, PortBusy, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Commit, Committed, Failure, Observe, Release
 from softseam_protocol.messages.session import Event
 from softseam_protocol.topics import Keys, Live
@@ -173,7 +174,7 @@ def test_a_failing_handler_answers_with_its_failure(bus: Bus, other: Bus, payloa
         if payload == b"raise":
             return bytes(1 // 0)
         if payload == b"refuse":
-            raise Refused(Failure("stale", "step 3 is over"))
+            raise Refused(Failure(FailureKind.STALE, "step 3 is over"))
         return encode(decode(payload, Commit))
 
     other.serve({KEY: handle}).start()

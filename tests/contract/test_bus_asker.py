@@ -18,6 +18,7 @@ from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.session import LEASE
 from softseam_protocol.errors import BusError, BusTimeout, ForkedBus, NoReply, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Commit, Committed, Failure
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
@@ -82,7 +83,7 @@ def test_every_failure_has_its_error(endpoint: str) -> None:
 
     def handle(payload: bytes) -> bytes:
         if payload == b"refuse":
-            raise Refused(Failure("stale", "step 3 is over"))
+            raise Refused(Failure(FailureKind.STALE, "step 3 is over"))
         if payload == b"hang":
             release.wait(10.0)
             return payload

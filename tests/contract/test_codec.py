@@ -19,6 +19,7 @@ from sample_messages import HEADER, TOOLS, advanced
 from softseam_protocol.errors import DecodeError, EncodeError
 from softseam_protocol.messages.arrays import Array
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Advance, Advanced, Bundle, Failure
 from softseam_protocol.messages.session import Step
 from softseam_protocol.wire.codec import decode, encode, file_descriptor_set, full_name, peek
@@ -113,12 +114,12 @@ def test_an_embedded_descriptor_is_enough_to_read_a_payload(cls: type) -> None:
     if cls is Advanced:
         message = advanced()
         read = foreign.FromString(encode(message))
-        assert read.message_type == "softseam.v2.Advanced" and read.header.step == 3 and read.n_contacts == 5
+        assert read.message_type == "softseam.v3.Advanced" and read.header.step == 3 and read.n_contacts == 5
         assert list(read.seam_x.shape) == [4, 3] and read.seam_x.dtype == "f8"
         np.testing.assert_array_equal(np.frombuffer(read.seam_x.data).reshape(4, 3), message.seam_x)
         # and what a foreigner writes is read by us, whatever the order of its fields
         moved = read.SerializeToString()
-        first = 2 + len("softseam.v2.Advanced")
+        first = 2 + len("softseam.v3.Advanced")
         assert same(decode(moved, Advanced), message)
         assert same(decode(moved[first:] + moved[:first], Advanced), message)
 
@@ -215,7 +216,7 @@ def test_huge_but_finite_numbers_pass() -> None:
         ({"status": b"\xff"}, r"Advanced\.status"),
         ({"status": "\ud800"}, r"Advanced"),
         ({"header": None}, r"Advanced\.header: NoneType where Header belongs"),
-        ({"header": Failure("a", "b")}, r"Advanced\.header: Failure where Header belongs"),
+        ({"header": Failure(FailureKind.INVALID, "b")}, r"Advanced\.header: Failure where Header belongs"),
     ],
 )
 def test_a_wrong_field_of_ours_is_named(changes: dict[str, Any], text: str) -> None:

@@ -13,6 +13,7 @@ from sample_messages import HEADER, TOOLS, advanced
 
 from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
 from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Advance, Advanced, Commit, Committed, Failure, Reply, Request
 from softseam_protocol.messages.session import Observation, Step
 from softseam_protocol.wire import codec
@@ -77,7 +78,7 @@ def test_a_bad_field_is_named(change: Any, text: str) -> None:
 def test_negative_ids_are_refused_where_they_mean_nothing() -> None:
     # written by a sender that checks nothing
     wire = protobuf_class("Fields").FromString(b"")
-    wire.message_type = "softseam.v2.Fields"
+    wire.message_type = "softseam.v3.Fields"
     wire.header.schema = SCHEMA_VERSION
     for name, shape in {"nodes": [2], "x": [0, 3], "v": [0, 3], "cauchy": [0, 8, 6], "points": [0], "point_x": [0, 3],
                         "contact_force": [0, 3], "contact_tool": [1]}.items():  # fmt: skip
@@ -93,8 +94,8 @@ def test_negative_ids_are_refused_where_they_mean_nothing() -> None:
 
 
 def test_another_schema_version_is_a_mismatch() -> None:
-    newer = encode(Committed(HEADER)).replace(b"softseam.v2.", b"softseam.v3.")
-    with pytest.raises(SchemaMismatch, match="schema version 3, this one speaks 2: install the same version"):
+    newer = encode(Committed(HEADER)).replace(b"softseam.v3.", b"softseam.v4.")
+    with pytest.raises(SchemaMismatch, match="schema version 4, this one speaks 3: install the same version"):
         decode(newer, Reply)
     with pytest.raises(SchemaMismatch, match="schema version 7"):
         decode(encode(Committed(dataclasses.replace(HEADER, schema=7))), Reply)
@@ -105,8 +106,8 @@ def test_a_foreign_message_is_named() -> None:
         decode(encode(Committed(HEADER)), Request)
     with pytest.raises(DecodeError, match="type Committed where one of these belongs: Commit"):
         decode(encode(Committed(HEADER)), Commit)
-    with pytest.raises(DecodeError, match=r"unknown message type 'softseam\.v2\.Nonsense'"):
-        decode(b"\x0a\x14softseam.v2.Nonsense", Request)
+    with pytest.raises(DecodeError, match=r"unknown message type 'softseam\.v3\.Nonsense'"):
+        decode(b"\x0a\x14softseam.v3.Nonsense", Request)
     for foreign in (b"", b"hello", b"{}", b"\x00" * 100, encode(Committed(HEADER))[1:]):
         with pytest.raises(DecodeError, match="not a softseam message"):
             decode(foreign, Request)
@@ -127,7 +128,7 @@ _SAMPLES = [
     encode(advanced(3)),
     encode(Advance(HEADER, 0.01, np.ones((3, 3)), TOOLS)),
     encode(Step(HEADER, 1, False, {"left": np.ones(3)})),
-    encode(Failure("stale", "text")),
+    encode(Failure(FailureKind.STALE, "text")),
 ]
 
 

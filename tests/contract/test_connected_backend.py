@@ -18,8 +18,9 @@ from softseam.errors import NoConnection, ServicesFailed
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
-from softseam_protocol.messages.session import Close, Observation, SeamReport, StepReport
+from softseam_protocol.messages.session import Close, Observation, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 
@@ -39,10 +40,10 @@ def at_rest() -> Observation:
     header = Header(SCHEMA_VERSION, "s", "", 0, 0, 0, 0.0)
     none, zero = np.zeros((0, 3)), np.zeros(3)
     report = StepReport(
-        header, -1, none, np.zeros((0, 4)), np.zeros((0, 6)), {}, SeamReport(0.0, 0, 0, 0.0, 0.0), {}, {}, zero, zero,
+        header, -1, none, np.zeros((0, 4)), np.zeros((0, 6)), {}, {}, {}, {}, zero, zero,
         0.0, {}, False, none,
     )  # fmt: skip
-    return Observation(header, report, None, [])
+    return Observation(header, report, {}, [])
 
 
 def serve(endpoint: str, key: str, answer: Callable[[bytes], bytes], role: str) -> Bus:
@@ -59,7 +60,7 @@ def opened(endpoint: str, *, record: bool, timeout: float = 20.0) -> ConnectedBa
 
 def refusing_to_close(payload: bytes) -> bytes:
     if isinstance(decode(payload), Close):
-        raise Refused(Failure("busy", "the request before is still at work: close again"))
+        raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
     return encode(at_rest())
 
 
@@ -67,7 +68,7 @@ def test_why_there_is_no_recording_is_told(endpoint: str) -> None:
     """A session that is not closed, or not recorded, closes here all the same, and says what it was told."""
 
     def unasked(payload: bytes) -> bytes:
-        raise Refused(Failure("not_configured", "it was not being recorded"))
+        raise Refused(Failure(FailureKind.NOT_CONFIGURED, "it was not being recorded"))
 
     with serve(endpoint, KEYS.orchestrator, refusing_to_close, "orchestrator"):
         backend = opened(endpoint, record=True)

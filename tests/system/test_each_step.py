@@ -15,7 +15,7 @@ from softseam_protocol.messages.participant import Advance, Observe, Reply, Requ
 from softseam_protocol.messages.session import Observation, Observations, Step
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.topics import Keys
-from softseam_services.orchestrator import desk
+from softseam_services.orchestrator import client_session
 from softseam_services.orchestrator.bus_transport import BusTimes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.participants import StepFailed
@@ -32,7 +32,7 @@ class Losing(EmbeddedTransport):
     waits = 0
     """how often anybody waited for a participant to come back"""
 
-    def __init__(self, bus: Bus, keys: Keys) -> None:
+    def __init__(self, bus: Bus, keys: Keys, services: Mapping[str, str] | None) -> None:
         super().__init__()
         self.times = BusTimes()
 
@@ -64,16 +64,16 @@ def request(count: int, *, each: bool = False, fields: bool = False) -> Step:
     return Step(Header(SCHEMA_VERSION, "s", "", 0, 0, 1, 0.0), count, True, {}, fields=fields, each=each)
 
 
-def opened(bus: Bus, quantities: tuple[str, ...] = ()) -> desk.Desk:
+def opened(bus: Bus, quantities: tuple[str, ...] = ()) -> client_session.ClientSession:
     """A session; some quantities are asked for in a request of their own."""
-    one = desk.Desk(bus, Keys("each"), "s", lambda: False)
+    one = client_session.ClientSession(bus, Keys("each"), "s", lambda: False)
     one.open(bundle_scene(squeezed_bar().model_copy(update={"quantities": quantities})), record=False)
     return one
 
 
 def test_a_failure_is_told_after_the_steps_before_it(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first answer has the steps that were taken, the next is the failure; after a reset all is as before."""
-    monkeypatch.setattr(desk, "BusTransport", Losing)
+    monkeypatch.setattr(client_session, "BusTransport", Losing)
     one = opened(bus)
     for _ in range(2):
         taken: list[Observation] = []
@@ -83,7 +83,7 @@ def test_a_failure_is_told_after_the_steps_before_it(bus: Bus, monkeypatch: pyte
                 assert isinstance(answer, Observations)
                 taken += answer.steps
         assert [observation.header.step for observation in taken] == [1, 2, 3]
-        assert all(observation.frame is None for observation in taken)
+        assert all(not observation.frames for observation in taken)
         one.reset(0)
     plain = one.step(request(LAST))
     assert isinstance(plain, Observation) and plain.header.step == LAST
@@ -91,30 +91,30 @@ def test_a_failure_is_told_after_the_steps_before_it(bus: Bus, monkeypatch: pyte
 
 def test_a_step_whose_fields_are_lost_is_taken_once(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is answered without them, and says why; they are waited for once. The next request is for the next step."""
-    monkeypatch.setattr(desk, "BusTransport", LosingFields)
+    monkeypatch.setattr(client_session, "BusTransport", LosingFields)
     one = opened(bus, ("model_error",))
     one.step(request(LAST - 1))
     assert one.save()
     monkeypatch.setattr(Losing, "waits", 0)
     for taken in (LAST, LAST + 1):
         answer = one.step(request(1, fields=True))
-        assert isinstance(answer, Observation) and answer.frame is None
+        assert isinstance(answer, Observation) and not answer.frames
         assert answer.header.step == taken and answer.report.header.step == taken - 1
         assert [event.message for event in answer.events if event.kind == "lost"] == [
-            f"step {taken - 1} is taken, but what follows it was not done: participant 'near' is lost: it did not come "
-            "back within 60 s: is its service running and supervised?"
+            f"step {taken - 1} is taken, but what follows it was not done: participant 'body.near' is lost: it did not "
+            "come back within 60 s: is its service running and supervised?"
         ]
         assert Losing.waits == taken - LAST + 1
     with pytest.raises(FieldsNotObserved, match=f"step {LAST} is taken, but"):
         assert isinstance(answer, Observation) and observation_from(answer, ("left", "right")).positions
     monkeypatch.setattr(LosingFields, "kinds", ())
     whole = one.step(request(1, fields=True))
-    assert isinstance(whole, Observation) and whole.frame is not None and whole.header.step == LAST + 2
+    assert isinstance(whole, Observation) and whole.frames and whole.header.step == LAST + 2
 
 
 def test_steps_before_one_that_fails_are_counted(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """Who asks for several at once is told how many were taken."""
-    monkeypatch.setattr(desk, "BusTransport", Losing)
+    monkeypatch.setattr(client_session, "BusTransport", Losing)
     one = opened(bus)
     with pytest.raises(StepFailed, match=rf"come back .* \({LAST} of the 10 steps asked for were taken\)"):
         one.step(request(10))
@@ -124,12 +124,12 @@ def test_steps_before_one_that_fails_are_counted(bus: Bus, monkeypatch: pytest.M
 
 def test_a_session_that_cannot_be_seen_is_not_open(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """It may be opened again under its name."""
-    monkeypatch.setattr(desk, "BusTransport", LosingFields)
+    monkeypatch.setattr(client_session, "BusTransport", LosingFields)
     monkeypatch.setattr("test_each_step.LAST", -1)
-    one = desk.Desk(bus, Keys("each"), "s", lambda: False)
+    one = client_session.ClientSession(bus, Keys("each"), "s", lambda: False)
     with pytest.raises(ParticipantLost):
         one.open(bundle_scene(squeezed_bar()), record=False)
     assert not one.opened
     monkeypatch.setattr(LosingFields, "kinds", ())
     again = one.open(bundle_scene(squeezed_bar()), record=False)
-    assert again.frame is not None and not again.events
+    assert again.frames and not again.events

@@ -14,8 +14,8 @@ from real_services import READY, free_port
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.topics import Keys
 from softseam_services.health import probe
-from softseam_services.orchestrator import alone
-from softseam_services.orchestrator.alone import AlreadyServed, wait_alone
+from softseam_services.orchestrator import singleton
+from softseam_services.orchestrator.singleton import AlreadyServed, wait_to_be_only
 
 KEYS = Keys()
 TOKEN = KEYS.live("orchestrator", "orchestrator", "first")
@@ -43,21 +43,21 @@ def test_who_follows_an_orchestrator_waits_until_it_is_gone(endpoint: str, monke
     stop = threading.Event()
     with Bus(endpoint) as bus, Bus(endpoint) as other, Bus(endpoint) as first:
         other.declare_live(Keys("other").live("orchestrator", "orchestrator", "i"))
-        wait_alone(bus, KEYS, stop)
+        wait_to_be_only(bus, KEYS, stop)
         first.declare_live(TOKEN)
         goes = threading.Timer(1.0, first.close)
         goes.start()
         began = time.monotonic()
-        wait_alone(bus, KEYS, stop)
+        wait_to_be_only(bus, KEYS, stop)
         assert time.monotonic() - began > 0.8
         goes.join()
         other.declare_live(TOKEN)
-        monkeypatch.setattr(alone, "PATIENCE", 0.3)
+        monkeypatch.setattr(singleton, "PATIENCE", 0.3)
         with pytest.raises(AlreadyServed, match="instance first"):
-            wait_alone(bus, KEYS, stop)
-        monkeypatch.setattr(alone, "PATIENCE", 60.0)
+            wait_to_be_only(bus, KEYS, stop)
+        monkeypatch.setattr(singleton, "PATIENCE", 60.0)
         stop.set()
-        wait_alone(bus, KEYS, stop)
+        wait_to_be_only(bus, KEYS, stop)
 
 
 def test_health_tells_of_two(endpoint: str) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import pytest
 from real_services import READY, Services, squeezed_bar
+from several_bodies import several
 from trajectory import first_difference, same_frame
 
 from softseam.connected import ConnectedBackend
@@ -116,7 +117,7 @@ def test_the_bus_changes_no_bit(
 ) -> None:
     reports, observation, _ = run(services, bus, bar)
     assert first_difference(reference[0], reports) == ""
-    assert observation.frame is not None and same_frame(reference[1], observation.frame)
+    assert observation.frames and same_frame(reference[1], observation.frames["body"])
     assert first_difference([observation.report], reports[-1:]) == ""
 
 
@@ -128,7 +129,7 @@ def test_a_ramped_multiplier_changes_no_bit_on_the_bus(services: Services, bus: 
     simulation = Simulation(bundle, EmbeddedTransport())
     alone = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
     assert first_difference(alone, reports) == ""
-    assert observation.frame is not None and same_frame(simulation.frame(), observation.frame)
+    assert observation.frames and same_frame(simulation.frame(), observation.frames["body"])
     simulation.close()
 
 
@@ -144,8 +145,24 @@ def test_a_sheet_is_gripped_the_same_over_the_bus(services: Services, bus: Bus) 
         services, bus, bundle, 20, lambda: os.kill(services.children.pid("pbd"), signal.SIGKILL)
     )
     assert first_difference(wanted, reports) == ""
-    assert observation.frame is not None and same_frame(frame, observation.frame)
+    assert observation.frames and same_frame(frame, observation.frames["body"])
     assert "participant_restored" in [event.kind for event in observation.events]
+
+
+def test_several_bodies_are_the_same_over_the_bus(services: Services, bus: Bus) -> None:
+    """FEM's process, which holds parts of two of them, is killed meanwhile: reports and last frames, bit for bit."""
+    bundle = bundle_scene(with_settings(several(), [f"duration={0.01 * STEPS}"]))
+    simulation = Simulation(bundle, EmbeddedTransport())
+    wanted = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
+    frames = simulation.frames()
+    simulation.close()
+    reports, observation, _ = run(
+        services, bus, bundle, 20, lambda: os.kill(services.children.pid("fem"), signal.SIGKILL)
+    )
+    assert first_difference(wanted, reports) == ""
+    assert all(same_frame(frame, observation.frames[name]) for name, frame in frames.items())
+    restored = [event.message for event in observation.events if event.kind == "participant_restored"]
+    assert all(any(part in text for text in restored) for part in ("jelly.far", "tofu.near"))
 
 
 @pytest.mark.parametrize(
@@ -167,7 +184,7 @@ def test_a_participant_is_lost_and_nothing_shows(
     reports, observation, seconds = run(services, bus, bar, 20, lambda: os.kill(pid, number))
     assert services.children.pid(victim) != pid, "the process was not replaced"
     assert first_difference(reference[0], reports) == ""
-    assert observation.frame is not None and same_frame(reference[1], observation.frame)
+    assert observation.frames and same_frame(reference[1], observation.frames["body"])
     kinds = [event.kind for event in observation.events]
     assert "participant_lost" in kinds and "participant_restored" in kinds, kinds
     record_property("seconds", round(seconds, 2))

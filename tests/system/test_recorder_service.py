@@ -113,7 +113,7 @@ def test_every_message_is_recorded_verbatim_the_first_and_the_last_too(bus: Bus,
         ended = source.end("done")
         source.close()
         assert isinstance(ended, Recorded) and warnings == []
-        assert (ended.messages, ended.lost, ended.note) == (len(messages), 0, "closed")
+        assert (ended.messages, ended.lost, ended.state) == (len(messages), 0, "closed")
         assert Path(ended.path) == recorder.folder / f"s{i}.mcap"
         assert encoded(Path(ended.path)) == [encode(message) for message in messages]
         assert Recording(ended.path).note is None
@@ -196,7 +196,7 @@ def test_a_frozen_recorder_is_waited_for_once_and_begins_anew_when_it_thaws(bus:
     assert source.waited < PATIENCE + 0.5
     assert sorted(waits)[-3] < 0.5, "held up by its silence once, and by its return"
     ended = source.end("done")
-    assert ended is not None and ended.note == "closed"
+    assert ended is not None and ended.state == "closed"
     kept = [data for path in sorted(recorder.folder.iterdir(), reverse=True) for data in encoded(path)]
     everything = [encode(message) for message in messages]
     assert kept[:100] == everything[:100], "what was committed is safe"
@@ -233,7 +233,7 @@ def test_a_full_disk_ends_the_recording_not_the_run(options: BusOptions, bus: Bu
         for message in short.messages():
             source.publish(message)
         ended = source.end("done")
-        assert ended is not None and (ended.lost, ended.note) == (0, "closed")
+        assert ended is not None and (ended.lost, ended.state) == (0, "closed")
         assert recorder.stop() == 0
 
 

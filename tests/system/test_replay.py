@@ -61,24 +61,24 @@ def test_everything_is_in_it(rrd: Path) -> None:
     """Regions apart from each other, stress, tools, forces, curves, words; each where a person would look for it."""
     stats = rerun("rrd", "stats", str(rrd))
     for path in (
-        "/world/body/near",
-        "/world/body/far",
-        "/world/body/stress",
+        "/world/bodies/body/near",
+        "/world/bodies/body/far",
+        "/world/bodies/body/stress",
         "/world/tools/left",
         "/world/tools/ball",
-        "/world/forces/contact",
-        "/world/forces/seam",
+        "/world/bodies/body/forces/contact",
+        "/world/bodies/body/forces/seam",
         "/curves/quantities/grip_force/grip_force",
         "/curves/seam/gap/gap",
         "/curves/energy/stored/strain",
-        "/curves/regions/cells/near_fem",
+        "/curves/parts/cells/body.near_fem",
         "/curves/speed/rtf/rtf",
         "/summary",
         "/log",
         "/legend/scale",
     ):
         assert f"{path}:" in stats, path
-    rows = rerun("rrd", "print", "-v", str(rrd)).count("/world/body/stress")
+    rows = rerun("rrd", "print", "-v", str(rrd)).count("/world/bodies/body/stress")
     assert rows >= 1
 
 
@@ -195,7 +195,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bundle = Bundle(scene.model_dump_json(), {})
     messages: list[Recordable] = []
     simulation = Simulation(bundle, EmbeddedTransport(), emit=messages.append)
-    with McapRecorder(path, begin(bundle, simulation.body, simulation.tools)) as recorder:
+    with McapRecorder(path, begin(bundle, {"body": simulation.body}, simulation.tools)) as recorder:
         while not simulation.done:
             simulation.step(fields=True)
         for message in messages:

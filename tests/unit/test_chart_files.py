@@ -22,7 +22,7 @@ from softseam.chart.table import rows_of, write_csv
 from softseam.errors import BadInput
 from softseam.scenes import load_scene
 from softseam.variants import AS_GIVEN, with_settings
-from softseam_protocol.scene.scene import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_services.body.build import build_body
 
 HERE = Identity("a scene", "some code", "a machine")

@@ -58,6 +58,9 @@ BAD_SCENES = {
 
 BAD_CALLS = {
     "no such scene": (["run", "tofu_gras"], ["tofu_grasp"]),
+    "no route": (["up", "--route", "far"], ["'far' is no route", "PART=SERVICE"]),
+    "no router to conform": (["conform", "tcp/127.0.0.1:9", "--service", "fem"], ["no router answers"]),
+    "no such check": (["conform", "tcp/127.0.0.1:9", "--check", "momentun"], ["did you mean 'momentum'"]),
     "no such file": (["run", "folder/none.yaml"], ["none.yaml"]),
     "no such model": (["run", "tofu_grasp", "--model", "magic"], ["magic", "hybrid"]),
     "no such command": (["simulate"], ["simulate"]),

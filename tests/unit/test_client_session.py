@@ -99,7 +99,7 @@ def test_observation_of_a_squeeze(sim: softseam.Session) -> None:
     np.testing.assert_allclose(obs.contact_force.sum(axis=0), total, rtol=1e-6, atol=1e-9)
     assert set(obs.contact_tool.tolist()) >= {-1, list(obs.tools).index("right")}
     assert 0.0 <= obs.seam.gap < 1e-3 * 0.01
-    assert obs.regions and all(region.model in ("fem", "pbd") for region in obs.regions.values())
+    assert obs.parts and all(region.model in ("fem", "pbd") for region in obs.parts.values())
     with pytest.raises(ValueError, match="read-only"):
         obs.positions[0, 0] = 1.0
     with pytest.raises(AttributeError):
@@ -310,7 +310,7 @@ def test_models(path: Path) -> None:
         assert (varied.regions.default, varied.regions.near) == (model, None)
         with softseam.open(varied) as session:
             session.reset()
-            assert {region.model for region in session.step(CLOSE).regions.values()} == {model}
+            assert {region.model for region in session.step(CLOSE).parts.values()} == {model}
     assert softseam.with_model(scene, "hybrid") == scene
     spared = softseam.with_settings(scene, ["regions.near.split=when_cheaper"])
     assert softseam.with_model(spared, "hybrid") == scene

@@ -29,8 +29,8 @@ from softseam_services.fem.model import FemModel
 from softseam_services.fem.tool_motion import Tools
 from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work
+from softseam_services.shapes.branches import PLANE
 from softseam_services.tools.kernels import tool_gap
-from softseam_services.tools.tool_set import PLANE
 
 
 def _problem(
@@ -45,7 +45,7 @@ def _problem(
     solver = run.solver
     model, tree, work = solver._model, solver._stepper._tree, solver._stepper.work
     pose = (run.position, run.orientation, run.position, run.orientation)
-    tools = Tools(run.tools.kind, run.tools.shape, run.tools.friction, run.tools.near, *pose)
+    tools = Tools(run.tools.kind, run.tools.shape, run.tools.reach, run.tools.friction, run.tools.near, *pose)
     x = model.x_rest - np.array([0.0, 0.0, 1e-5])
     contact = np.zeros((len(run.region.points), 1, N_STATE))
     low = model.x_rest[run.region.nodes[0] + 0, 2]

@@ -13,13 +13,13 @@ from solids import obj, sphere
 
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, parse_scene
-from softseam_protocol.scene.scene import BodySpec
 from softseam_services.body.borders import border_lines
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
 from softseam_services.body.errors import MeshError
-from softseam_services.body.inclusions import holds, octant_centres, part_volume
+from softseam_services.body.inclusions import holds, octant_centres
 from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery
 from softseam_services.recorder.begin import surface_mesh
 
@@ -31,6 +31,12 @@ PARTS: list[dict[str, Any]] = [
     {"kind": "capsule", "position": (0.1, -0.2, 0.3), "radius": 0.25, "length": 0.5, "axis": (1.0, 2.0, -1.0)},
     {"kind": "cylinder", "position": (0.1, -0.2, 0.3), "radius": 0.3, "length": 0.6, "axis": (1.0, 2.0, -1.0)},
 ]
+VOLUMES = {
+    "box": 0.3 * 0.5 * 0.7,
+    "sphere": 4.0 / 3.0 * np.pi * 0.4**3,
+    "capsule": np.pi * 0.25**2 * 0.5 + 4.0 / 3.0 * np.pi * 0.25**3,
+    "cylinder": np.pi * 0.3**2 * 0.6,
+}
 
 
 def _spec(*inclusions: dict[str, Any]) -> BodySpec:
@@ -45,7 +51,7 @@ def test_a_part_holds_as_many_places_as_its_volume_says(part: dict[str, Any]) ->
     shape = _spec({"shape": part, "material": {"young": 1e5}}).inclusions[0].shape
     places = np.random.default_rng(1).uniform(-1.0, 1.5, (1_000_000, 3))
     inside = holds(shape, places)
-    share = part_volume(shape) / 2.5**3
+    share = VOLUMES[part["kind"]] / 2.5**3
     assert abs(inside.mean() - share) < 4.0 * np.sqrt(share / len(places))
     spread = places[inside].std(axis=0) / np.sqrt(inside.sum())
     assert (np.abs(places[inside].mean(axis=0) - part["position"]) < 4.0 * spread).all()
@@ -166,7 +172,7 @@ def test_stress_on_the_surface_is_of_one_material() -> None:
     """What a viewer shows: no point has a mean of the two values on either side of a border."""
     layer = {"shape": {"kind": "box", "position": (0, 0, 0), "size": (1, 1, 0.05)}, "material": {"young": 1e6}}
     body = build_body(block(body={"inclusions": [layer]}), {})
-    mesh = surface_mesh(Header(SCHEMA_VERSION, "local", "", 0, 0, 0, 0.0), body, {})
+    mesh = surface_mesh(Header(SCHEMA_VERSION, "local", "", 0, 0, 0, 0.0), "body", body, {})
     shown = DisplaySurface(mesh).at_points(np.where(body.octant_material == 1, 7.0, 1.0))
     z = mesh.point_rest[:, 2]
     np.testing.assert_allclose(shown[z < 0.024], 7.0)

@@ -19,7 +19,8 @@ from softseam.scenes import load_scene
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.borders import border_lines
 from softseam_services.body.build import build_any_body

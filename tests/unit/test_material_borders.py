@@ -18,7 +18,8 @@ from softseam.checking import check_scene
 from softseam.scenes import load_scene
 from softseam.variants import with_settings
 from softseam_protocol.material_borders import are_equal, cells_along, material_borders, pieces, wanted_for
-from softseam_protocol.scene.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_any_body
 

@@ -29,7 +29,13 @@ from softseam_services.tools.build import build_tools
 SCENES = Path(__file__).parents[2] / "scenes"
 CHEAP = {"pbd": {"substeps": 8}}
 """pbd that costs less than fem while no tool is near"""
-FAR_ALONE = Sides({"far": "pbd"}, {"far": np.arange(3, dtype=np.int32)}, {"far": 63}, np.zeros(0, dtype=np.int32))
+FAR_ALONE = Sides(
+    "body",
+    {"body.far": "pbd"},
+    {"body.far": np.arange(3, dtype=np.int32)},
+    {"body.far": 63},
+    np.zeros(0, dtype=np.int32),
+)
 TOUCHED = np.array([0.0, 0.01, 0.02])
 SMALL, FEW, MIDDLING, LONG = (3, 1, 1), (4, 2, 2), (8, 4, 2), (64, 4, 2)
 
@@ -69,7 +75,7 @@ def _near(cells: tuple[int, int, int], split: str, models: dict[str, Any] | None
     scene = _scene(cells, split, models or {})
     body = build_body(scene, {})
     near = NearCells(scene, body, build_tools(scene, body))
-    return near, cut(body, near.mask, "fem", "pbd")
+    return near, cut("body", body, near.mask, "fem", "pbd")
 
 
 def _follow(near: NearCells, sides: Sides, distance: NDArray[np.float64]) -> str:
@@ -125,7 +131,7 @@ def test_a_small_body_has_one_model_whatever_tools_do() -> None:
     assert near.enough == "" == _follow(near, FAR_ALONE, np.ones(3))
     assert "one model is enough" in _follow(near, FAR_ALONE, TOUCHED) and near.mask.all()
     near.mask = np.array([True, False, False])
-    with_far = cut(near._body, near.mask, "fem", "pbd")
+    with_far = cut("body", near._body, near.mask, "fem", "pbd")
     assert [bool(_follow(near, with_far, np.ones(3))) for _ in range(2)] == [False, True]
     assert near.mask.all() and near.enough  # let go of by the tool
 
@@ -210,7 +216,7 @@ def test_a_tool_on_its_way_counts_as_closer() -> None:
         scene = scene.model_copy(update={"regions": scene.regions.model_copy(update={"near": spec})})
         body = build_body(scene, {})
         near = NearCells(scene, body, build_tools(scene, body))
-        sides = cut(body, near.mask, "fem", "pbd")
+        sides = cut("body", body, near.mask, "fem", "pbd")
         for closest in (0.0217, 0.0187, 0.0157, 0.0127, 0.0097):
             distance = np.asarray(closest + 0.01 * body.cell_grid[:, 0], dtype=np.float64)
             _follow(near, sides, distance)

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from softseam_coupling.accelerations.memory import Acceleration
 from softseam_coupling.interface import Interface
-from softseam_coupling.loops.one_way import Correction, OneWay, Outcome, PartRequest, StepDiverged, StepRefused, largest
+from softseam_coupling.loops.loop import (
+    Correction,
+    Loop,
+    LoopSetup,
+    Outcome,
+    PartRequest,
+    StepDiverged,
+    StepRefused,
+    largest,
+)
+from softseam_coupling.loops.one_way import OneWay
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import Advanced, Capabilities
@@ -94,19 +105,30 @@ def seam(a: str, b: str, n: int = 3, at: tuple[int, int] = (0, 0), weights: Floa
 class Chain:
     """Parts and the loop that takes their steps; replies arrive in an order of choice."""
 
-    def __init__(self, parts: Mapping[str, Part], interfaces: list[Interface], backwards: bool = False) -> None:
+    def __init__(
+        self,
+        parts: Mapping[str, Part],
+        interfaces: list[Interface],
+        backwards: bool = False,
+        most: int = 16,
+        build: Callable[[LoopSetup], Loop] = OneWay,
+        acceleration: Acceleration | None = None,
+        mobility: float = 1.0,
+    ) -> None:
         self.parts, self.backwards = dict(parts), backwards
-        able = {
+        self.able = {
             name: Capabilities(True, one.corrects, one.takes_impedance, 1, False, False, 0.0)
             for name, one in parts.items()
         }
-        mobility = {name: np.ones(len(one.free)) for name, one in parts.items()}
-        self.loop = OneWay(interfaces, mobility, able, TOLERANCE, CELL)
+        by_mass = {name: np.full(len(one.free), mobility) for name, one in parts.items()}
+        self.setup = LoopSetup(tuple(interfaces), by_mass, TOLERANCE, CELL, most, acceleration=acceleration)
+        self.loop = build(self.setup)
+        self.loop.begin(self.able)
 
     def _ordered(self, replies: dict[str, Advanced]) -> dict[str, Advanced]:
         return dict(reversed(replies.items())) if self.backwards else replies
 
-    def step(self, most: int = 16, may_refuse: bool = False) -> Outcome:
+    def step(self, may_refuse: bool = False) -> Outcome:
         for one in self.parts.values():
             one.free = one.free + one.way
 
@@ -116,7 +138,7 @@ class Chain:
         def correct(wanted: dict[str, Correction]) -> dict[str, Advanced]:
             return self._ordered({name: self.parts[name].correct(one) for name, one in wanted.items()})
 
-        return self.loop.solve(advance, correct, DT, most, may_refuse)
+        return self.loop.solve(advance, correct, DT, may_refuse)
 
 
 def pair(takes_impedance: bool = False) -> Chain:
@@ -217,14 +239,15 @@ def test_what_is_not_finite_diverges_and_leaves_the_loop_as_it_was() -> None:
 
 
 def test_a_step_that_will_not_agree_is_refused_where_it_may_be() -> None:
-    chain = Chain({"a": part(1, corrects=False, bend=40.0), "b": part(2)}, [seam("a", "b")])
+    chain = Chain({"a": part(1, corrects=False, bend=40.0), "b": part(2)}, [seam("a", "b")], most=2)
     chain.parts["a"].way *= 40.0
     with pytest.raises(StepRefused, match="not within 2 exchanges"):
-        chain.step(most=2, may_refuse=True)
-    assert not chain.step(most=2).agreed
+        chain.step(may_refuse=True)
+    assert not chain.step().agreed
 
 
-def test_a_loop_goes_on_from_its_arrays() -> None:
+@pytest.mark.parametrize("before_it_begins", [True, False])
+def test_a_loop_goes_on_from_its_arrays(before_it_begins: bool) -> None:
     """As one that took a snapshot does, bit for bit."""
     one, other = pair(takes_impedance=True), pair(takes_impedance=True)
     for chain in (one, other):
@@ -235,7 +258,12 @@ def test_a_loop_goes_on_from_its_arrays() -> None:
     arrays = one.loop.to_arrays()
     one.loop.forget_told()
     fresh = pair(takes_impedance=True)
-    fresh.loop.take(arrays)
+    if before_it_begins:
+        fresh.loop = OneWay(fresh.setup)
+        fresh.loop.take(arrays)
+        fresh.loop.begin(fresh.able)
+    else:
+        fresh.loop.take(arrays)
     fresh.parts = other.parts
     for _ in range(3):
         np.testing.assert_array_equal(one.step().multipliers, fresh.step().multipliers)

@@ -17,9 +17,10 @@ from softseam.replay.verify import verify
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.participant import Bundle, Configure, Configured, Failure
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.particles import SheetBody
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.skin import rope_skin, sheet_skin
 from softseam_services.body.surface_check import enclosed_volume
 from softseam_services.pbd.particles.batches import batches
@@ -200,8 +201,8 @@ def test_a_fold_is_recorded_drawn_and_simulated_again(tmp_path: Path) -> None:
     recording = Recording(path)
     found = verify(recording, resimulate)
     assert found.same and found.steps == 15, found.text
-    assert recording.surface is not None
-    surface = DisplaySurface(recording.surface)
+    assert recording.surfaces
+    surface = DisplaySurface(recording.surfaces["body"])
     loads = [surface.load(frame) for frame in recording.frames()]
     assert surface.load_label == "stretch [%]"
     assert loads[0].shape == (2 * 21 * 11,) and loads[-1].max() > 1e-4

@@ -78,6 +78,7 @@ def test_groups_hold_each_pair_once_and_share_no_node(embedded: bool) -> None:
     find_pairs(
         tools.kind,
         tools.shape,
+        tools.reach,
         tools.position,
         tools.orientation,
         point_x,

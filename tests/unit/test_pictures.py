@@ -84,11 +84,12 @@ def test_fem_alone_is_painted_as_fem(tmp_path: Path) -> None:
     body = snapshots[: len(snapshots) // 2]
     assert hue_present(body, colors.NEAR) > 0.01 and hue_present(body, colors.FAR) < 1e-4
     recording = Recording(tmp_path / "run.mcap")
-    assert recording.surface is not None
+    assert recording.surfaces
     builder = ReportBuilder(recording.bundle)
     for message in recording:
         builder.add(message)
-    told = summary(recording, builder, find_scales(recording, DisplaySurface(recording.surface)))
+    scales = find_scales(recording, "body", DisplaySurface(recording.surfaces["body"]))
+    told = summary(recording, builder, {"body": scales})
     assert "Coral: FEM. Yellow" in told
 
 
@@ -137,7 +138,7 @@ def test_tools_of_every_kind_are_recorded_drawn_and_replayed(tmp_path: Path) -> 
         assert session.run().momentum[0] > 1e-3, "the finger pushed the block"
     (tmp_path / "finger.obj").unlink()
     recording = Recording(tmp_path / "run.mcap")
-    assert recording.surface is not None and len(recording.surface.tools["finger"].triangles) == 12
+    assert recording.surfaces and len(recording.surfaces["body"].tools["finger"].triangles) == 12
     assert len(draw_pictures(tmp_path / "run.mcap", tmp_path)) == 3
     save_rrd(recording, tmp_path / "run.rrd")
     assert (tmp_path / "run.rrd").stat().st_size > 10_000

@@ -50,8 +50,8 @@ def _scene(step: float, motion: list[dict[str, Any]]) -> Scene:
 def _program(step: float, motion: list[dict[str, Any]]) -> tuple[Program, ToolSet, Drives]:
     scene = _scene(step, motion)
     body, tools = build_body(scene, {}), build_tools(scene)
-    grips = grips_by_phase(scene, tools, body.x_rest)
-    drives = Drives(scene, body, grips)
+    grips = grips_by_phase(scene, tools, [body])
+    drives = Drives(scene, [body], grips)
     return Program(scene.motion, scene.step, tools, grips, drives.phases), tools, drives
 
 

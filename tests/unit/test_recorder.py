@@ -33,7 +33,7 @@ def record(path: Path, run: Squeeze) -> list[StepReport | Frame | Event]:
     with McapRecorder(path, run.begin) as recorder:
         for message in messages:
             recorder.write(message)
-    assert recorder.lost == 0 and recorder.progress().note == "closed"
+    assert recorder.lost == 0 and recorder.progress().state == "closed"
     return messages
 
 
@@ -57,15 +57,15 @@ def test_a_recording_holds_what_it_takes_to_simulate_it_again(tmp_path: Path) ->
     assert recording.seed == 7 and recording.metadata["session"] == "test"
     assert {"softseam", "numpy", "numba", "python", "machine"} <= set(recording.facts)
     assert platform.release() not in recording.facts["machine"]  # whose computer it is is nobody's business
-    assert recording.surface is not None
-    assert recording.surface.triangles.tobytes() == run.body.surface.triangles.tobytes()
+    assert recording.surfaces
+    assert recording.surfaces["body"].triangles.tobytes() == run.body.surface.triangles.tobytes()
 
 
 def test_surface_points_at_rest_are_the_nodes_of_a_block(tmp_path: Path) -> None:
     """A block's surface points are lattice nodes: each rest position is one of the body's."""
     run = Squeeze(1)
     nodes = {tuple(x) for x in run.body.x_rest.round(9)}
-    assert {tuple(x) for x in run.begin.surface.point_rest.round(9)} <= nodes
+    assert {tuple(x) for x in run.begin.surfaces["body"].point_rest.round(9)} <= nodes
 
 
 def test_any_mcap_reader_reads_it(tmp_path: Path) -> None:

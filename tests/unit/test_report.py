@@ -30,13 +30,13 @@ KEYS = {
     "estimated_error": type(None),
     "steps": int,
     "simulated_seconds": float,
-    "regions": {
+    "parts": {
         name: {
             "model": str,
             "n_nodes": {"min": float, "mean": float, "max": float},
             "n_elements": {"min": float, "mean": float, "max": float},
         }
-        for name in ("near", "far")
+        for name in ("body.near", "body.far")
     },
     "seam": {
         "worst_gap": {"value": float, "unit": str},
@@ -99,7 +99,7 @@ def test_it_says_everything_that_it_promises() -> None:
     check(report, KEYS)
     assert report["scene"]["hash"] == scene_hash(run.bundle)
     assert report["model"] == "hybrid" and report["steps"] == 30
-    assert report["regions"]["near"]["n_elements"] == {"min": 32.0, "mean": 32.0, "max": 32.0}
+    assert report["parts"]["body.near"]["n_elements"] == {"min": 32.0, "mean": 32.0, "max": 32.0}
     assert_allclose(report["quantities"]["grip_force"]["max"], 13.1)
     assert len(report["quantities"]["lift_height"]["values"]) == len(report["energy"]["time"]) == 30
     assert [event["kind"] for event in report["events"]] == ["tools", "regions", "tools"]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene import file as scene_file
+from softseam_protocol.scene.bodies import BodySpec, MeshShape
 from softseam_protocol.scene.file import (
     SceneError,
     bundle_scene,
@@ -21,7 +22,6 @@ from softseam_protocol.scene.file import (
     scene_json,
 )
 from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase
-from softseam_protocol.scene.scene import BodySpec, MeshShape
 
 GOOD = """\
 # a cube between two plates

@@ -9,9 +9,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import load_scene, scene_from_bundle
 from softseam_protocol.scene.particles import SheetBody, TetMeshBody
-from softseam_protocol.scene.scene import BodySpec
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body

@@ -182,7 +182,7 @@ def test_smooth_stress_converges_at_third_order_inside_and_second_at_the_surface
 def _frame(body: Body, cauchy: Floats, x: Floats) -> Frame:
     none = np.zeros((0, 3))
     return Frame(
-        Header(1, "s", "", 0, 0, 0, 0.0), x, cauchy, np.ones(body.n_cells, dtype=np.int8), none, none,
+        Header(1, "s", "", 0, 0, 0, 0.0), "body", x, cauchy, np.ones(body.n_cells, dtype=np.int8), none, none,
         np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int32), none, none, np.zeros((0, 4)),
     )  # fmt: skip
 

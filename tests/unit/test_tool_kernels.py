@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from softseam_protocol.scene.tools import SphereTool
+from softseam_services.shapes import SHAPES
+from softseam_services.shapes.branches import BOX, PLANE, SPHERE
 from softseam_services.tools.kernels import cell_distances, rotate, rotate_back, tool_gap
 from softseam_services.tools.motion import tool_motion
-from softseam_services.tools.tool_set import BOX, PLANE, SPHERE, ToolSet
+from softseam_services.tools.tool_set import ToolSet
 
 HALF = np.array([0.5, 0.3, 0.2])
 
@@ -100,7 +103,7 @@ def test_cell_distance_is_the_least_over_nodes_and_near_tools() -> None:
     rng = np.random.default_rng(4)
     x = rng.uniform(-1, 1, size=(60, 3))
     cells = rng.permutation(54).reshape(2, 27).astype(np.int32)
-    kind = np.array([PLANE, BOX, SPHERE], dtype=np.int32)
+    kind = np.array([PLANE, BOX, SPHERE], dtype=np.int64)
     shape = np.array([[0, 0, 1.0], HALF, [0.1, 0, 0]])
     position = np.array([[0, 0, -5.0], [3.0, 0, 0], [0, 2.0, 0]])
     orientation = np.stack([quaternion(i) for i in range(3)])
@@ -116,12 +119,14 @@ def test_cell_distance_is_the_least_over_nodes_and_near_tools() -> None:
 def test_motion_translates_and_refuses_wrong_shapes() -> None:
     tools = ToolSet(
         names=("a",),
-        kind=np.array([SPHERE], dtype=np.int32),
+        kind=np.array([SPHERE], dtype=np.int64),
         shape=np.array([[0.1, 0, 0]]),
+        reach=np.array([0.1]),
         friction=np.zeros(1),
         near=np.ones(1, dtype=bool),
         position=np.zeros((1, 3)),
         orientation=np.array([[1.0, 0, 0, 0]]),
+        geometry=(SHAPES["sphere"].build(SphereTool(radius=0.1, position=(0.0, 0.0, 0.0)), {}),),
     )
     motion = tool_motion(tools, tools.position, tools.orientation, np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]]), 0.5)
     np.testing.assert_array_equal(motion.position_next, [[0.5, 1.0, 1.5]])

@@ -9,14 +9,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from solids import box, cylinder, join, obj, sphere
 
+from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, PlaneTool, SolidTool, SphereTool
 from softseam_services.body.errors import MeshError
 from softseam_services.body.kernels.surface import winding_number
-from softseam_services.tools.distance_grid import FINENESS, ToolMesh, tool_mesh
-from softseam_services.tools.kernels import tool_gap, tool_reach
-from softseam_services.tools.kernels.grid import SPACING
-from softseam_services.tools.outline import extent_along, outline
-from softseam_services.tools.pose import product, quaternion_onto, quaternion_turning
-from softseam_services.tools.tool_set import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE, ToolSet
+from softseam_services.shapes import SHAPES
+from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
+from softseam_services.shapes.mesh import FINENESS, ToolMesh, tool_mesh
+from softseam_services.shapes.mesh_grid import SPACING
+from softseam_services.shapes.turns import product, quaternion_onto, quaternion_turning
+from softseam_services.tools.kernels import rotate_back, tool_gap
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +28,14 @@ SOLIDS = {
     "sphere": (SPHERE, np.array([0.4, 0.0, 0.0])),
     "capsule": (CAPSULE, np.array([0.2, 0.4, 0.0])),
     "cylinder": (CYLINDER, np.array([0.3, 0.4, 0.0])),
+}
+AT = (0.0, 0.0, 0.0)
+SPECS: dict[str, PlaneTool | SolidTool] = {
+    "plane": PlaneTool(normal=(0.0, 0.6, 0.8)),
+    "box": BoxTool(position=AT, size=(1.0, 0.6, 0.4)),
+    "sphere": SphereTool(position=AT, radius=0.4),
+    "capsule": CapsuleTool(position=AT, radius=0.2, length=0.8),
+    "cylinder": CylinderTool(position=AT, radius=0.3, length=0.8),
 }
 points = st.tuples(*[st.floats(-1.2, 1.2)] * 3).map(np.array)
 turns = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(lambda v: quaternion_turning(np.array(v)))
@@ -45,7 +54,7 @@ def gaps(kind: int, shape: Floats, at: Floats) -> Floats:
 @settings(deadline=None, max_examples=60)
 @given(q=turns, a=points, b=points)
 def test_the_gap_is_a_distance(name: str, q: Floats, a: Floats, b: Floats) -> None:
-    """1-Lipschitz; its normal is a unit vector that leads back to the surface; a ball of `tool_reach` holds it."""
+    """1-Lipschitz; its normal is a unit vector that leads back to the surface; a ball of its reach holds it."""
     kind, shape = SOLIDS[name]
     position = np.array([0.1, -0.2, 0.3])
     (gap_a, *normal), (gap_b, *_) = (tool_gap(kind, shape, position, q, p) for p in (a, b))
@@ -54,7 +63,7 @@ def test_the_gap_is_a_distance(name: str, q: Floats, a: Floats, b: Floats) -> No
     assert tool_gap(kind, shape, position, q, a - gap_a * np.array(normal))[0] == pytest.approx(0.0, abs=1e-9)
     if gap_a < 0.0 or kind == PLANE:
         return
-    assert gap_a >= np.linalg.norm(a - position) - tool_reach(kind, shape) - 1e-12
+    assert gap_a >= np.linalg.norm(a - position) - SHAPES[name].build(SPECS[name], {}).reach - 1e-12
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -115,13 +124,11 @@ def test_poses() -> None:
 def test_extents_are_those_of_the_points_inside(name: str) -> None:
     kind, shape = SOLIDS[name]
     q = quaternion_turning(np.array([0.4, -0.9, 0.7]))
-    tools = ToolSet(
-        (name,), np.array([kind], dtype=np.int32), shape[None], np.zeros(1), np.ones(1, dtype=bool),
-        HERE[None], q[None], (outline(kind, shape),),
-    )  # fmt: skip
+    geometry = SHAPES[name].build(SPECS[name], {})
+    np.testing.assert_array_equal(geometry.numbers, shape)
     for direction in np.random.default_rng(5).normal(size=(10, 3)):
         direction /= np.linalg.norm(direction)
-        reach = extent_along(tools, 0, direction, q)
+        reach = geometry.reach_along(np.array(rotate_back(q, *direction)))
         grid = np.stack(np.meshgrid(*[np.linspace(-0.7, 0.7, 45)] * 3), axis=-1).reshape(-1, 3)
         inside = np.array([tool_gap(kind, shape, HERE, q, p)[0] <= 0.0 for p in grid])
         assert 0.0 <= reach - (grid[inside] @ direction).max() < 0.06

@@ -12,10 +12,10 @@ from solids import obj, sphere
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError
+from softseam_services.shapes.branches import BOX, CAPSULE, MESH, PLANE, SPHERE
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import tool_gap
-from softseam_services.tools.tool_set import BOX, CAPSULE, MESH, PLANE, SPHERE
 
 
 def long(kind: str, position: list[float], axis: list[float], radius: float = 0.01) -> dict[str, object]:

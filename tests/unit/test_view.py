@@ -29,17 +29,17 @@ def run() -> Squeeze:
 
 @pytest.fixture(scope="module")
 def surface(run: Squeeze) -> DisplaySurface:
-    return DisplaySurface(run.begin.surface)
+    return DisplaySurface(run.begin.surfaces["body"])
 
 
 def test_a_cube_has_sharp_edges(run: Squeeze, surface: DisplaySurface) -> None:
     """Inside a face one vertex a point, on an edge two, in a corner three; all normals are straight."""
     per_point = np.bincount(surface.vertex_point)
-    on_sides = (np.abs(np.abs(run.begin.surface.point_rest - [0, 0, 0.025]) - 0.025) < 1e-9).sum(axis=1)
+    on_sides = (np.abs(np.abs(run.begin.surfaces["body"].point_rest - [0, 0, 0.025]) - 0.025) < 1e-9).sum(axis=1)
     assert_allclose(per_point, on_sides)
-    normals = surface.normals(surface.vertices(run.begin.surface.point_rest))
+    normals = surface.normals(surface.vertices(run.begin.surfaces["body"].point_rest))
     assert_allclose(np.abs(normals).max(axis=1), 1.0, atol=1e-12)
-    outward = run.begin.surface.point_rest[surface.vertex_point] - [0, 0, 0.025]
+    outward = run.begin.surfaces["body"].point_rest[surface.vertex_point] - [0, 0, 0.025]
     assert (np.einsum("ij,ij->i", normals, outward) > 0.0).all()
 
 
@@ -49,7 +49,7 @@ def test_a_smooth_surface_is_not_split() -> None:
     points, inverse = np.unique(ball.vertices.round(12), axis=0, return_inverse=True)
     triangles = inverse.reshape(-1)[ball.triangles]
     proper = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
-    mesh = Squeeze(1).begin.surface
+    mesh = Squeeze(1).begin.surfaces["body"]
     sphere = DisplaySurface(replace(mesh, point_rest=points, triangles=triangles[proper].astype(np.int32)))
     assert len(sphere.vertex_point) == len(points)
 
@@ -66,14 +66,14 @@ def test_stress_on_the_surface_is_exact_for_a_constant_and_bounded_for_any(
 def test_stress_on_the_surface_follows_a_linear_field_along_it(run: Squeeze, surface: DisplaySurface) -> None:
     """A field linear in y is met at points away from the edges that bound y."""
     octant = np.array([[o & 1, o >> 1 & 1, o >> 2 & 1] for o in range(8)]) - 0.5
-    centres = run.begin.surface.cell_center[:, None, :] + 0.5 * octant * run.begin.surface.edges
-    points = run.begin.surface.point_rest
+    centres = run.begin.surfaces["body"].cell_center[:, None, :] + 0.5 * octant * run.begin.surfaces["body"].edges
+    points = run.begin.surfaces["body"].point_rest
     inner = np.abs(points[:, 1]) < 0.02
     assert_allclose(surface.at_points(centres[..., 1])[inner], points[inner, 1], atol=1e-12)
 
 
 def test_empty_octants_do_not_count(run: Squeeze) -> None:
-    mesh = run.begin.surface
+    mesh = run.begin.surfaces["body"]
     fill = mesh.fill.copy()
     fill[:, 4:] = 0.0
     surface = DisplaySurface(replace(mesh, fill=fill))
@@ -84,7 +84,7 @@ def test_empty_octants_do_not_count(run: Squeeze) -> None:
 
 def test_triangles_belong_to_the_region_of_their_cell(run: Squeeze, surface: DisplaySurface) -> None:
     near = surface.near(run.near.astype(np.int8))
-    middle = run.begin.surface.point_rest[run.begin.surface.triangles].mean(axis=1)
+    middle = run.begin.surfaces["body"].point_rest[run.begin.surfaces["body"].triangles].mean(axis=1)
     assert_allclose(near, np.abs(middle[:, 0]) > 0.0125)
 
 
@@ -213,8 +213,8 @@ def test_a_fitted_camera_fills_the_picture() -> None:
 
 def test_one_region_has_the_name_and_colour_of_its_model() -> None:
     """Whatever the region is called: FEM is coral and PBD is blue, alone as beside each other."""
-    assert colors.regions({"far": "fem"}) == {"far": ("FEM", colors.NEAR)}
-    assert colors.regions({"near": "fem"}) == {"near": ("FEM", colors.NEAR)}
-    assert colors.regions({"far": "pbd"}) == {"far": ("PBD", colors.FAR)}
-    both = {"near": ("near region: FEM", colors.NEAR), "far": ("far region: PBD", colors.FAR)}
-    assert colors.regions({"far": "pbd", "near": "fem"}) == both
+    assert colors.parts({"body.far": "fem"}) == {"body.far": ("FEM", colors.NEAR)}
+    assert colors.parts({"body.near": "fem"}) == {"body.near": ("FEM", colors.NEAR)}
+    assert colors.parts({"body.far": "pbd"}) == {"body.far": ("PBD", colors.FAR)}
+    both = {"body.near": ("near part: FEM", colors.NEAR), "body.far": ("far part: PBD", colors.FAR)}
+    assert colors.parts({"body.far": "pbd", "body.near": "fem"}) == both

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from pbd_run import Energy, PbdRun, block_scene
 
 from softseam_protocol.inner_ball import inner_ball
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.kinds import ElementKind
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
@@ -100,7 +101,7 @@ def test_cells_are_valid_wherever_the_ball_is(seed: int) -> None:
         cells = random.uniform(0.1, 1.0) * size.min() * random.uniform(0.7, 1.4, 3)
         asked = scene(0.01, size=tuple(size), centre=tuple(at), radius=radius, young=2e6)
         assert isinstance(asked.body, BodySpec)
-        asked = asked.model_copy(update={"body": asked.body.model_copy(update={"cell": tuple(cells)})})
+        asked = asked.with_body(asked.body.model_copy(update={"cell": tuple(cells)}))
         assert isinstance(asked.body, BodySpec)
         assert inner_ball(tuple(size), (0.0, 0.0, 0.0), asked.body.inclusions) is not None
         whole, ball = parts(build_body(asked, {}))  # raises where a cell is inverted
@@ -112,7 +113,7 @@ def test_a_ball_that_cells_cannot_follow_is_refused_with_a_remedy() -> None:
     """Cells as long as a long block: those between the ball and the box turn inside out."""
     long = scene(0.01, size=(1.0, 0.05, 0.05), centre=(0.0, 0.0, 0.025), radius=0.0125, young=2e6)
     assert isinstance(long.body, BodySpec)
-    long = long.model_copy(update={"body": long.body.model_copy(update={"cell": (1.0, 0.05, 0.05)})})
+    long = long.with_body(long.body.model_copy(update={"cell": (1.0, 0.05, 0.05)}))
     with pytest.raises(MeshError, match=r"inverted or degenerate.* give shorter cells in body\.cell"):
         build_body(long, {})
 

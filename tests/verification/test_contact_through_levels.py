@@ -14,7 +14,6 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.body.region import shared_nodes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.sides import FAR
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.kernels.summary import BOUNDS
 from softseam_services.pbd.levels import hand_on
@@ -93,7 +92,7 @@ def test_a_switch_from_fem_on_a_table(near: str) -> None:
     assert -before.wrench[0, 2] == pytest.approx(weight, rel=0.02)
     grid = simulation.body.cell_grid  # type: ignore[union-attr]
     simulation.set_near(grid[:, 0] == 0 if near == "one end" else np.zeros(len(grid), dtype=bool))
-    assert simulation.regions.sides.models[FAR] == "pbd"
+    assert simulation.regions.sides.models["body.far"] == "pbd"
     felt = []
     for _ in range(20):
         after = simulation.step()

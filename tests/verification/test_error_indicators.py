@@ -211,7 +211,7 @@ def test_a_scene_that_asks_gets_numbers_and_fields() -> None:
     assert (seen.model_error[near] == 0.0).all() and (seen.model_error[~near] > 0.0).all()
     assert (seen.mesh_error[near] > 0.0).all() and (seen.mesh_error[~near] == 0.0).all()
     assert np.flatnonzero(seen.traction_jump).tolist() == [1, 2], "the two cells at the seam"
-    strain = sum(region.strain for region in report.regions.values())
+    strain = sum(region.strain for region in report.parts.values())
     assert report.quantities["model_error"] == pytest.approx(np.sqrt(seen.model_error.sum() / strain))
     assert report.quantities["traction_jump"] == pytest.approx(seen.traction_jump[1])
     assert seen.gap.max() > 0.0

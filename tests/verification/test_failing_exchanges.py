@@ -41,11 +41,11 @@ class Failing(EmbeddedTransport):
     from_step = 0
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
-        if self._meant(requests.get("near")):
+        if self._meant(requests.get("body.near")):
             self.kind = None
             if self.reaches_far:
-                super().exchange({"far": requests["far"]})
-            raise ParticipantLost("near", "the cable was cut")
+                super().exchange({"body.far": requests["body.far"]})
+            raise ParticipantLost("body.near", "the cable was cut")
         return super().exchange(requests)
 
     def _meant(self, request: Request | None) -> bool:
@@ -167,12 +167,12 @@ def test_a_client_is_told_of_steps_that_were_taken(monkeypatch: pytest.MonkeyPat
         session.step(count=12, fields=False)
         monkeypatch.setattr(Failing, "kind", Observe)
         seen = session.step()
-        assert seen.step == 13 and seen.frame is None
+        assert seen.step == 13 and not seen.frames
         assert [event.kind for event in seen.events].count(EventKind.LOST) == 1
         with pytest.raises(softseam.FieldsNotObserved, match=r"step 12 is taken, but .* come back"):
             assert seen.positions
         seen = session.step()
-        assert seen.step == 14 and seen.frame is not None
+        assert seen.step == 14 and seen.frames
     monkeypatch.setattr(Failing, "from_step", 2)
     with softseam.open(CANTILEVER, model="hybrid") as session:
         session.reset()
@@ -213,7 +213,7 @@ class Breaking(EmbeddedTransport):
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         replies = super().exchange(requests)
-        near = replies.get("near")
+        near = replies.get("body.near")
         if not isinstance(near, Advanced):
             return replies
         if self.part is not None and near.header.step > self.reached:
@@ -223,8 +223,8 @@ class Breaking(EmbeddedTransport):
             return replies
         self.part = None
         if self.lost:
-            raise ParticipantLost("near", "the cable was cut")
-        return replies | {"near": replace(near, status=Status.UNCONVERGED, kinetic=float("nan"))}
+            raise ParticipantLost("body.near", "the cable was cut")
+        return replies | {"body.near": replace(near, status=Status.UNCONVERGED, kinetic=float("nan"))}
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
         return False

@@ -203,7 +203,7 @@ def test_what_short_steps_add_to_a_finger_is_part_of_the_cells_it_pushes(cell: A
     made["body"]["cell"] = cell
     spec = Scene.model_validate(made | {"step": step})
     body = build_body(spec, {})
-    (drive,) = Drives(spec, body, grips_by_phase(spec, build_tools(spec), body.x_rest)).drives
+    (drive,) = Drives(spec, [body], grips_by_phase(spec, build_tools(spec), [body])).drives
     h = cell if isinstance(cell, float) else cell[0]
     c = np.sqrt(2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4)) / 1050.0)
     added = 0.25 * 1050.0 * 0.05**2 * max(0.0, h - c * step)
@@ -220,7 +220,7 @@ def test_what_short_steps_add_to_a_finger_is_damped_alike_in_all(step: float) ->
     held = [close(force=5.0, until={"time": 0.2}), {"hold": 0.2}]
     spec = scene(held, {"default": "fem"}).model_copy(update={"step": step})
     tools, body = build_tools(spec), build_body(spec, {})
-    drives = Drives(spec, body, grips_by_phase(spec, tools, body.x_rest))
+    drives = Drives(spec, [body], grips_by_phase(spec, tools, [body]))
     (drive,) = drives.drives
     drives.state[0] = 0.0, drive.stiffness, 4.75, 0.0, 4.75
     command = np.zeros((3, 6))

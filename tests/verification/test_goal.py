@@ -203,7 +203,7 @@ def test_a_step_is_observed_once_for_all_rules(monkeypatch: pytest.MonkeyPatch) 
     for _ in range(12):
         observed.clear()
         of.step()
-        asked = [(request.header.participant, request.header.step) for request in observed]
+        asked = [(request.header.part, request.header.step) for request in observed]
         assert len(asked) == len(set(asked))
     assert of.regions.near_arrays()["goal_look"][0] > 0.0
     of.close()

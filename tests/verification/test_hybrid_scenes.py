@@ -73,7 +73,7 @@ def test_where_one_model_is_enough_the_scene_is_that_model() -> None:
     fem, _ = run("tofu_grasp", "fem")
     assert len(as_is) == len(fem)
     for one, other in zip(as_is, fem, strict=True):
-        (mine,), (alone,) = one.regions.values(), other.regions.values()
+        (mine,), (alone,) = one.parts.values(), other.parts.values()
         assert replace(mine, seconds=0.0) == replace(alone, seconds=0.0)
         assert (one.quantities, one.energy, one.seam) == (other.quantities, other.energy, other.seam)
         assert np.array_equal(one.wrench, other.wrench)

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from softseam.variants import Model, with_model, with_settings
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_protocol.scene.kinds import MaterialKind
 from softseam_protocol.scene.materials import MATERIALS, material_spec
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -38,5 +39,5 @@ def test_hybrid_grips_as_fem_does(kind: MaterialKind) -> None:
     ratio = {"ratio": 0.2} if kind == "mooney_rivlin" else {}
     assert isinstance(scene.body, BodySpec)
     material = material_spec({**scene.body.material.model_dump(), "kind": kind, **ratio})
-    scene = scene.model_copy(update={"body": scene.body.model_copy(update={"material": material})})
+    scene = scene.with_body(scene.body.model_copy(update={"material": material}))
     assert forces(scene, "hybrid") == pytest.approx(forces(scene, "fem"), rel=0.01)

@@ -121,8 +121,8 @@ def test_all_that_participants_do_counts_as_theirs() -> None:
     for step in range(12):
         worked.clear()
         seconds = simulation.step(fields=step % 2 == 0).seconds
-        assert seconds["fem"] == pytest.approx(worked["near"])
-        assert seconds["pbd"] == pytest.approx(worked["far"])
+        assert seconds["fem"] == pytest.approx(worked["body.near"])
+        assert seconds["pbd"] == pytest.approx(worked["body.far"])
     simulation.estimate()
     simulation.save()
     assert kinds == {Configured, Advanced, Fields, SnapshotTaken}

@@ -146,7 +146,7 @@ def test_it_stands_on_the_ground_with_its_weight(model: str, comes_to_rest: floa
     assert report.wrench[0, 2] == pytest.approx(-weight, rel=1e-3)
     assert report.penetration < 2e-5
     np.testing.assert_allclose(report.wrench[0, 3:5], 0.0, atol=1e-3 * weight * 0.05)
-    assert frame.cell_energy.sum() == pytest.approx(report.regions["far"].strain, rel=1e-12)
+    assert frame.cell_energy.sum() == pytest.approx(report.parts["body.far"].strain, rel=1e-12)
     assert report.quantities["low.von_mises"] == pytest.approx(0.94 * weight / 0.05**2, rel=0.1)
 
 
@@ -182,7 +182,7 @@ def test_probes_find_their_place_in_long_cells() -> None:
 
 def test_viewers_get_octants_lines_and_volumes() -> None:
     body = built(mesh((2, 1, 1), (0.1, 0.05, 0.05), 0.04))
-    surface = surface_mesh(HEADER, body, {})
+    surface = surface_mesh(HEADER, "body", body, {})
     assert surface.cell_volume.sum() == pytest.approx(0.1 * 0.05 * 0.05, rel=1e-12)
     assert len(cell_lines(body)) == 2 * (4 * 3 + 8)  # eight edges along, three rings of four, two halves each
     octants = point_octants(body)

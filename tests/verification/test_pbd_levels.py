@@ -22,7 +22,7 @@ from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.model import build_model
 from softseam_services.fem.work import build_work
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.sides import FAR, NEAR, cut
+from softseam_services.orchestrator.sides import cut
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.pbd.levels import coarse_cells
@@ -186,7 +186,7 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
     coarse = ALL if far == "all coarse" else {"boxes": [{"min": (0.0, -1.0, -1.0), "max": (1.0, 1.0, 1.0)}]}
     scene = block_scene(SIZE, CELL, kind=kind, poisson=0.3, pbd={"coarse": coarse})
     body = PbdRun(scene).body
-    sides = cut(body, body.cell_grid[:, 2] == 0, "fem", "pbd")
+    sides = cut("body", body, body.cell_grid[:, 2] == 0, "fem", "pbd")
     tie = tie_sides(body, sides, CellGrid.build(body.cell_grid).neighbours, {"fem": "hex27", "pbd": "hex8"})
     stretch, nu = 1.05, 0.3
     across = 1.0 - nu * (stretch - 1.0)
@@ -196,13 +196,13 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
             slope = mu * (1 + 1 / across**2) + lam * (2 - np.log(stretch * across**2)) / across**2
             across -= (mu * (across - 1 / across) + lam * np.log(stretch * across**2) / across) / slope
     x = body.x_rest * np.array([across, across, stretch])
-    region = build_region(body, sides.cells[NEAR], sides.seam)
+    region = build_region(body, sides.cells[sides.near], sides.seam)
     model, tree = build_model(body, region)
     work = build_work(model, tree, 0)
     r = np.zeros_like(work.r)
     subtract_forces(x[region.nodes], model, work, r)
     near = np.ascontiguousarray(r.reshape(-1, 3)[model.order])[region.seam]
-    run = PbdRun(scene, cells=sides.cells[FAR], seam=sides.seam)
+    run = PbdRun(scene, cells=sides.cells[sides.far], seam=sides.seam)
     ours = run.solver.model
     assert ours.levels.hangs[run.region.seam].any()
     given = Energy(run).force(x[run.region.nodes])[ours.seam]
@@ -264,7 +264,7 @@ def test_switches_between_levels_keep_momentum_and_the_ledger() -> None:
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
     grid = simulation.body.cell_grid  # type: ignore[union-attr]
     cuts = [grid[:, 0] < 2, grid[:, 1] < 2, np.ones(27, bool), np.zeros(27, bool), grid[:, 2] < 1]
-    assert simulation.regions.sides.models[FAR] == "pbd"
+    assert simulation.regions.sides.models["body.far"] == "pbd"
     energy = simulation.step().energy
     for step in range(100):
         report = simulation.step()

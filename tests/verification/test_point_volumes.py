@@ -169,12 +169,13 @@ def test_rims_of_pads_come_to_rest() -> None:
         *AS_GIVEN,
         "regions={default: fem}",
         "step=0.04",
+        "symmetry=[x, y]",
         f"body.cell={[0.05 / 14] * 3}",
         "body.shape.grading=4",
     )
     simulation = Simulation(bundle_scene(with_settings(load_scene("tofu_pads"), settings)), EmbeddedTransport())
     iterations = []
     while simulation.time < 1.99:
-        (reply,) = simulation.step().regions.values()
+        (reply,) = simulation.step().parts.values()
         iterations.append(reply.iterations)
     assert max(iterations[-8:]) <= 8

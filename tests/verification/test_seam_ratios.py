@@ -7,14 +7,13 @@ import itertools
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_seam_in_the_loop import compliance, couple, grid_bar
+from test_seam_in_the_loop import compliance, couple, fixed_point, grid_bar
 
 from softseam_coupling.schemes.integrators import LinearSide
 from softseam_coupling.schemes.position_constant import PositionConstant
 from softseam_coupling.schemes.split import Scheme, Split, SplitState, amplification, spectral_radius
 from softseam_coupling.schemes.staggered import Staggered
 from softseam_coupling.schemes.velocity_constant import VelocityConstant
-from softseam_coupling.seam import SeamSolver
 
 Floats = NDArray[np.float64]
 MASSES = (0.01, 0.1, 1.0, 10.0, 100.0)
@@ -26,12 +25,10 @@ SHORT, LONG = 0.005, 0.05
 def _counts(split: Split, now: SplitState, rough: bool) -> list[int]:
     """Exchanges of 40 steps to a gap of 1e-6, where a free step opens up to 1; rough: the compliance takes the far side
     for one implicit Euler step where it takes ten substeps."""
-    solver = SeamSolver(tolerance=1e-6)
-    state = solver.init(4)
-    solver.reset(state, compliance(split, 1 if rough else None))
+    found, told = fixed_point(split), compliance(split, 1 if rough else None)
     counts = []
     for _ in range(40):
-        now, n = couple(solver, state, split, now)
+        now, n = couple(found, split, now, 1e-6, told)
         counts.append(n)
     return counts
 

@@ -91,5 +91,5 @@ def test_both_sides_of_a_seam_sum_to_their_report() -> None:
     near = frame.cell_near == 1
     assert near.any() and not near.all()
     assert (frame.cell_energy > 0.0).all()
-    assert frame.cell_energy[near].sum() == pytest.approx(report.regions["near"].strain, rel=1e-12)
-    assert frame.cell_energy[~near].sum() == pytest.approx(report.regions["far"].strain, rel=1e-12)
+    assert frame.cell_energy[near].sum() == pytest.approx(report.parts["body.near"].strain, rel=1e-12)
+    assert frame.cell_energy[~near].sum() == pytest.approx(report.parts["body.far"].strain, rel=1e-12)

@@ -142,7 +142,7 @@ def test_the_report_tells_substeps() -> None:
     simulation = Simulation(bundle_scene(scene), EmbeddedTransport())
     reports = []
     while not simulation.done:
-        reports.append(next(iter(simulation.step().regions.values())))
+        reports.append(next(iter(simulation.step().parts.values())))
     simulation.close()
     assert sum(report.substeps for report in reports) > 20
     assert sum(report.rejected for report in reports) > 0

@@ -21,8 +21,8 @@ from softseam_services.fem.kernels.cover import covered, pressed_side, see
 from softseam_services.fem.kernels.fields import gather_forces
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.shapes.branches import BOX
 from softseam_services.tools.kernels import overlap, rotate, side_gap, tool_gap
-from softseam_services.tools.tool_set import BOX
 
 # A bonded pad of 3 x 3 cm on both ends of a cube of 5 cm, E = 20 kPa, nu = 0.45, neo-Hookean: force [N] at nominal
 # compressions of 5, 10 and 15 %, graded hex20 extrapolated over three meshes; its own uncertainty is 1 %.
@@ -198,7 +198,7 @@ def test_tofu_squeezed_to_three_fifths_between_pads_comes_to_rest() -> None:
     iterations, slip = [], []
     while not simulation.done:
         report = simulation.step()
-        (reply,) = report.regions.values()
+        (reply,) = report.parts.values()
         iterations.append(reply.iterations)
         slip.append(report.quantities["slip"])
     simulation.close()

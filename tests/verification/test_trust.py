@@ -22,7 +22,7 @@ from softseam_protocol.messages.participant import Observe, Reply, Request
 from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
-from softseam_services.orchestrator import trust
+from softseam_services.orchestrator import error_estimate
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -95,7 +95,7 @@ def test_only_who_would_gain_by_it_is_told_to_take_hex27(
     element: str, other: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """hex27_reduced is the softer of the two: on coarse cells it errs less. All are told of shorter cells."""
-    monkeypatch.setattr(trust, "BOUND", 1e-3)
+    monkeypatch.setattr(error_estimate, "BOUND", 1e-3)
     of = simulation(bonded(element, 0.45, 1))
     said = at_the_end(of)
     of.close()
@@ -120,7 +120,7 @@ def test_what_is_let_go_is_judged_as_it_was_held() -> None:
     transport = Watched()
     of = simulation(squeezed_and_let_go(), transport)
     said = at_the_end(of)
-    strains = [of.report.regions["far"].strain] if of.report is not None else []
+    strains = [of.report.parts["body.far"].strain] if of.report is not None else []
     assert said.time == pytest.approx(0.05) and said.judged == 1.0
     assert 0.1 < said.mesh_error < 0.3 and strains[0] < 1e-3
     assert transport.looks == 1
@@ -236,7 +236,7 @@ def test_the_estimate_is_a_number_even_of_nonsense() -> None:
     of = simulation(cantilever("hex27", 0.3, 1))
     of.step()
     fields = of.regions.participants.observe(indicators=True, own=True)
-    fields["far"].mesh_error[0] = np.nan
-    said = of._trust.now(0.1, of.regions.sides, fields)
+    fields["body.far"].mesh_error[0] = np.nan
+    said = of.only.errors.now(0.1, of.regions.sides, fields)
     assert said is not None and "not numbers" in said.text and said.answer == 0.0
     of.close()

@@ -36,9 +36,8 @@ def viscous(
     assert scene.body.kind == "cells"
     material = scene.body.material.model_copy(update={"retardation_time": time})
     fem = FemSpec(integrator=integrator, element=element, tolerance=1e-9)
-    return scene.model_copy(
+    return scene.with_body(scene.body.model_copy(update={"material": material})).model_copy(
         update={
-            "body": scene.body.model_copy(update={"material": material}),
             "models": scene.models.model_copy(update={"fem": fem}),
         }
     )
@@ -238,7 +237,7 @@ def test_pbd_takes_the_materials_time_for_its_own() -> None:
         if not keys:
             assert scene.body.kind == "cells"
             material = scene.body.material.model_copy(update={"retardation_time": 2e-3})
-            scene = scene.model_copy(update={"body": scene.body.model_copy(update={"material": material})})
+            scene = scene.with_body(scene.body.model_copy(update={"material": material}))
         rest = PbdRun(scene).body.x_rest
         run = PbdRun(scene, v=20.0 * rest)
         run.run(0.05)

@@ -24,7 +24,7 @@ ENDS = [{"min": (-1.0, -1.0, z - 1e-6), "max": (1.0, 1.0, z + 1e-6)} for z in (0
 def with_time(scene: Scene, time: float) -> Scene:
     assert scene.body.kind == "cells"
     material = scene.body.material.model_copy(update={"retardation_time": time})
-    return scene.model_copy(update={"body": scene.body.model_copy(update={"material": material})})
+    return scene.with_body(scene.body.model_copy(update={"material": material}))
 
 
 # ---- held by its ends ---------------------------------------------------------------------------------------------

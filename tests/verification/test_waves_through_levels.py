@@ -18,7 +18,6 @@ from softseam_protocol.messages.participant import BodyState, Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.sides import FAR, NEAR
 from softseam_services.orchestrator.simulation import Simulation
 
 CELLS, EDGE, SPEED = 200, 0.01, 10.0
@@ -75,8 +74,8 @@ def through_a_seam(nodes: int, coarse: bool) -> float:
     for _ in range(round(PASSED * SPEED / EDGE / 0.25)):
         report = simulation.step()
     simulation.close()
-    energy = {name: side.kinetic + side.strain for name, side in report.regions.items()}
-    return energy[NEAR] / energy[FAR]
+    energy = {name: side.kinetic + side.strain for name, side in report.parts.items()}
+    return energy["body.near"] / energy["body.far"]
 
 
 @pytest.mark.parametrize(("nodes", "most"), [(10, 3e-3), (20, 1.5e-4)])

@@ -13,8 +13,9 @@ from softseam.observation import Observation
 from softseam.session import open_as_given
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.session import Event
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, parse_scene
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 Measure = Callable[[Observation], float]
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from softseam.chart.frame import Counts, Frame, Grading, is_viscous, retardation_time
 from softseam.symmetric import PARTS
-from softseam_protocol.scene.scene import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.spec import Vector
 
 Method = Literal["FEM", "FEM, other elements", "XPBD", "hybrid", "as it is"]

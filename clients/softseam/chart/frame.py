@@ -24,8 +24,9 @@ from softseam_protocol.material_borders import (
     pieces,
     wanted_for,
 )
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
-from softseam_protocol.scene.scene import BlockShape, BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Vector
 from softseam_protocol.scene.tools import BoxTool, CylinderTool, PlaneTool, ToolSpec
 from softseam_protocol.tool_borders import tool_borders

@@ -26,10 +26,11 @@ from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import bundle_of
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
+from softseam_protocol.scene.bodies import MOST_CELLS
 from softseam_protocol.scene.file import bundle_scene, scene_hash
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.regions import SeamSpec
-from softseam_protocol.scene.scene import MOST_CELLS, Scene
+from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 Rung = tuple[float, float]

@@ -226,7 +226,7 @@ def _timed(
         reached, n_steps = float(series.time[-1]), len(series.time) - 1
         return Outcome(status, str(error), None, (taken.wall,), 0.0, taken.own, clock()[0], setup, reached, n_steps)
     first = watch.read()
-    regions = last.regions.values()
+    regions = last.parts.values()
     outcome = Outcome(
         status="done",
         series=builder.build(),

@@ -20,7 +20,6 @@ from softseam.scenes import bundle_of
 from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
 from softseam_protocol.messages.outcomes import EventKind
-from softseam_protocol.quantities import probed
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool
 
@@ -82,11 +81,13 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         self._varied: tuple[str, ...] = ()
         self.tools = moved(self.scene)
         """that actions move"""
-        self._quantities = (*self.scene.quantities, *probed(self.scene.probes))
+        self._quantities = self.scene.asked
         each = [f"{tool}.{what}" for tool in self.tools for what in (*_AXES, *_WRENCH)]
         self.names = (*each, *self._quantities)
         """of what `see` returns where it is not overridden"""
-        self.action_space: Space[Any] = Box(-1.0, 1.0, (3 * len(self.tools),), np.float32)
+        own = getattr(type(self), "action_space", None)
+        ours = Box(-1.0, 1.0, (3 * len(self.tools),), np.float32)
+        self.action_space: Space[Any] = own if isinstance(own, Space) else ours
         self.observation_space = Box(-np.inf, np.inf, (len(self.names),), np.float32)
 
     # ---- what a subclass says

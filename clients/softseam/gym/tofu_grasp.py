@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from softseam.errors import BadInput
 from softseam.gym.scene_env import Numbers, SceneEnv
 from softseam.observation import Observation
-from softseam_protocol.scene.scene import BodySpec
+from softseam_protocol.scene.bodies import BodySpec
 
 HEIGHT = 0.05
 """to lift the tofu by [m]"""

@@ -32,8 +32,9 @@ from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import bundle_scene, scene_hash
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 MINUTES = 5.0
 """that a search may run where nobody says how long"""

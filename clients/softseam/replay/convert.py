@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -10,9 +12,11 @@ from softseam.replay import paths
 from softseam.replay.curves import log_curves
 from softseam.replay.facts import log_event, log_scale, summary
 from softseam.replay.layout import layout
-from softseam.replay.world import World, find_scales
+from softseam.replay.world import BodyLog, Scales, find_scales, log_tools
 from softseam.report import ReportBuilder
+from softseam.view import colors
 from softseam.view.surface import DisplaySurface
+from softseam.view.tool_shapes import tool_shapes
 from softseam_protocol.messages.session import Event, Frame
 
 
@@ -21,9 +25,9 @@ def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
     builder = ReportBuilder(recording.bundle, facts=recording.facts)
     has_events = False
     step = recording.scene.step
-    surface = None if recording.surface is None else DisplaySurface(recording.surface)
-    scales = None if surface is None else find_scales(recording, surface)
-    world = None if surface is None or scales is None else World(stream, recording, surface, scales)
+    surfaces = {name: DisplaySurface(mesh) for name, mesh in recording.surfaces.items()}
+    scales = {name: find_scales(recording, name, surface) for name, surface in surfaces.items()}
+    logs = _begin(stream, recording, surfaces, scales)
     for message in recording:
         builder.add(message)
         header = message.header
@@ -31,16 +35,38 @@ def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
             has_events = True
             _at(stream, header.time, header.step)
             log_event(stream, message)
-        elif isinstance(message, Frame) and world is not None:
+        elif isinstance(message, Frame) and message.body in logs:
             _at(stream, header.time + step, header.step)
-            world.log(message)
+            logs[message.body].log(message)
     tabs = log_curves(stream, builder.columns, recording.scene)
-    if scales is None or surface is None:
+    if not surfaces:
         return rrb.Blueprint(auto_views=True)
-    log_scale(stream, surface, scales.stress)
+    first = next(iter(surfaces))
+    log_scale(stream, surfaces[first], scales[first].stress)
     text = summary(recording, builder, scales)
     stream.log(paths.SUMMARY, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-    return layout(recording.scene, tabs, scales, surface, has_events=has_events)
+    return layout(recording.scene, tabs, scales, surfaces, has_events=has_events)
+
+
+def _begin(
+    stream: rr.RecordingStream,
+    recording: Recording,
+    surfaces: Mapping[str, DisplaySurface],
+    scales: Mapping[str, Scales],
+) -> dict[str, BodyLog]:
+    """Log what never changes; what logs the frames of each body."""
+    if not surfaces:
+        return {}
+    extent = max(surface.extent for surface in surfaces.values())
+    meshes = next(iter(recording.surfaces.values())).tools
+    tools = tool_shapes(recording.scene, extent, meshes)
+    log_tools(stream, tools)
+    found = {}
+    for name, surface in surfaces.items():
+        regions = recording.scene.of(name).regions
+        far = colors.FAR if regions.near is not None else colors.MODEL[regions.default]
+        found[name] = BodyLog(stream, name, surface, scales[name], tools, far)
+    return found
 
 
 def _at(stream: rr.RecordingStream, time: float, step: int) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from softseam.columns import Columns, shown_unit
 from softseam.replay import paths
 from softseam.view import colors
+from softseam_protocol.messages.names import local
 from softseam_protocol.quantities import quantity
 from softseam_protocol.scene.scene import Scene
 
@@ -47,7 +48,7 @@ def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> di
         _energy(writer, columns, ("kinetic", "strain"), "stored energy [mJ]", "stored"),
         _energy(writer, columns, spent, "work and loss, summed [mJ]", "spent"),
     ]
-    tabs["Regions"] = _regions(writer, columns)
+    tabs["Parts"] = _parts(writer, columns)
     tabs["Speed"] = _speed(writer, columns, scene)
     return tabs
 
@@ -70,11 +71,11 @@ def _energy(writer: _Writer, columns: Columns, names: tuple[str, ...], title: st
     return plot
 
 
-def _regions(writer: _Writer, columns: Columns) -> list[Plot]:
-    cells = writer.plot("cells", "regions/cells")
-    iterations = writer.plot("iterations or sweeps a step", "regions/iterations")
+def _parts(writer: _Writer, columns: Columns) -> list[Plot]:
+    cells = writer.plot("cells", "parts/cells")
+    iterations = writer.plot("iterations or sweeps a step", "parts/iterations")
     for i, (name, model) in enumerate(columns.models.items()):
-        color = 0 if name == "near" else 1
+        color = 0 if local(name) == "near" else 1
         label = f"{name} ({model})"
         writer.curve(cells, label, np.nan_to_num(columns[f"{name}.cells"]), color if i < 2 else i)
         writer.curve(iterations, label, np.nan_to_num(columns[f"{name}.iterations"]), color if i < 2 else i)

@@ -20,7 +20,7 @@ from softseam_protocol.messages.session import Event
 _ALARMS = (EventKind.SOLVER, EventKind.SEAM, EventKind.PARTICIPANT_LOST, EventKind.ENERGY, EventKind.RECORDING)
 
 
-def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str:
+def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, Scales]) -> str:
     """Markdown: what was run, how it ended, how far to trust it, what the colours mean."""
     report = builder.build()
     verdict, wall, seam = report["verdict"], report["wall"], report["seam"]
@@ -39,15 +39,18 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str
         f"| real-time factor | {wall['rtf']:.1f} |" if wall["rtf"] else "| real-time factor | not known |",
         f"| steps | {report['steps']} of {1e3 * recording.scene.step:g} ms |",
     ]
-    for name, region in report["regions"].items():
-        lines.append(f"| {name} ({region['model']}) | {region['n_elements']['max']:.0f} cells at most |")
+    for name, part in report["parts"].items():
+        lines.append(f"| {name} ({part['model']}) | {part['n_elements']['max']:.0f} cells at most |")
     lines += [
         "",
         f"**Colours.** {_painted(builder.columns.models)} Yellow arrows: contact forces on the body. "
         "Green: seam nodes and the seam's force on the near side.",
         "",
-        f"Longest arrows: contact {colors.engineering(scales.contact, 'N')}, "
-        f"seam {colors.engineering(scales.multiplier, 'N')} a node.",
+        *(
+            f"Longest arrows{f' of {body}' if len(scales) > 1 else ''}: contact "
+            f"{colors.engineering(scale.contact, 'N')}, seam {colors.engineering(scale.multiplier, 'N')} a node."
+            for body, scale in scales.items()
+        ),
         "",
         f"Seed {recording.seed}; softseam {recording.facts.get('softseam', '?')}; {recording.facts.get('machine', '')}",
     ]
@@ -57,7 +60,7 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Scales) -> str
 def _painted(models: Mapping[str, str]) -> str:
     """What the body's colours mean."""
     words = {colors.NEAR: "Coral", colors.FAR: "Blue"}
-    return " ".join(f"{words[tone]}: {label}." for label, tone in colors.regions(models).values())
+    return " ".join(f"{words[tone]}: {label}." for label, tone in colors.parts(models).values())
 
 
 def log_scale(stream: rr.RecordingStream, surface: DisplaySurface, top: float) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+
 import numpy as np
 import rerun.blueprint as rrb
 
@@ -18,26 +20,34 @@ _BACKGROUND = (24, 27, 34)
 
 
 def layout(
-    scene: Scene, tabs: dict[str, list[Plot]], scales: Scales, surface: DisplaySurface, *, has_events: bool
+    scene: Scene,
+    tabs: dict[str, list[Plot]],
+    scales: Mapping[str, Scales],
+    surfaces: Mapping[str, DisplaySurface],
+    *,
+    has_events: bool,
 ) -> rrb.Blueprint:
     """Models and stress side by side, curves below, facts to the right."""
     ground = any(isinstance(tool, PlaneTool) for tool in scene.tools.values())
     edges = [f"+ {paths.TOOLS}/{name}/edges" for name in scene.tools]
     planes = [f"+ {paths.TOOLS}/{name}/**" for name, tool in scene.tools.items() if isinstance(tool, PlaneTool)]
-    load = surface.load_label.partition(" [")[0]
-    camera = _Camera(scales, surface.extent, grid=not ground)
-    edges.append(f"+ {paths.INCLUSIONS}")
-    body = [f"+ {paths.NEAR}", f"+ {paths.FAR}", f"+ {paths.GRID}", f"+ {paths.INCLUSIONS}", f"+ {paths.TOOLS}/**"]
-    models = camera.view("Models: coral near, blue far", body)
-    stress = camera.view(load, [f"+ {paths.STRESS}", *edges, *planes])
-    density = colors.engineering(scales.energy, "J/m³")
-    energy = camera.view(f"Energy, 0 to {density}", [f"+ {paths.ENERGY}", *edges, *planes])
+    bodies = [paths.BodyPaths(name) for name in surfaces]
+    load = next(iter(surfaces.values())).load_label.partition(" [")[0]
+    camera = _Camera(scales.values(), max(surface.extent for surface in surfaces.values()), grid=not ground)
+    edges += [f"+ {at.inclusions}" for at in bodies]
+    parts = [f"+ {path}" for at in bodies for path in (at.near, at.far, at.cells, at.inclusions)]
+    models = camera.view("Models: coral near, blue far", [*parts, f"+ {paths.TOOLS}/**"])
+    stress = camera.view(load, [*(f"+ {at.stress}" for at in bodies), *edges, *planes])
+    density = colors.engineering(max(scale.energy for scale in scales.values()), "J/m³")
+    energy = camera.view(f"Energy, 0 to {density}", [*(f"+ {at.energy}" for at in bodies), *edges, *planes])
     fields = [energy]
-    if scales.error > 0.0:
-        wrong = colors.engineering(scales.error, "J/m³")
-        fields.append(camera.view(f"Error, 0 to {wrong}", [f"+ {paths.ERROR}", *edges, *planes]))
+    error = max(scale.error for scale in scales.values())
+    if error > 0.0:
+        wrong = colors.engineering(error, "J/m³")
+        fields.append(camera.view(f"Error, 0 to {wrong}", [*(f"+ {at.error}" for at in bodies), *edges, *planes]))
     forces = camera.view(
-        "Forces: contact yellow, seam green", [f"+ {paths.GHOST}", f"+ {paths.FORCES}/**", *edges, *planes]
+        "Forces: contact yellow, seam green",
+        [*(f"+ {path}" for at in bodies for path in (at.ghost, f"{at.forces}/**")), *edges, *planes],
     )
     curves = [rrb.Horizontal(*[_plot(plot) for plot in plots], name=name) for name, plots in tabs.items() if plots]
     side: list[rrb.View | rrb.Container] = [
@@ -67,10 +77,11 @@ def layout(
 class _Camera:
     """The same view of the same things in every 3D window: the body's whole way, seen from the front right."""
 
-    def __init__(self, scales: Scales, extent: float, *, grid: bool) -> None:
-        known = bool(np.isfinite(scales.low).all())
-        middle = 0.5 * (scales.low + scales.high) if known else np.zeros(3)
-        size = max(extent, float(np.max(scales.high - scales.low)) if known else 0.0)
+    def __init__(self, scales: Collection[Scales], extent: float, *, grid: bool) -> None:
+        known = [scale for scale in scales if np.isfinite(scale.low).all()]
+        low = np.min([scale.low for scale in known], axis=0) if known else np.zeros(3)
+        high = np.max([scale.high for scale in known], axis=0) if known else np.zeros(3)
+        middle, size = 0.5 * (low + high), max(extent, float((high - low).max()))
         self._eye = rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
             position=middle + size * np.array([0.95, -1.7, 0.62]),

@@ -19,7 +19,7 @@ class Resimulation(Protocol):
 
     def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport: ...
 
-    def frame(self) -> Frame: ...
+    def frame(self, body: str) -> Frame: ...
 
 
 _EXACT = ("tool_position", "tool_orientation", "wrench", "momentum", "angular_momentum")
@@ -47,7 +47,7 @@ def verify(recording: Recording, opener: Opener) -> Verification:
     names = tuple(recording.scene.tools)
     steps = frames = 0
     with opener(recording.bundle, recording.seed) as simulation:
-        for report, frame in _pairs(recording):
+        for report, seen in _pairs(recording):
             if report.header.step != steps:
                 return _unable(
                     steps, frames, f"step {report.header.step} follows step {steps - 1}: a reset, a restore or a loss"
@@ -56,11 +56,10 @@ def verify(recording: Recording, opener: Opener) -> Verification:
             grips = report.gripping if len(report.gripping) else np.zeros(len(report.command))
             rates = np.concatenate([report.command, turning, grips[:, None]], axis=1).tolist()
             command = {name: tuple(velocity) for name, velocity in zip(names, rates, strict=True)}
-            again = simulation.step(command, fields=frame is not None)
+            again = simulation.step(command, fields=bool(seen))
             difference = _differing(report, again, _EXACT)
-            if difference is None and frame is not None:
-                fields = _FIELDS if len(frame.cell_energy) else _FIELDS[:-1]  # recordings before there were energies
-                difference = _differing(frame, simulation.frame(), fields)
+            for frame in seen:
+                difference = difference or _differing(frame, simulation.frame(frame.body), _FIELDS)
                 frames += 1
             if difference is not None:
                 text = f"step {steps} is the first that differs: {difference}"
@@ -70,19 +69,19 @@ def verify(recording: Recording, opener: Opener) -> Verification:
     return Verification(steps, frames, None, f"all {steps} steps and {frames} frames are the same, bit for bit{note}")
 
 
-def _pairs(recording: Recording) -> Iterator[tuple[StepReport, Frame | None]]:
-    """Each step with its frame, if it has one; frames follow their step."""
+def _pairs(recording: Recording) -> Iterator[tuple[StepReport, list[Frame]]]:
+    """Each step with its frames, if it has any; they follow their step."""
     pending: StepReport | None = None
+    frames: list[Frame] = []
     for message in recording:
         if isinstance(message, StepReport):
             if pending is not None:
-                yield pending, None
-            pending = message
+                yield pending, frames
+            pending, frames = message, []
         elif isinstance(message, Frame) and pending is not None and message.header.step == pending.header.step:
-            yield pending, message
-            pending = None
+            frames.append(message)
     if pending is not None:
-        yield pending, None
+        yield pending, frames
 
 
 def _differing(recorded: object, again: object, names: Sequence[str]) -> str | None:

@@ -1,7 +1,8 @@
-"""The 3D part of a replay: body, stress, tools, forces, frame by frame."""
+"""The 3D part of a replay: bodies, stress, tools, forces, frame by frame."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from softseam.recording import Recording
 from softseam.replay import paths
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface, error_energy
-from softseam.view.tool_shapes import ToolShape, tool_shapes
+from softseam.view.tool_shapes import ToolShape
 from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
@@ -23,7 +24,7 @@ _ARROW = 0.24
 
 @dataclass(frozen=True)
 class Scales:
-    """Fixed over the run, so that one picture can be compared with another."""
+    """Of one body, fixed over the run, so that one picture can be compared with another."""
 
     stress: float
     """end of the colour scale of what `DisplaySurface.load` gives"""
@@ -40,11 +41,11 @@ class Scales:
     high: Floats
 
 
-def find_scales(recording: Recording, surface: DisplaySurface) -> Scales:
-    """Look at every frame once. The stress scale ends above 99.5 % of what is to be seen in 98 % of the frames."""
+def find_scales(recording: Recording, body: str, surface: DisplaySurface) -> Scales:
+    """Look at every frame of a body once. Its stress scale ends above 99.5 % of what is seen in 98 % of the frames."""
     tops, dense, wrong, contact, multiplier = [], [], [0.0], 0.0, 0.0
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for frame in recording.frames():
+    for frame in recording.frames(body):
         tops.append(float(np.quantile(surface.load(frame), 0.995)))
         dense.append(float(np.quantile(surface.energy_density(frame.cell_energy), 0.995)))
         if frame.indicators is not None:
@@ -57,33 +58,40 @@ def find_scales(recording: Recording, surface: DisplaySurface) -> Scales:
     return Scales(colors.round_up(usual), colors.round_up(dense_usual), error, contact, multiplier, low, high)
 
 
-class World:
-    """Logs the frames of one recording."""
+def log_tools(stream: rr.RecordingStream, tools: Sequence[ToolShape]) -> None:
+    """What of the tools never changes, and which way is up."""
+    stream.log(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for tool in tools:
+        stream.log(f"{paths.TOOLS}/{tool.name}", _tool_mesh(tool), static=True)
+        stream.log(f"{paths.TOOLS}/{tool.name}/edges", _tool_lines(tool), static=True)
+
+
+class BodyLog:
+    """Logs the frames of one body, and with them the tools' poses.
+
+    far  colour of what is not near
+    """
 
     def __init__(
-        self, stream: rr.RecordingStream, recording: Recording, surface: DisplaySurface, scales: Scales
+        self,
+        stream: rr.RecordingStream,
+        body: str,
+        surface: DisplaySurface,
+        scales: Scales,
+        tools: Sequence[ToolShape],
+        far: colors.Tone,
     ) -> None:
-        self._stream, self._surface, self._scales = stream, surface, scales
-        meshes = {} if recording.surface is None else recording.surface.tools
-        self._tools = tool_shapes(recording.scene, surface.extent, meshes)
-        regions = recording.scene.regions
-        self._far = colors.FAR if regions.near is not None else colors.MODEL[regions.default]
+        self._stream, self._surface, self._scales, self._tools, self._far = stream, surface, scales, tools, far
+        self._at = paths.BodyPaths(body)
         self._near: NDArray[np.bool_] | None = None
-        self._error = (paths.ERROR,) if scales.error > 0.0 else ()
-        self._log_static()
-
-    def _log_static(self) -> None:
-        self._stream.log(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for tool in self._tools:
-            self._stream.log(f"{paths.TOOLS}/{tool.name}", _tool_mesh(tool), static=True)
-            self._stream.log(f"{paths.TOOLS}/{tool.name}/edges", _tool_lines(tool), static=True)
-        triangles = self._surface.triangles
-        for path in (paths.STRESS, paths.ENERGY, *self._error):
-            self._stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
+        self._error = (self._at.error,) if scales.error > 0.0 else ()
+        triangles = surface.triangles
+        for path in (self._at.stress, self._at.energy, *self._error):
+            stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
         ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
-        self._stream.log(paths.GHOST, ghost, static=True)
-        for path, color in ((paths.NEAR, colors.NEAR), (paths.FAR, self._far)):
-            self._stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
+        stream.log(self._at.ghost, ghost, static=True)
+        for path, color in ((self._at.near, colors.NEAR), (self._at.far, far)):
+            stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
 
     def log(self, frame: Frame) -> None:
         """Draw one frame at the stream's current time."""
@@ -92,13 +100,13 @@ class World:
             vertex_positions=vertices.astype(np.float32),
             vertex_normals=self._surface.normals(vertices).astype(np.float32),
         )
-        for path in (paths.NEAR, paths.FAR, paths.STRESS, paths.ENERGY, *self._error, paths.GHOST):
+        for path in (self._at.near, self._at.far, self._at.stress, self._at.energy, *self._error, self._at.ghost):
             self._stream.log(path, shape)
         stress = self._surface.load(frame)
         energy = self._surface.energy_density(frame.cell_energy)
-        shown = [(paths.STRESS, stress, self._scales.stress), (paths.ENERGY, energy, self._scales.energy)]
+        shown = [(self._at.stress, stress, self._scales.stress), (self._at.energy, energy, self._scales.energy)]
         if self._error and frame.indicators is not None:
-            shown.append((paths.ERROR, self._surface.energy_density(error_energy(frame)), self._scales.error))
+            shown.append((self._at.error, self._surface.energy_density(error_energy(frame)), self._scales.error))
         for path, values, top in shown:
             shades = colors.stress_colors(values, top)[self._surface.vertex_point]
             self._stream.log(path, rr.Mesh3D.from_fields(vertex_colors=shades))
@@ -112,20 +120,20 @@ class World:
         if self._near is not None and np.array_equal(near, self._near):
             return
         self._near = near
-        for path, mine in ((paths.NEAR, near), (paths.FAR, ~near)):
+        for path, mine in ((self._at.near, near), (self._at.far, ~near)):
             self._stream.log(path, rr.Mesh3D.from_fields(triangle_indices=self._surface.triangles[mine]))
 
     def _log_grid(self, frame: Frame) -> None:
         if len(self._surface.cell_lines):
             strips = frame.point_x[self._surface.cell_lines].astype(np.float32)
             self._stream.log(
-                paths.GRID, rr.LineStrips3D(strips, colors=(20, 24, 34, 150), radii=rr.Radius.ui_points(0.6))
+                self._at.cells, rr.LineStrips3D(strips, colors=(20, 24, 34, 150), radii=rr.Radius.ui_points(0.6))
             )
 
         if len(self._surface.border_lines):
             strips = frame.x[self._surface.border_lines].astype(np.float32)
             self._stream.log(
-                paths.INCLUSIONS, rr.LineStrips3D(strips, colors=colors.BORDER, radii=rr.Radius.ui_points(1.2))
+                self._at.inclusions, rr.LineStrips3D(strips, colors=colors.BORDER, radii=rr.Radius.ui_points(1.2))
             )
 
     def _log_tools(self, frame: Frame) -> None:
@@ -138,17 +146,17 @@ class World:
         thick = 0.006 * self._surface.extent
         contact = _arrows(frame.point_x, frame.contact_force, self._scales.contact, reach)
         self._stream.log(
-            paths.CONTACT,
+            self._at.contact,
             rr.Arrows3D(origins=contact[0] - contact[1], vectors=contact[1], colors=colors.CONTACT, radii=thick),
         )
         seam = frame.x[frame.seam_nodes]
         multiplier = _arrows(seam, frame.multiplier, self._scales.multiplier, reach)
         self._stream.log(
-            paths.MULTIPLIER,
+            self._at.multiplier,
             rr.Arrows3D(origins=multiplier[0], vectors=multiplier[1], colors=colors.MULTIPLIER, radii=thick),
         )
         self._stream.log(
-            paths.SEAM_NODES, rr.Points3D(seam.astype(np.float32), colors=colors.MULTIPLIER, radii=1.6 * thick)
+            self._at.seam_nodes, rr.Points3D(seam.astype(np.float32), colors=colors.MULTIPLIER, radii=1.6 * thick)
         )
 
 

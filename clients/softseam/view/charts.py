@@ -27,7 +27,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     """The quantities, then the seam's and the ledger's account of how far to trust them."""
     columns = builder.columns
     time = columns["time"]
-    wanted: tuple[str, ...] = recording.scene.quantities or tuple(columns.names("quantity."))
+    wanted = recording.scene.asked or tuple(columns.names("quantity."))
     quantities = [name for name in wanted if np.isfinite(columns[f"quantity.{name}"]).any()]
     coupled = bool(np.nanmax(columns["seam_nodes"], initial=0.0) > 0.0)
     n_plots = len(quantities) + (2 if coupled else 0) + 1
@@ -88,8 +88,8 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     middle.plot(time, 1e3 * _running_median(total), color=INK, linewidth=1.6)
     middle.set_ylim(0.0, 1e3 * max(float(np.quantile(total, 0.99)), 1e-9) * 1.35)
     _phases(middle, columns)
-    plain(right, "cells in each region", _TIME)
-    for name, (label, tone) in colors.regions(columns.models).items():
+    plain(right, "cells in each part", _TIME)
+    for name, (label, tone) in colors.parts(columns.models).items():
         cells = np.nan_to_num(columns[f"{name}.cells"])
         right.step(time, cells, where="post", color=_shade(tone), linewidth=1.8, label=label)
     right.set_ylim(bottom=0.0)

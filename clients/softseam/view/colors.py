@@ -7,6 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.names import local
+
 Floats = NDArray[np.float64]
 Tone = tuple[int, int, int]
 
@@ -65,18 +67,25 @@ def engineering(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}"
 
 
-def regions(models: Mapping[str, str]) -> dict[str, tuple[str, Tone]]:
-    """Label and colour of each region, near before far; where there is one alone, those of its model.
+def parts(models: Mapping[str, str]) -> dict[str, tuple[str, Tone]]:
+    """Label and colour of each part, near before far; of a body of one part, those of its model.
 
-    >>> regions({"far": "fem"}) == {"far": ("FEM", NEAR)}
+    >>> parts({"body.far": "fem"}) == {"body.far": ("FEM", NEAR)}
     True
 
-    models  'fem' or 'pbd' by region, 'near' or 'far', as in `Columns.models`
+    models  'fem' or 'pbd' by part, BODY.near or BODY.far, as in `Columns.models`
     """
-    if len(models) == 1:
-        return {name: (model.upper(), MODEL[model]) for name, model in models.items()}
     tones = {"near": NEAR, "far": FAR}
-    return {name: (f"{name} region: {models[name].upper()}", tones[name]) for name in tones if name in models}
+    bodies = [name.rpartition(".")[0] for name in models]
+    found = {}
+    for name in sorted(models, key=lambda name: (name.rpartition(".")[0], local(name) == "far")):
+        body, model = name.rpartition(".")[0], models[name]
+        of = f"{body}, " if len({*bodies}) > 1 else ""
+        if bodies.count(body) == 1:
+            found[name] = (f"{of}{model.upper()}", MODEL.get(model, FAR))
+        else:
+            found[name] = (f"{of}{local(name)} part: {model.upper()}", tones[local(name)])
+    return found
 
 
 def label(name: str) -> str:

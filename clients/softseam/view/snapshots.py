@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +18,12 @@ from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface, error_energy
 from softseam.view.tool_shapes import ToolShape, grid_spacing, rotate, tool_shapes
+from softseam_protocol.messages.names import within
 from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
+Moment = dict[str, Frame]
+"""the frames of a step, by body"""
 
 _MOMENTS = 5
 _CANDIDATES = 60
@@ -31,48 +36,81 @@ _CELL_LINE = np.array([0.12, 0.13, 0.18])
 
 def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     """Rows of pictures, one column a moment, the same scales in all of them; a third row where errors are known."""
-    assert recording.surface is not None
-    surface = DisplaySurface(recording.surface)
-    frames = _pick(recording)
-    stresses = [surface.load(frame) for frame in frames]
-    top = colors.round_up(max(float(np.quantile(stress, 0.995)) for stress in stresses))
-    tones = {"near": colors.NEAR, "far": colors.FAR}
-    tones |= {name: tone for name, (_, tone) in colors.regions(builder.columns.models).items()}
-    tools = tool_shapes(recording.scene, surface.extent, recording.surface.tools)
-    camera, height = _camera(frames, tools, surface.extent)
-    errors = _errors(frames, surface)
-    wrong = colors.round_up(max(float(np.quantile(error, 0.995)) for error in errors)) if errors else 0.0
-    rows = 3 if errors else 2
+    bodies = {name: _Shown(DisplaySurface(mesh), _tones(name, builder)) for name, mesh in recording.surfaces.items()}
+    moments = _pick(recording)
+    extent = max(body.surface.extent for body in bodies.values())
+    tops: dict[str, float] = {}
+    for name, body in bodies.items():
+        stress = [float(np.quantile(body.surface.load(frames[name]), 0.995)) for frames in moments]
+        label = body.surface.load_label
+        tops[label] = max(tops.get(label, 0.0), *stress)
+    tops = {label: colors.round_up(top) for label, top in tops.items()}
+    tools = tool_shapes(recording.scene, extent, next(iter(recording.surfaces.values())).tools)
+    camera, height = _camera([frame for frames in moments for frame in frames.values()], tools, extent)
+    wrong = _largest_error(moments, bodies)
+    rows = 3 if wrong else 2
     tall = rows * 3.05 * height / _WIDTH + 2.0
-    figure = Figure(figsize=(3.05 * len(frames), tall), dpi=160, facecolor=PAPER)
+    figure = Figure(figsize=(3.05 * len(moments), tall), dpi=160, facecolor=PAPER)
     heading(figure, recording.scene.name.replace("_", " "), builder.verdict.text)
-    axes = figure.subplots(rows, len(frames), squeeze=False)
+    axes = figure.subplots(rows, len(moments), squeeze=False)
     figure.subplots_adjust(left=0.012, right=0.988, top=1.0 - 1.15 / tall, bottom=0.8 / tall, wspace=0.025, hspace=0.03)
-    for column, (frame, stress) in enumerate(zip(frames, stresses, strict=True)):
-        near = surface.near(frame.cell_near)
-        tint = np.where(near[:, None], tones["near"], tones["far"]) / 255.0
-        layers = [np.broadcast_to(tint[:, None, :], (len(tint), 3, 3)), _corners(surface, stress, top)]
-        if errors:
-            layers.append(_corners(surface, errors[column], wrong))
-        paint = np.concatenate(layers, axis=2)
-        images = _draw(frame, surface, tools, camera, height, paint)
+    for column, frames in enumerate(moments):
+        paints = {name: _paint(frame, bodies[name], tops, wrong) for name, frame in frames.items()}
+        images = _draw(frames, bodies, tools, camera, height, paints, extent)
         for row, image in enumerate(images):
             axes[row, column].imshow(image, interpolation="lanczos")
             axes[row, column].set_axis_off()
-        time = frame.header.time + recording.scene.step
+        time = next(iter(frames.values())).header.time + recording.scene.step
         axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
-    _legend(figure, builder, tall, outlined=len(surface.border_lines) > 0)
-    _scale(figure, 0.60, 0.37 if not errors else 0.17, tall, top * surface.load_factor, surface.load_label)
-    if errors:
-        _scale(figure, 0.80, 0.17, tall, wrong, "energy of the error [J/m³]")
+    outlined = any(len(body.surface.border_lines) > 0 for body in bodies.values())
+    _legend(figure, builder, tall, outlined=outlined)
+    factors = {body.surface.load_label: body.surface.load_factor for body in bodies.values()}
+    scales = [(label, top * factors[label]) for label, top in tops.items()]
+    scales += [("energy of the error [J/m³]", wrong)] if wrong else []
+    wide = 0.37 if len(scales) == 1 else 0.17
+    for i, (label, top) in enumerate(scales[:2]):
+        _scale(figure, 0.60 + 0.20 * i, wide, tall, top, label)
     return write(figure, path)
 
 
-def _errors(frames: list[Frame], surface: DisplaySurface) -> list[Floats]:
-    """Energy of the error at the surface points in each frame [J/m^3]; none where a frame does not have it."""
-    if any(frame.indicators is None for frame in frames):
-        return []
-    return [surface.energy_density(error_energy(frame)) for frame in frames]
+@dataclass(frozen=True)
+class _Shown:
+    """A body as it is drawn: its surface, and the colours of what is near and far."""
+
+    surface: DisplaySurface
+    tones: tuple[colors.Tone, colors.Tone]
+
+
+def _tones(body: str, builder: ReportBuilder) -> tuple[colors.Tone, colors.Tone]:
+    told = {name: tone for name, (_, tone) in colors.parts(builder.columns.models).items()}
+    near, far = (told.get(within(body, part), tone) for part, tone in (("near", colors.NEAR), ("far", colors.FAR)))
+    return near, far
+
+
+def _largest_error(moments: list[Moment], bodies: Mapping[str, _Shown]) -> float:
+    """End of the scale of the error's energy [J/m^3]; 0 where a frame does not have it."""
+    if any(frame.indicators is None for frames in moments for frame in frames.values()):
+        return 0.0
+    errors = [
+        float(np.quantile(bodies[name].surface.energy_density(error_energy(frame)), 0.995))
+        for frames in moments
+        for name, frame in frames.items()
+    ]
+    return colors.round_up(max(errors))
+
+
+def _paint(frame: Frame, body: _Shown, tops: Mapping[str, float], wrong: float) -> Floats:
+    """Colours of the triangles' corners in each row of pictures (T, 3, 3 k)."""
+    surface = body.surface
+    near = surface.near(frame.cell_near)
+    tint = np.where(near[:, None], *body.tones) / 255.0
+    layers = [
+        np.broadcast_to(tint[:, None, :], (len(tint), 3, 3)),
+        _corners(surface, surface.load(frame), tops[surface.load_label]),
+    ]
+    if wrong:
+        layers.append(_corners(surface, surface.energy_density(error_energy(frame)), wrong))
+    return np.concatenate(layers, axis=2)
 
 
 def _corners(surface: DisplaySurface, values: Floats, top: float) -> Floats:
@@ -81,18 +119,30 @@ def _corners(surface: DisplaySurface, values: Floats, top: float) -> Floats:
     return np.asarray(shades[surface.triangles])
 
 
-def _pick(recording: Recording) -> list[Frame]:
+def _pick(recording: Recording) -> list[Moment]:
     """Moments that look different: the first, the last, then again and again the one farthest from those chosen."""
-    total = recording.counts["Frame"]
+    total = recording.counts["Frame"] // len(recording.surfaces)
     kept = set(np.unique(np.linspace(0, total - 1, min(total, _CANDIDATES)).astype(int)).tolist())
-    frames = [frame for i, frame in enumerate(recording.frames()) if i in kept]
-    looks = np.stack([_look(frame) for frame in frames])
-    chosen = list(dict.fromkeys((0, len(frames) - 1)))
+    moments = [frames for i, frames in enumerate(_moments(recording)) if i in kept]
+    looks = np.stack([np.concatenate([_look(frame) for frame in frames.values()]) for frames in moments])
+    chosen = list(dict.fromkeys((0, len(moments) - 1)))
     away = np.min([np.linalg.norm(looks - looks[c], axis=1) for c in chosen], axis=0)
-    while len(chosen) < min(_MOMENTS, len(frames)):
+    while len(chosen) < min(_MOMENTS, len(moments)):
         chosen.append(int(np.argmax(away)))
         away = np.minimum(away, np.linalg.norm(looks - looks[chosen[-1]], axis=1))
-    return [frames[c] for c in sorted(dict.fromkeys(chosen))]
+    return [moments[c] for c in sorted(dict.fromkeys(chosen))]
+
+
+def _moments(recording: Recording) -> Iterator[Moment]:
+    """The frames of all bodies, step by step; a step that lost one is left out."""
+    frames: Moment = {}
+    for frame in recording.frames():
+        if frames and frame.header.step != next(iter(frames.values())).header.step:
+            frames = {}
+        frames[frame.body] = frame
+        if len(frames) == len(recording.surfaces):
+            yield frames
+            frames = {}
 
 
 def _look(frame: Frame) -> Floats:
@@ -121,27 +171,38 @@ def _camera(frames: list[Frame], tools: list[ToolShape], extent: float) -> tuple
 
 
 def _draw(
-    frame: Frame, surface: DisplaySurface, tools: list[ToolShape], camera: Camera, height: int, paint: Floats
+    frames: Moment,
+    bodies: Mapping[str, _Shown],
+    tools: list[ToolShape],
+    camera: Camera,
+    height: int,
+    paints: Mapping[str, Floats],
+    extent: float,
 ) -> list[NDArray[np.uint8]]:
-    """Pictures of one moment; paint (T, 3, 3 k) colours each triangle's corners in each of the k."""
-    layers = paint.shape[2] // 3
+    """Pictures of one moment; paints (T, 3, 3 k) colour each triangle's corners in each of the k."""
+    layers = next(iter(paints.values())).shape[2] // 3
     canvas = Canvas(_WIDTH, height, camera, layers=layers)
-    vertices = surface.vertices(frame.point_x)
+    frame = next(iter(frames.values()))
     posed = [
         (tool, rotate(turn, tool.vertices) + at, rotate(turn, tool.normals), at, turn)
         for tool, at, turn in zip(tools, frame.tool_position, frame.tool_orientation, strict=True)
     ]
+    vertices = {name: bodies[name].surface.vertices(each.point_x) for name, each in frames.items()}
+    centre = np.concatenate(list(vertices.values())).mean(axis=0)
     for tool, _, normals, at, _ in posed:
         if tool.kind == "plane":
-            centre = vertices.mean(axis=0)
-            canvas.floor(at, normals[0], centre, 2.6 * surface.extent, grid_spacing(surface.extent), _GROUND)
-            flat = vertices - np.outer((vertices - at) @ normals[0], normals[0])
-            canvas.shadow(flat, surface.triangles, 0.30, 5)
-    canvas.mesh(vertices, surface.normals(vertices), surface.triangles, paint)
-    if len(surface.cell_lines):
-        canvas.lines(frame.point_x[surface.cell_lines], _CELL_LINE, alpha=0.45, layer=0)
-    if len(surface.border_lines):  # seen through the body
-        canvas.lines(frame.x[surface.border_lines], np.array(colors.BORDER) / 255.0, width=1.6, alpha=0.85, lift=1.0)
+            canvas.floor(at, normals[0], centre, 2.6 * extent, grid_spacing(extent), _GROUND)
+            for name, above in vertices.items():
+                flat = above - np.outer((above - at) @ normals[0], normals[0])
+                canvas.shadow(flat, bodies[name].surface.triangles, 0.30, 5)
+    for name, each in frames.items():
+        surface = bodies[name].surface
+        canvas.mesh(vertices[name], surface.normals(vertices[name]), surface.triangles, paints[name])
+        if len(surface.cell_lines):
+            canvas.lines(each.point_x[surface.cell_lines], _CELL_LINE, alpha=0.45, layer=0)
+        if len(surface.border_lines):  # seen through the body
+            border = np.array(colors.BORDER) / 255.0
+            canvas.lines(each.x[surface.border_lines], border, width=1.6, alpha=0.85, lift=1.0)
     for tool, corners, normals, at, turn in posed:
         if tool.kind != "plane":
             canvas.mesh(corners, normals, tool.triangles, np.tile(_GLASS, (len(tool.triangles), 3, layers)), alpha=0.16)
@@ -154,7 +215,7 @@ def _legend(figure: Figure, builder: ReportBuilder, tall: float, *, outlined: bo
     """What the colours mean, below the rows."""
     patches = [
         Patch(color=(tone[0] / 255.0, tone[1] / 255.0, tone[2] / 255.0), label=label)
-        for label, tone in colors.regions(builder.columns.models).values()
+        for label, tone in colors.parts(builder.columns.models).values()
     ]
     patches.append(Patch(color=(0.78, 0.80, 0.83), label="tools"))
     if outlined:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.scene import Scene
-from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, MeshTool, PlaneTool
+from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, PlaneTool, SphereTool
+from softseam_protocol.table import Table
 
 Floats = NDArray[np.float64]
 Mesh = tuple[Floats, Floats, NDArray[np.int64]]
@@ -44,24 +46,12 @@ class ToolShape:
 def tool_shapes(scene: Scene, extent: float, meshes: Mapping[str, ToolSurface]) -> list[ToolShape]:
     """Meshes of all tools in the scene's order, beside a body of this extent [m].
 
-    meshes: of the tools that are meshes themselves, by name, as a recording has them
+    meshes: of the tools whose surfaces a recording has, by name. Raises MissingRow for others whose kind has no drawing
     """
     plane_size = PLANE_EXTENTS * extent
     shapes = []
     for name, tool in scene.tools.items():
-        if isinstance(tool, BoxTool):
-            half = 0.5 * np.array(tool.size)
-            mesh, lines = _box(half), _box_edges(half)
-        elif isinstance(tool, PlaneTool):
-            mesh, lines = _square(np.array(tool.normal), plane_size)
-        elif isinstance(tool, CapsuleTool):
-            mesh, lines = _capsule(tool.radius, 0.5 * tool.length)
-        elif isinstance(tool, CylinderTool):
-            mesh, lines = _cylinder(tool.radius, 0.5 * tool.length)
-        elif isinstance(tool, MeshTool):
-            mesh, lines = _facets(meshes[name]) if name in meshes else _NOTHING
-        else:
-            mesh, lines = _sphere(tool.radius), _circles(tool.radius)
+        mesh, lines = _facets(meshes[name]) if name in meshes else DRAWINGS[tool.kind](tool, plane_size)
         shapes.append(ToolShape(name, tool.kind, *mesh, lines))
     return shapes
 
@@ -188,3 +178,39 @@ def _facets(surface: ToolSurface) -> tuple[Mesh, Floats]:
     creased = np.einsum("ei,ei->e", normal[pairs[:, 0] // 3], normal[pairs[:, 1] // 3]) < _CREASE
     mesh = corners.reshape(-1, 3), np.repeat(normal, 3, axis=0), np.arange(3 * len(corners)).reshape(-1, 3)
     return mesh, surface.vertices[sides[pairs[creased, 0]]]
+
+
+def _draw_plane(tool: PlaneTool, plane_size: float) -> tuple[Mesh, Floats]:
+    return _square(np.array(tool.normal), plane_size)
+
+
+def _draw_box(tool: BoxTool, plane_size: float) -> tuple[Mesh, Floats]:
+    half = 0.5 * np.array(tool.size)
+    return _box(half), _box_edges(half)
+
+
+def _draw_sphere(tool: SphereTool, plane_size: float) -> tuple[Mesh, Floats]:
+    return _sphere(tool.radius), _circles(tool.radius)
+
+
+def _draw_capsule(tool: CapsuleTool, plane_size: float) -> tuple[Mesh, Floats]:
+    return _capsule(tool.radius, 0.5 * tool.length)
+
+
+def _draw_cylinder(tool: CylinderTool, plane_size: float) -> tuple[Mesh, Floats]:
+    return _cylinder(tool.radius, 0.5 * tool.length)
+
+
+DRAWINGS: Table[Callable[[Any, float], tuple[Mesh, Floats]]] = Table(
+    "drawings of tools",
+    {
+        "plane": _draw_plane,
+        "box": _draw_box,
+        "sphere": _draw_sphere,
+        "capsule": _draw_capsule,
+        "cylinder": _draw_cylinder,
+        "mesh": lambda tool, plane_size: _NOTHING,
+    },
+)
+"""(tool, edge of a plane's square [m]) -> mesh and lines, of kinds whose surface no recording has; a mesh, whose every
+recording has it, is left out of a run that has no recording"""

@@ -17,110 +17,17 @@ which takes one iteration then, and few where S is older than W.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.interface import Interface
+from softseam_coupling.kernels import close_gaps as kernel
+from softseam_coupling.kernels.close_gaps import close_gaps, gap_at
+from softseam_coupling.loops.coupled_part import HARDLY, CoupledPart
 
 Floats = NDArray[np.float64]
-
-_NONE = np.zeros((0, 0))
-_HARDLY = 1e-6
-"""added to the diagonal of a compliance that is to be inverted, of its mean: directions that do not yield [1]"""
-_MOST = 30
-"""iterations of GMRES"""
-_REFINEMENTS, _SHRINKS = 6, 0.3
-"""times that what is left of the gaps is closed by W's inverse, as long as that leaves no more than this share [1]"""
-
-
-@dataclass(slots=True)
-class CoupledPart:
-    """What is known of a part: n coupling nodes, c rows of all interfaces. All but rows and sign evolves."""
-
-    rows: Floats
-    """B_p (c, n) [1]"""
-    sign: float
-    """+1 or -1 where B_p is the identity times that, 0 where it is no such thing"""
-    compliance: Floats = field(default_factory=lambda: _NONE)
-    """H_p (3n, 3n) [m/N], as told and since taught; empty: the part tells Y"""
-    told: Floats = field(default_factory=lambda: _NONE)
-    """H_p as told, by which it is moved on (3n, 3n) [m/N]; empty: not told"""
-    back: Floats = field(default_factory=lambda: _NONE)
-    """its inverse [N/m], of directions that yield; empty: not needed yet"""
-    root: Floats = field(default_factory=lambda: _NONE)
-    """R with Y = R R^T (3n, r); with an impedance of none Y is H_p"""
-    impedance: Floats = field(default_factory=lambda: _NONE)
-    """S (3n, 3n) [N/m]; empty: none"""
-
-    @property
-    def pushed(self) -> bool:
-        """Whether its unknown is the push of eq. (2)."""
-        return self.root.size > 0 and self.impedance.size > 0
-
-    def image(self, vectors: Floats) -> Floats:
-        """B_p x (c, 3) of vectors on the part's nodes (n, 3)."""
-        return self.sign * vectors if self.sign else np.asarray(self.rows @ vectors)
-
-    def force(self, multipliers: Floats) -> Floats:
-        """B_p^T lambda (n, 3) [N]."""
-        return self.sign * multipliers if self.sign else np.asarray(self.rows.T @ multipliers)
-
-    def move(self, force: Floats) -> Floats:
-        """H_p times a force on its nodes, or Y times a push (n, 3) [m]."""
-        flat = force.reshape(-1)
-        moved = self.root @ (self.root.T @ flat) if self.root.size else self.compliance @ flat
-        return np.asarray(moved.reshape(-1, 3))
-
-    def push_for(self, change: Floats, move: Floats, free: bool) -> tuple[Floats, Floats]:
-        """The push (n, 3) [N] that moves the part on by `move` (n, 3) [m], and what that is short of it (n, 3) [m].
-
-        A part is moved on by what it told, and knows nothing of what it was taught since. Where it is free of contacts
-        the push is the change of force itself, so that it is given exactly that impulse.
-        """
-        if self.told is self.compliance or not self.told.size:
-            return change, np.zeros_like(move)
-        push = change
-        if not free:
-            if not self.back.size:
-                lifted = self.told.copy()
-                lifted.flat[:: len(lifted) + 1] += _HARDLY * np.trace(lifted) / len(lifted)
-                self.back = np.asarray(np.linalg.inv(lifted))
-            push = np.asarray((self.back @ move.reshape(-1)).reshape(-1, 3))
-        return push, np.asarray(move - (self.told @ push.reshape(-1)).reshape(-1, 3))
-
-    def across(self) -> Floats:
-        """B_p H_p B_p^T (3c, 3c) [m/N]."""
-        h = self.root @ self.root.T if self.root.size else self.compliance
-        if self.sign:
-            return h
-        c, n = self.rows.shape
-        half = np.tensordot(self.rows, h.reshape(n, 3, n, 3), axes=(1, 0))
-        whole = np.tensordot(half, self.rows, axes=(2, 1))  # [c, 3, 3, d]
-        return np.ascontiguousarray(np.moveaxis(whole, 3, 2)).reshape(3 * c, 3 * c)
-
-
-def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tuple[dict[str, CoupledPart], Floats]:
-    """The parts by name, and the offset of all rows (c, 3) [m], in the order of the interfaces."""
-    n_rows = sum(interface.n_rows for interface in interfaces)
-    rows = {name: np.zeros((n_rows, n)) for name, n in n_nodes.items()}
-    first = 0
-    for interface in interfaces:
-        own = slice(first, first + interface.n_rows)
-        sides = zip(interface.parts, interface.nodes, interface.weights, (1.0, -1.0), strict=True)
-        for name, nodes, weights, sign in sides:
-            rows[name][own, nodes] += sign * (np.eye(len(nodes)) if weights is None else weights)
-        first = own.stop
-    offset = np.concatenate([interface.offset for interface in interfaces])
-    return {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}, offset
-
-
-def _sign(rows: Floats) -> float:
-    square = len(rows) > 0 and rows.shape[0] == rows.shape[1]
-    return float(next((s for s in (1.0, -1.0) if square and np.array_equal(rows, s * np.eye(len(rows)))), 0.0))
 
 
 class Closure:
@@ -129,6 +36,7 @@ class Closure:
     def __init__(self, parts: dict[str, CoupledPart], offset: Floats) -> None:
         self._parts, self._offset = parts, offset
         self._inverse: Floats | None = None  # of W over the parts that are not pushed
+        self._flat = _Flat(parts)
 
     def told(self) -> None:
         """A part told another compliance, or is pushed from now on."""
@@ -164,102 +72,78 @@ class Closure:
         """Inverse of the symmetric part of what these parts yield by (3c, 3c) [N/m]."""
         w = np.asarray(sum(part.across() for part in parts))
         h = 0.5 * (w + w.T)
-        h.flat[:: len(h) + 1] += _HARDLY * np.trace(h) / len(h)
+        h.flat[:: len(h) + 1] += HARDLY * np.trace(h) / len(h)
         inverse = np.linalg.inv(h)
         return np.asarray(0.5 * (inverse + inverse.T))
 
     def gap(self, x: dict[str, Floats]) -> Floats:
         """Of all rows, where the parts' nodes are at x (n, 3) [m] (c, 3) [m]."""
-        return sum((part.image(x[name]) for name, part in self._parts.items()), -self._offset)
+        flat, places = self._flat, np.concatenate([x[name] for name in self._parts])
+        gap = gap_at(flat.table, flat.rows, places.reshape(-1), self._offset.reshape(-1))
+        return np.asarray(gap.reshape(-1, 3))
 
     def target(self, name: str, x: dict[str, Floats]) -> Floats:
         """Where a part's nodes belong by the places of all others (n, 3) [m]; its rows are the identity."""
-        others = (other.image(x[other_name]) for other_name, other in self._parts.items() if other_name != name)
-        return np.asarray(self._parts[name].sign * (self._offset - sum(others)))
+        wanted = self._offset
+        for other_name, other in self._parts.items():
+            if other_name != name:
+                wanted = wanted - other.image(x[other_name])
+        return np.asarray(self._parts[name].sign * wanted)
 
     def solve(
-        self, x: dict[str, Floats], acted: dict[str, Floats], told: Floats, tolerance: float
+        self, gap: Floats, acted: dict[str, Floats], told: Floats, tolerance: float
     ) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:
         """Multipliers (c, 3) [N], pushes and moves of the parts' nodes (n, 3) [N], [m], to a gap of `tolerance` [m].
 
-        x      where the nodes went (n, 3) [m]
+        gap    where the nodes went (c, 3) [m]
         acted  force that acted on them (n, 3) [N]
         told   multipliers from which the solve begins (c, 3) [N]
         """
-        parts = self._parts
-        pushed = [part for part in parts.values() if part.pushed]
-
-        def answer(unknown: Floats, change: bool) -> tuple[Floats, Floats, dict[str, Floats], dict[str, Floats]]:
-            """What is left of the gaps; the multipliers, pushes and moves. change: of a change of the unknown."""
-            push, move = {}, {}
-            multipliers = unknown if not pushed else unknown.copy()
-            for name, part in parts.items():
-                if part.pushed:
-                    push[name] = part.sign * unknown
-                    move[name] = part.move(push[name])
-                    back = (part.impedance @ move[name].reshape(-1)).reshape(-1, 3)
-                    multipliers = part.sign * (push[name] - back + (0.0 if change else acted[name]))
-            for name, part in parts.items():
-                if not part.pushed:
-                    push[name] = part.force(multipliers) - (0.0 if change else acted[name])
-                    move[name] = part.move(push[name])
-            left = sum(part.image(move[name]) for name, part in parts.items())
-            return np.asarray(left), multipliers, push, move
-
         if self._inverse is None:
-            self._inverse = self._invert([part for part in parts.values() if not part.pushed])
-        inverse = self._inverse
-        unknown = np.zeros_like(told) if pushed else told
-        rest: list[Any]
-        left, *rest = answer(unknown, False)
-        left = left + self.gap(x)
-        for _ in range(_REFINEMENTS):
-            size = _norm(left)
-            if not size > tolerance:
-                break
-            step = -(inverse @ left.reshape(-1)).reshape(-1, 3)
-            change, *more = answer(step, True)
-            if not _norm(left + change) < _SHRINKS * size:  # the inverse is not near enough
-                step = _gmres(lambda u: answer(u, True)[0], inverse, -left, tolerance)
-                change, *more = answer(step, True)
-            left = left + change
-            rest = [_sum(one, other) for one, other in zip(rest, more, strict=True)]
-        multipliers, push, move = rest
-        return multipliers, push, move
+            self._inverse = self._invert([part for part in self._parts.values() if not part.pushed])
+        flat = self._flat
+        flat.take(self._parts)
+        forces = np.concatenate([acted[name] for name in self._parts])
+        multipliers, push, move = close_gaps(
+            *(flat.table, flat.rows, flat.yields, flat.impedances, self._inverse.reshape(-1)),
+            *(gap.reshape(-1), told.reshape(-1), forces.reshape(-1), tolerance),
+        )
+        return multipliers.reshape(-1, 3), flat.by_part(push), flat.by_part(move)
 
 
-def _norm(vectors: Floats) -> float:
-    return math.sqrt(float(np.vdot(vectors, vectors)))
+class _Flat:
+    """All parts' matrices in the buffers that the kernel reads."""
 
+    def __init__(self, parts: Mapping[str, CoupledPart]) -> None:
+        n_nodes = [part.rows.shape[1] for part in parts.values()]
+        squares = np.cumsum([0, *(9 * n * n for n in n_nodes)])
+        shares = np.cumsum([0, *(part.rows.size for part in parts.values())])
+        firsts = np.cumsum([0, *n_nodes])
+        self.rows = np.concatenate([part.rows.ravel() for part in parts.values()])
+        self.yields, self.impedances = np.zeros(squares[-1]), np.zeros(squares[-1])
+        self.table = np.zeros((len(parts), len(kernel.PARTS)), dtype=np.int64)
+        self.table[:, kernel.FIRST], self.table[:, kernel.N_NODES] = firsts[:-1], n_nodes
+        self.table[:, kernel.SIGN] = [int(part.sign) for part in parts.values()]
+        self.table[:, kernel.ROWS_AT] = shares[:-1]
+        self.table[:, kernel.YIELD_AT] = self.table[:, kernel.IMPEDANCE_AT] = squares[:-1]
+        self._own = {name: slice(*ends) for name, ends in zip(parts, pairwise(firsts.tolist()), strict=True)}
+        self._squares = squares.tolist()
+        self._taken: list[Floats] = [np.zeros(0)] * (2 * len(parts))
 
-def _sum(one: Any, other: Any) -> Any:
-    """Of vectors, or of vectors by name."""
-    return {name: one[name] + other[name] for name in one} if isinstance(one, dict) else one + other
+    def take(self, parts: Mapping[str, CoupledPart]) -> None:
+        """Copy what became another array since the last time; none is written in place."""
+        for place, part in enumerate(parts.values()):
+            at, yields = self._squares[place], part.root if part.root.size else part.compliance
+            if yields is not self._taken[2 * place]:
+                self._taken[2 * place] = yields
+                self.yields[at : at + yields.size] = yields.ravel()
+                self.table[place, kernel.RANK] = part.root.shape[1] if part.root.size else 0
+            if part.impedance is not self._taken[2 * place + 1]:
+                self._taken[2 * place + 1] = part.impedance
+                self.impedances[at : at + part.impedance.size] = part.impedance.ravel()
+            self.table[place, kernel.PUSHED] = part.pushed
 
-
-def _gmres(apply, inverse: Floats, wanted: Floats, tolerance: float) -> Floats:  # type: ignore[no-untyped-def]
-    """u with apply(u) = wanted (c, 3) to `tolerance`, preconditioned from the right by `inverse` (Saad and Schultz)."""
-
-    def preconditioned(v: Floats) -> Floats:
-        return np.asarray((inverse @ v.reshape(-1)).reshape(-1, 3))
-
-    size = float(np.linalg.norm(wanted))
-    if not size > 0.0:
-        return np.zeros_like(wanted)
-    basis, images = [wanted / size], []
-    h = np.zeros((_MOST + 1, _MOST))
-    target = np.zeros(_MOST + 1)
-    target[0] = size
-    for k in range(_MOST):
-        images.append(preconditioned(basis[k]))
-        v = apply(images[k])
-        for i in range(k + 1):
-            h[i, k] = float(np.vdot(basis[i], v))
-            v = v - h[i, k] * basis[i]
-        h[k + 1, k] = float(np.linalg.norm(v))
-        weights, *_ = np.linalg.lstsq(h[: k + 2, : k + 1], target[: k + 2], rcond=None)
-        left = float(np.linalg.norm(h[: k + 2, : k + 1] @ weights - target[: k + 2]))
-        if left <= tolerance or not h[k + 1, k] > 0.0 or not np.isfinite(left):
-            break
-        basis.append(v / h[k + 1, k])
-    return np.asarray(sum(weight * image for weight, image in zip(weights, images, strict=True)))
+    def by_part(self, vectors: Floats) -> dict[str, Floats]:
+        """Of the nodes of all parts (3N,), each part's own (n, 3)."""
+        nodes = vectors.reshape(-1, 3)
+        return {name: nodes[own] for name, own in self._own.items()}

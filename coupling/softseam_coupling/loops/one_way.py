@@ -17,15 +17,26 @@ condition.)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.interface import Interface
-from softseam_coupling.kernels.quasi_newton import largest_node
-from softseam_coupling.loops.closure import Closure, parts_of
+from softseam_coupling.loops.closure import Closure
+from softseam_coupling.loops.coupled_part import parts_of
+from softseam_coupling.loops.loop import (
+    NOT_CONVERGED,
+    Ask,
+    Correct,
+    Correction,
+    LoopSetup,
+    Outcome,
+    PartRequest,
+    StepDiverged,
+    StepRefused,
+    largest,
+)
 from softseam_coupling.prediction import Prediction
 from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import Advanced, Capabilities
@@ -49,62 +60,6 @@ _EXACT = 1e-3
 """share of the tolerance to which the gaps are closed linearly [1]"""
 
 
-@dataclass(frozen=True, slots=True)
-class PartRequest:
-    """What one part is asked for in one exchange. n coupling nodes."""
-
-    force: Floats
-    """on its coupling nodes (n, 3) [N]"""
-    renew: bool
-    """find its compliance anew"""
-    repeat: bool
-    """tell how it yields by the factor at hand, also if that was told before"""
-    target: Floats | None = None
-    """where the parts beyond it would have its nodes (n, 3) [m]; None: it is solved without them"""
-    impedance: Floats | None = None
-    """theirs (3n, 3n) [N/m]; None: as sent before"""
-
-
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """By what a part is moved on before its step is committed."""
-
-    push: Floats
-    """force on its nodes (n, 3) [N] by whose linear answer it moves, its impedance behind it"""
-    force: Floats
-    """that acts on them then (n, 3) [N]"""
-
-
-Advance = Callable[[dict[str, PartRequest]], dict[str, Advanced]]
-Correct = Callable[[dict[str, Correction]], dict[str, Advanced]]
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """A step that the parts agree on or, where not `agreed`, the last of the exchanges that were allowed."""
-
-    replies: dict[str, Advanced]
-    """as corrected"""
-    multipliers: Floats
-    """of all rows (c, 3) [N]"""
-    gap: float
-    """largest, as corrected [m]"""
-    exchanges: int
-    agreed: bool
-
-
-class StepDiverged(RuntimeError):
-    """The parts' answers are not finite."""
-
-
-class StepRefused(RuntimeError):
-    """The parts do not agree within so many exchanges; in shorter steps they may."""
-
-    def __init__(self, exchanges: int) -> None:
-        super().__init__(f"not within {exchanges} exchanges")
-        self.exchanges = exchanges
-
-
 @dataclass(slots=True)
 class _Trust:
     """How far a part's linear answer is believed; all of it evolves."""
@@ -121,9 +76,13 @@ class _Trust:
     least_age: int = _LEAST_AGE
     """steps that its compliance serves at least; doubled where it is found anew for its age"""
 
+    def hold(self) -> tuple[float, int, int, bool, bool, int]:
+        """All of it."""
+        return self.kappa, self.n_contacts, self.age, self.renew, self.repeat, self.least_age
+
     def to_array(self) -> Floats:
         """All of it."""
-        return np.array([float(getattr(self, each.name)) for each in fields(self)])
+        return np.array(self.hold(), dtype=np.float64)
 
     @classmethod
     def of(cls, array: Floats) -> _Trust:
@@ -133,58 +92,50 @@ class _Trust:
 
 
 class OneWay:
-    """Takes steps of parts that meet at interfaces, for one epoch.
+    """A `Loop`: the default. Raises no Unsuited: any number of parts may meet at any interfaces."""
 
-    interfaces    in the order of their rows
-    n_nodes       coupling nodes of each part
-    mobility      1/mass of these nodes (n,) [1/kg]: how a part yields of which nothing is known yet
-    capabilities  of each part
-    tolerance     largest gap and doubt [m]
-    cell          edge of the smallest cell [m]
-    first         multipliers that belong to the parts' state (c, 3) [N]; None: zero
-    """
-
-    def __init__(
-        self,
-        interfaces: Sequence[Interface],
-        mobility: Mapping[str, Floats],
-        capabilities: Mapping[str, Capabilities],
-        tolerance: float,
-        cell: float,
-        first: Floats | None = None,
-    ) -> None:
-        self._parts, offset = parts_of(tuple(interfaces), {name: len(m) for name, m in mobility.items()})
+    def __init__(self, setup: LoopSetup) -> None:
+        self._setup = setup
+        self._parts, offset = parts_of(setup.interfaces, {name: len(m) for name, m in setup.mobility.items()})
         self._closure = Closure(self._parts, offset)
-        self._mobility, self._capabilities = dict(mobility), dict(capabilities)
-        self._tolerance, self._cell = tolerance, cell
-        # a part that takes an impedance has a factor, of which it tells by itself
-        self._trust = {name: _Trust(renew=not capabilities[name].impedance) for name in self._parts}
+        self._capabilities: Mapping[str, Capabilities] = {}
+        self._trust = {name: _Trust() for name in self._parts}
+        first = np.zeros((len(offset), 3)) if setup.first is None else setup.first
         self._multipliers = Prediction(len(offset), first)
-        able = (name for name, part in self._parts.items() if part.sign and capabilities[name].impedance)
-        self._backed: str | None = next(able, None)  # that is solved with the others behind it
-        self._target = Prediction(0 if self._backed is None else len(mobility[self._backed]))
+        self._backed: str | None = None  # that is solved with the others behind it
+        self._target = Prediction(0)  # where these are expected, on its nodes
         self._impedance = _NONE  # of the others, as it is to have it
         self._sent = False  # and whether it does
         self._dt = 0.0  # of the last step, 0 before the first [s]
+
+    def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
+        """The parts are configured. Raises ValueError where what was taken is of parts that can do other things."""
+        self._capabilities = capabilities
+        able = (name for name, part in self._parts.items() if part.sign and capabilities[name].impedance)
+        self._backed = next(able, None)
+        n_nodes = 0 if self._backed is None else len(self._setup.mobility[self._backed])
+        if not self._dt:
+            self._target = Prediction(n_nodes)
+            return
+        if self._target.last.shape != (n_nodes, 3):
+            raise ValueError(f"the saved target has {len(self._target.last)} nodes in place of {n_nodes}")
+        self.forget_told()
 
     def multipliers(self) -> Floats:
         """The last committed ones (c, 3) [N]."""
         return self._multipliers.last
 
-    def solve(self, advance: Advance, correct: Correct, dt: float, most: int, may_refuse: bool) -> Outcome:
-        """One step of length dt [s] in `most` exchanges at most. Raises StepDiverged.
-
-        may_refuse  where the parts do not agree, raise StepRefused and commit nothing; else keep the last exchange
-
-        A step that fails leaves everything as it was. What a part told in it may not have arrived: it is asked again.
-        """
-        held = {name: (replace(self._parts[name]), replace(self._trust[name])) for name in self._parts}
+    def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
+        """A step that fails leaves everything as it was. What a part told in it may not have arrived: it is asked
+        again."""
+        held = {name: (part.hold(), self._trust[name].hold()) for name, part in self._parts.items()}
         rest = self._closure.hold(), self._impedance, self._dt
         try:
-            return self._solve(advance, correct, dt, most, may_refuse)
+            return self._solve(ask, correct, dt, may_refuse)
         except BaseException:
             for name, (part, trust) in held.items():
-                self._parts[name], self._trust[name] = part, trust
+                self._parts[name].go_back(part)
+                self._trust[name] = _Trust(*trust)
             inverse, self._impedance, self._dt = rest
             self._closure.go_back(inverse)
             self._tell_anew()
@@ -196,7 +147,8 @@ class OneWay:
         if self._backed is not None:
             self._trust[self._backed].repeat = True
 
-    def _solve(self, advance: Advance, correct: Correct, dt: float, most: int, may_refuse: bool) -> Outcome:
+    def _solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool) -> Outcome:
+        most = self._setup.exchanges
         if dt != self._dt:
             self._change(dt)
         multipliers = self._multipliers.predict(dt)
@@ -207,17 +159,18 @@ class OneWay:
         for exchange in range(1, most + 1):
             before, asked = x, requests
             requests = {name: self._request(name, multipliers, target) for name in self._parts}
-            replies = advance(requests)
+            replies = ask(requests)
             x = {name: reply.seam_x for name, reply in replies.items()}
             self._measure(replies, x, before, moves, requests, asked)
             self._hear(replies, requests)
-            size = largest(self._closure.gap(x))
+            gap = self._closure.gap(x)
+            size = largest(gap)
             if not math.isfinite(size):
                 raise StepDiverged("a part's answer is not finite")
             if may_refuse and any(reply.status != Status.CONVERGED for reply in replies.values()):
                 raise StepRefused(exchange)  # a part that stands where it began says nothing of the others
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
-            found, pushes, moves = self._closure.solve(x, acted, multipliers, _EXACT * self._tolerance)
+            found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
             if all(reply.settles for reply in replies.values()):
                 if self._sure(moves):
                     corrections = self._corrections(replies, found, pushes, moves)
@@ -227,7 +180,7 @@ class OneWay:
                     replies = correct(corrections)
                     x = {name: reply.seam_x for name, reply in replies.items()}
                     return self._commit(replies, found, x, exchange, bool(before))
-            elif size <= _UNCORRECTED * self._tolerance:
+            elif size <= _UNCORRECTED * self._setup.tolerance:
                 return self._commit(replies, multipliers, x, exchange, bool(before))
             if exchange < most:
                 multipliers = found
@@ -235,16 +188,16 @@ class OneWay:
                     target = self._closure.target(self._backed, {name: x[name] + moves[name] for name in x})
         if may_refuse:
             raise StepRefused(most)
-        return self._commit(replies, multipliers, x, most, True, agreed=False)
+        return self._commit(replies, multipliers, x, most, True, NOT_CONVERGED)
 
     def forget_told(self) -> None:
-        """The parts took a snapshot or were restored: what they keep of one another is sent again, and a part that was
-        solved with an impedance tells anew how it yields."""
+        """What parts keep of one another is sent again; one that was solved with an impedance tells anew how it
+        yields."""
         self._tell_anew()
         if self._backed is not None:
             part = self._parts[self._backed]
             part.root = part.impedance = _NONE
-            part.compliance = np.diag(self._dt**2 * np.repeat(self._mobility[self._backed], 3))
+            part.compliance = np.diag(self._dt**2 * np.repeat(self._setup.mobility[self._backed], 3))
         self._closure.told()
 
     def to_arrays(self) -> dict[str, Floats]:
@@ -260,22 +213,24 @@ class OneWay:
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
+        self._target = Prediction(arrays["target_kept"].shape[1])
         for prefix, prediction in (("multipliers_", self._multipliers), ("target_", self._target)):
-            prediction.take({key[len(prefix) :]: array for key, array in arrays.items() if key.startswith(prefix)})
+            prediction.take({key: arrays[prefix + key] for key in ("kept", "numbers")})
         self._impedance, self._dt = np.array(arrays["impedance"]), float(arrays["dt"][0])
         for name in self._parts:
             self._trust[name] = _Trust.of(arrays[f"trust_{name}"])
             compliance, told = (np.array(arrays[f"{kind}_{name}"]) for kind in ("compliance", "told"))
             self._parts[name].told = told  # the same as long as the part was taught nothing
             self._parts[name].compliance = told if np.array_equal(told, compliance) else compliance
-        self.forget_told()
+        if self._capabilities:
+            self.forget_told()
 
     def _change(self, dt: float) -> None:
         """Steps are of another length from now on, and so is what every part yields in one."""
         for name, trust in self._trust.items():
             trust.renew = not self._capabilities[name].impedance
             self._parts[name].root = _NONE
-            self._parts[name].compliance = np.diag(dt * dt * np.repeat(self._mobility[name], 3))
+            self._parts[name].compliance = np.diag(dt * dt * np.repeat(self._setup.mobility[name], 3))
             self._parts[name].told = _NONE
         self._closure.told()
         self._back(False)
@@ -290,10 +245,10 @@ class OneWay:
     def _request(self, name: str, multipliers: Floats, target: Floats | None) -> PartRequest:
         force, trust = self._parts[name].force(multipliers), self._trust[name]
         if name != self._backed or target is None or not self._impedance.size:
-            return PartRequest(force, trust.renew, trust.repeat)
+            return PartRequest(force, trust.renew, trust.repeat, last=False)
         impedance = None if self._sent else self._impedance
         self._sent = True
-        return PartRequest(force, trust.renew, trust.repeat, target, impedance)
+        return PartRequest(force, trust.renew, trust.repeat, target, impedance, last=False)
 
     def _measure(
         self,
@@ -309,7 +264,7 @@ class OneWay:
             return
         for name, part in self._parts.items():
             went = largest(moves[name])
-            if went > _SEEN * self._tolerance:
+            if went > _SEEN * self._setup.tolerance:
                 miss = x[name] - before[name] - moves[name]
                 trust = self._trust[name]
                 trust.kappa = largest(miss) / went
@@ -349,7 +304,7 @@ class OneWay:
         """Whether linear answers of this size are what the parts would do, to the tolerance."""
         for name, move in moves.items():
             length = largest(move)
-            if length > _SMALL * self._cell or self._trust[name].kappa * length > self._tolerance:
+            if length > _SMALL * self._setup.cell or self._trust[name].kappa * length > self._setup.tolerance:
                 return False
         return True
 
@@ -360,7 +315,7 @@ class OneWay:
         corrections = {}
         for name, part in self._parts.items():
             push, short = part.push_for(pushes[name], moves[name], replies[name].n_contacts == 0)
-            if largest(short) > 0.3 * self._tolerance:
+            if short is not None and largest(short) > 0.3 * self._setup.tolerance:
                 return None
             corrections[name] = Correction(push, part.force(found))
         return corrections
@@ -372,7 +327,7 @@ class OneWay:
         x: dict[str, Floats],
         exchanges: int,
         measured: bool,
-        agreed: bool = True,
+        note: str = "",
     ) -> Outcome:
         for name, trust in self._trust.items():
             n_contacts = replies[name].n_contacts
@@ -387,14 +342,9 @@ class OneWay:
         self._multipliers.commit(multipliers, self._dt)
         if self._backed is not None:
             self._target.commit(self._closure.target(self._backed, x), self._dt)
-        return Outcome(replies, multipliers, largest(self._closure.gap(x)), exchanges, agreed)
+        return Outcome(replies, multipliers, largest(self._closure.gap(x)), exchanges, note)
 
 
 def _acted(reply: Advanced, request: PartRequest) -> Floats:
     """Force that acted on a part's nodes (n, 3) [N]."""
     return reply.seam_force if len(reply.seam_force) else request.force
-
-
-def largest(vectors: Floats) -> float:
-    """Greatest length of vectors (s, 3), 0 for none; NaN where one is."""
-    return float(largest_node(vectors.reshape(-1))) if len(vectors) else 0.0

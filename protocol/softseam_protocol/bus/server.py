@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from softseam_protocol.errors import DecodeError, Refused, SchemaMismatch
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
 from softseam_protocol.wire.codec import encode
 
@@ -60,7 +61,9 @@ class Server:
             if self._waiting.qsize() >= MOST_WAITING:
                 self.turned_away += 1
                 with query:
-                    query.reply_err(encode(Failure("busy", f"{MOST_WAITING} requests are waiting: ask less often")))
+                    query.reply_err(
+                        encode(Failure(FailureKind.BUSY, f"{MOST_WAITING} requests are waiting: ask less often"))
+                    )
             else:
                 self._waiting.put((query, handler))
 
@@ -96,13 +99,13 @@ class Server:
         except Refused as error:
             query.reply_err(encode(error.failure))
         except SchemaMismatch as error:
-            query.reply_err(encode(Failure("schema", str(error))))
+            query.reply_err(encode(Failure(FailureKind.SCHEMA, str(error))))
         except DecodeError as error:
-            query.reply_err(encode(Failure("invalid", f"{key}: {error}")))
+            query.reply_err(encode(Failure(FailureKind.INVALID, f"{key}: {error}")))
         except Exception as error:
             # whatever happens in a handler, the other side must not wait for its timeout
             _log.exception("a request to %s failed", key)
-            query.reply_err(encode(Failure("internal", f"{key}: {type(error).__name__}: {error}")))
+            query.reply_err(encode(Failure(FailureKind.INTERNAL, f"{key}: {type(error).__name__}: {error}")))
 
     def close(self) -> None:
         """Take no more requests, answer those that wait, and stop."""

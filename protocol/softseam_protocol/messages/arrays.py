@@ -35,13 +35,20 @@ class Least:
 
 
 class Name:
-    """Marks a text that may stand in a key expression or a file name: letters, digits, _ and -, or empty."""
+    """Marks a text that may stand in a key expression or a file name: letters, digits, _ and -, or empty.
 
-    __slots__ = ()
+    dotted  marks an id, which may be two names with a dot between them
+    """
+
+    __slots__ = ("dotted",)
+
+    def __init__(self, dotted: bool = False) -> None:
+        self.dotted = dotted
 
 
 Count = Annotated[int, Least(0)]
 NameText = Annotated[str, Name()]
+IdText = Annotated[str, Name(dotted=True)]
 
 
 Vectors = Annotated[NDArray[np.float64], Array("f8", None, 3)]
@@ -55,6 +62,7 @@ Ids = Annotated[NDArray[np.int32], Array("i4", None, least=0)]
 ToolIds = Annotated[NDArray[np.int32], Array("i4", None, least=-1)]
 Labels = Annotated[NDArray[np.int8], Array("i1", None)]
 Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
+CellNodes = Annotated[NDArray[np.int32], Array("i4", None, 27, least=0)]
 Octants = Annotated[NDArray[np.float64], Array("f8", None, 8)]
 OctantIds = Annotated[NDArray[np.int32], Array("i4", None, 8, least=-1)]
 Lines = Annotated[NDArray[np.int32], Array("i4", None, 2, least=0)]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from softseam_protocol.messages.arrays import Count, NameText
+from softseam_protocol.messages.arrays import Count, IdText, NameText
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,8 @@ class Header:
 
     schema: Count
     session: NameText
-    participant: NameText
+    part: IdText
+    """that is meant, BODY.PART; empty where none is"""
     epoch: Count
     step: Count
     exchange: Count

@@ -19,6 +19,35 @@ class Status(StrEnum):
     """there is a state, which the participant does not believe"""
 
 
+class FailureKind(StrEnum):
+    """Why a request is not served; `Failure.message` says it in words, with the remedy."""
+
+    NOT_CONFIGURED = "not_configured"
+    """no such session, or no such part in it"""
+    STALE = "stale"
+    """the request is from the past"""
+    SCHEMA = "schema"
+    """another version of the messages"""
+    INVALID = "invalid"
+    """the request cannot be served as it is; nothing has changed"""
+    BUSY = "busy"
+    """too much is under way"""
+    INTERNAL = "internal"
+    """a participant is lost for good, or a step failed"""
+    DISK = "disk"
+    """a file cannot be written"""
+
+
+class RecordingState(StrEnum):
+    """How a recording fares; `Recorded.note` says in words why messages are lost."""
+
+    RECORDING = "recording"
+    CLOSED = "closed"
+    """the file has its end"""
+    FAILED = "failed"
+    """the file ends before the session did"""
+
+
 class EventKind(StrEnum):
     """What an event is about."""
 

@@ -9,11 +9,13 @@ from softseam_protocol.messages.arrays import (
     NO_MATRIX,
     NO_SCALARS,
     NO_VECTORS,
+    CellNodes,
     Count,
     Distances,
     Ids,
     Labels,
     Matrix,
+    NameText,
     Quaternions,
     Scalars,
     Stresses,
@@ -24,7 +26,8 @@ from softseam_protocol.messages.arrays import (
     no_labels,
 )
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_protocol.messages.names import ONLY_BODY
+from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +55,30 @@ class BodyState:
 
 
 @dataclass(frozen=True, slots=True)
+class PartMesh:
+    """The mesh of a part, for a participant that does not build the body itself (n nodes, c cells, p points)."""
+
+    nodes: Ids
+    """global ids, ascending (n,)"""
+    x_rest: Vectors
+    """positions at rest (n, 3) [m]"""
+    mass: Scalars
+    """that the part's cells give to each node (n,) [kg]"""
+    fixed: Labels
+    """1 for clamped nodes (n,)"""
+    cell_nodes: CellNodes
+    """places among `nodes` of each cell's 3 x 3 x 3 lattice, i + 3 j + 9 k along its x, y, z (c, 27)"""
+    points: Ids
+    """global ids of the surface points that the part carries, ascending (p,)"""
+    point_cell: Ids
+    """place of the cell that carries each (p,)"""
+    point_local: Vectors
+    """where in that cell, -1 to 1 along its x, y, z; beyond, by a cell at most, for points across a seam (p, 3)"""
+
+
+@dataclass(frozen=True, slots=True)
 class Configure:
-    """Build a region: these cells of the body, with this model, in this state (rest if absent)."""
+    """Build a part: these cells of a body, with this model, in this state (rest if absent)."""
 
     header: Header
     bundle: Bundle
@@ -64,6 +89,10 @@ class Configure:
     state: BodyState | None = None
     owns_seam_points: bool = True
     """whether contact at surface points on the seam is this side's"""
+    body: NameText = ONLY_BODY
+    """of the scene, whose cells they are"""
+    mesh: PartMesh | None = None
+    """of the cells, in their order; None: of particles, or from an older orchestrator"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -343,8 +372,7 @@ class Released:
 class Failure:
     """The answer to a request that cannot be served."""
 
-    kind: str
-    """'not_configured', 'stale', 'schema', 'invalid', 'busy', 'internal'"""
+    kind: FailureKind
     message: str
     """what is wrong and the remedy"""
 

@@ -8,6 +8,7 @@ from softseam_protocol.messages.arrays import (
     NO_SCALARS,
     Count,
     Lines,
+    NameText,
     OctantIds,
     Octants,
     Scalars,
@@ -18,6 +19,7 @@ from softseam_protocol.messages.arrays import (
     no_octants,
 )
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.participant import Bundle
 
 
@@ -36,6 +38,7 @@ class SurfaceMesh:
     """What a viewer needs to draw a body's frames (C cells, P surface points, T triangles)."""
 
     header: Header
+    body: NameText
     point_rest: Vectors
     """surface points at rest (P, 3) [m]"""
     triangles: Triangles
@@ -69,7 +72,8 @@ class Begin:
     seed: int
     facts: dict[str, str]
     """versions and machine of the process that simulates"""
-    surface: SurfaceMesh
+    surfaces: dict[str, SurfaceMesh]
+    """by body"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,5 +93,6 @@ class Recorded:
     messages: Count
     lost: Count
     bytes: Count
-    note: str
-    """'recording', 'closed', or why messages are lost"""
+    state: RecordingState
+    note: str = ""
+    """why messages are lost"""

@@ -10,6 +10,7 @@ from softseam_protocol.messages.arrays import (
     Count,
     Ids,
     Labels,
+    NameText,
     Quaternions,
     Scalars,
     Stresses,
@@ -25,8 +26,8 @@ from softseam_protocol.messages.participant import Bundle
 
 
 @dataclass(frozen=True, slots=True)
-class SeamReport:
-    """How well the two sides agree."""
+class InterfaceReport:
+    """How well two parts agree that meet at an interface."""
 
     gap: float
     """largest position gap at commit [m]"""
@@ -35,13 +36,14 @@ class SeamReport:
     force: float
     """largest multiplier [N]"""
     work: float
-    """work of the seam, both sides together, in this step [J]"""
+    """work of the interface on both parts together, in this step [J]"""
 
 
 @dataclass(frozen=True, slots=True)
-class RegionReport:
-    """One region's size and energies [J]."""
+class PartReport:
+    """Size and energies [J] of a part: some of a body under one model."""
 
+    body: NameText
     model: str
     n_cells: Count
     n_nodes: Count
@@ -93,8 +95,11 @@ class StepReport:
     tool_orientation: Quaternions
     wrench: Wrenches
     quantities: dict[str, float]
-    seam: SeamReport
-    regions: dict[str, RegionReport]
+    """by name: grip_force; where the scene has several bodies, BODY.grip_force; of probes PROBE.von_mises"""
+    interfaces: dict[str, InterfaceReport]
+    """by id: BODY.seam between the parts of a body"""
+    parts: dict[str, PartReport]
+    """by id: BODY.near and BODY.far"""
     energy: dict[str, float]
     """ledger of the step [J]: kinetic, strain and gravity at its end; drive_work of the tools' motion, of which
     contact_loss goes into friction and tool_work into the body; seam_work, dissipation of the integrators, switch"""
@@ -111,7 +116,20 @@ class StepReport:
     gripping: Labels = field(default_factory=no_labels)
     """1 for tools that gripped (t,); empty: none did"""
     estimate: ErrorEstimate | None = None
-    """with the step that ends a scene's own motion or duration, of a body in cells"""
+    """with the step that ends a scene's own motion or duration: of the body in cells that is off most"""
+
+    @property
+    def seam(self) -> InterfaceReport:
+        """All interfaces together: the largest gap, exchanges and force, the sums of nodes and work;
+        one exchange where there are none."""
+        told = self.interfaces.values()
+        return InterfaceReport(
+            max((one.gap for one in told), default=0.0),
+            max((one.exchanges for one in told), default=1),
+            sum(one.n_nodes for one in told),
+            max((one.force for one in told), default=0.0),
+            sum(one.work for one in told),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +148,10 @@ class Indicators:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """The whole body at the end of a step: what a replay draws."""
+    """One body, whole, at the end of a step: what a replay draws. A step has one for each body."""
 
     header: Header
+    body: NameText
     x: Vectors
     """positions (N, 3) [m]; seam nodes are the near side's"""
     cauchy: Stresses
@@ -232,7 +251,7 @@ class Saved:
 class Estimated:
     header: Header
     estimate: ErrorEstimate | None
-    """None of a body of particles, whose errors nobody estimates"""
+    """of the body that is off most; None of bodies of particles, whose errors nobody estimates"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,11 +266,12 @@ class Closed:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """The answer to Open, Reset, Step and Load: the last step's report, its frame if asked for, and events since."""
+    """The answer to Open, Reset, Step and Load: the last step's report, its frames if asked for, and events since."""
 
     header: Header
     report: StepReport
-    frame: Frame | None
+    frames: dict[str, Frame]
+    """by body; empty where they were not asked for"""
     events: list[Event]
 
 

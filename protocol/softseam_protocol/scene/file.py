@@ -16,11 +16,12 @@ from pydantic_core import ErrorDetails
 
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene import marked_yaml
+from softseam_protocol.scene.bodies import BodySpec, MeshShape
 from softseam_protocol.scene.keys import described, keys_allowed
 from softseam_protocol.scene.marked_yaml import Mark, Marked
 from softseam_protocol.scene.motion import PHASE_KEYS
 from softseam_protocol.scene.particles import TetMeshBody
-from softseam_protocol.scene.scene import BodySpec, MeshShape, Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import MeshTool
 
 MAX_SCENE_BYTES = 2**20
@@ -116,10 +117,12 @@ def scene_from_bundle(bundle: Bundle) -> Scene:
 def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:
     """Files that a scene names: where it does so, and their paths as it gives them."""
     found: list[tuple[marked_yaml.Path, str]] = []
-    if isinstance(scene.body, BodySpec) and isinstance(scene.body.shape, MeshShape):
-        found.append((("body", "shape", "path"), scene.body.shape.path))
-    if isinstance(scene.body, TetMeshBody):
-        found.append((("body", "path"), scene.body.path))
+    for name, body in scene.bodies.items():
+        at = ("body",) if scene.one is not None else ("bodies", name)
+        if isinstance(body, BodySpec) and isinstance(body.shape, MeshShape):
+            found.append(((*at, "shape", "path"), body.shape.path))
+        if isinstance(body, TetMeshBody):
+            found.append(((*at, "path"), body.path))
     found += [(("tools", name, "path"), tool.path) for name, tool in scene.tools.items() if isinstance(tool, MeshTool)]
     return found
 

@@ -10,8 +10,14 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.spec import OfKind
 
 Loc = tuple[str | int, ...]
+
+
+def fields_of(spec: type[BaseModel]) -> dict[str, FieldInfo]:
+    """The fields of a spec by the keys that files have for them."""
+    return {field.alias or name: field for name, field in spec.model_fields.items()}
 
 
 def keys_allowed(loc: Loc) -> list[str]:
@@ -19,7 +25,7 @@ def keys_allowed(loc: Loc) -> list[str]:
     keys: dict[str, None] = {}
     for candidate in _at(loc)[0]:
         if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-            keys.update(dict.fromkeys(candidate.model_fields))
+            keys.update(dict.fromkeys(fields_of(candidate)))
     return list(keys)
 
 
@@ -43,8 +49,11 @@ def _at(loc: Loc) -> tuple[list[Any], str]:
 
 def _follow(candidate: Any, item: str | int) -> list[tuple[Any, str]]:
     if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-        field: FieldInfo | None = candidate.model_fields.get(str(item))
-        return [(field.annotation, field.description or "")] if field is not None else []
+        field: FieldInfo | None = fields_of(candidate).get(str(item))
+        if field is None:
+            return []
+        kinds = _kinds(field.metadata)
+        return [(kind, field.description or "") for kind in kinds or [field.annotation]]
     origin, arguments = typing.get_origin(candidate), typing.get_args(candidate)
     if origin is dict and isinstance(item, str):
         return [(arguments[1], "")]
@@ -57,10 +66,16 @@ def _members(annotation: Any) -> list[Any]:
     """Members of nested unions, with annotations stripped."""
     origin = typing.get_origin(annotation)
     if origin is typing.Annotated:
-        return _members(typing.get_args(annotation)[0])
+        plain, *marks = typing.get_args(annotation)
+        return _kinds(marks) or _members(plain)
     if origin in (types.UnionType, typing.Union):
         return [member for argument in typing.get_args(annotation) for member in _members(argument)]
     return [annotation]
+
+
+def _kinds(marks: list[Any]) -> list[Any]:
+    """The specs that a marker among these has by their kinds."""
+    return [spec for mark in marks if isinstance(mark, OfKind) for spec in mark.table.values()]
 
 
 def _tagged(candidates: list[Any], tag: str | int) -> list[Any]:

@@ -8,8 +8,10 @@ from typing import Literal
 from softseam_protocol.table import Table
 
 ModelKind = Literal["fem", "pbd"]
-SeamScheme = Literal["position", "ph", "staggered"]
-SeamAcceleration = Literal["exact", "iqn_ils", "aitken", "constant"]
+SeamScheme = str
+"""a row of SCHEMES"""
+SeamAcceleration = str
+"""a row of ACCELERATIONS"""
 MaterialKind = str
 """a row of scene_materials.MATERIALS"""
 ElementKind = str
@@ -46,6 +48,49 @@ ELEMENTS: Table[ElementFacts] = Table(
     },
 )
 """what a scene says of an element; services build it (softseam_services.fem.elements.ELEMENTS)"""
+
+
+@dataclass(frozen=True)
+class SchemeFacts:
+    """What a coupling loop can meet.
+
+    like             another scheme, of whose integrators it takes all: it closes the same gap under the same
+                     multipliers; '' where it has a row of its own in IntegratorFacts.seams
+    least_exchanges  that a step needs, where it settles at all
+    why_exchanges    what they are for
+    only_exact       why there is no choice of acceleration; '' where there is
+    """
+
+    like: str = ""
+    least_exchanges: int = 1
+    why_exchanges: str = ""
+    only_exact: str = ""
+
+
+SCHEMES: Table[SchemeFacts] = Table(
+    "seam schemes",
+    {
+        "position": SchemeFacts(),
+        "ph": SchemeFacts(),
+        "staggered": SchemeFacts(
+            least_exchanges=3,
+            why_exchanges="asks the far side once and the near side twice at least",
+            only_exact="puts the near side by its exact compliance",
+        ),
+    },
+)
+"""what a scene says of a coupling loop; the coupling builds it (softseam_coupling.loops.LOOPS)"""
+
+
+@dataclass(frozen=True)
+class AccelerationFacts:
+    """Of how multipliers are found; there is nothing to say of it yet but that there is one."""
+
+
+ACCELERATIONS: Table[AccelerationFacts] = Table(
+    "seam accelerations", {name: AccelerationFacts() for name in ("exact", "iqn_ils", "aitken", "constant")}
+)
+"""what a scene may say of how multipliers are found; the coupling has them (softseam_coupling.accelerations)"""
 
 
 @dataclass(frozen=True)
@@ -94,9 +139,9 @@ INTEGRATORS: Table[IntegratorFacts] = Table(
 )
 """what a scene says of an integrator; services have its coefficients (softseam_services.fem.integrators.table)"""
 
+_NOT_FOUND = "it is not among those that were found stable"
 _GIVES_ENERGY: dict[SeamScheme, str] = {
     "position": "a multiplier that is constant over the step gives it energy",
-    "ph": "it is not among those that were found stable",
     "staggered": "the control is to fail for one reason alone",
 }
 
@@ -106,12 +151,13 @@ def integrator_problem(name: IntegratorKind, seam: SeamScheme | None, tools: boo
     facts = INTEGRATORS[name]
     if not facts.moves and not clamped:
         return f"{name} needs something that holds the body from the start: clamp nodes (body.fixed), or use bdf2"
+    seam = seam and (SCHEMES[seam].like or seam)
     if seam is not None and seam not in facts.seams:
         *most, last = [other for other, able in INTEGRATORS.items() if seam in able.seams]
         use = f"{', '.join(most)} or {last}" if most else last
         if "ph" in facts.seams:
             use += ", or seam: {scheme: ph}"
-        why = facts.no_seam or _GIVES_ENERGY[seam]
+        why = facts.no_seam or _GIVES_ENERGY.get(seam, _NOT_FOUND)
         return f"{name} cannot meet a seam, {why}: use {use}, or give all cells to fem without regions.near"
     if tools and not facts.meets_tools:
         why = facts.no_seam or "points that hit one gain energy"

@@ -21,7 +21,8 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from softseam_protocol.scene.spec import Direction, NonNegative, Positive, Spec, Vector, not_among, wrong
+from softseam_protocol.scene.parts import AnyPart
+from softseam_protocol.scene.spec import NonNegative, Positive, Spec, not_among, wrong
 from softseam_protocol.table import Table
 
 
@@ -159,49 +160,6 @@ AnyMaterial = Annotated[MaterialSpec, _ByKind()]
 """a material of any kind that MATERIALS has"""
 
 
-class _Part(Spec):
-    """What all shapes have alike."""
-
-    position: Vector = Field(description="centre at rest, in the coordinates of the scene [m]")
-
-
-class BoxPart(_Part):
-    """A box; one that reaches beyond the body makes a layer."""
-
-    kind: Literal["box"] = "box"
-    size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn: axis times angle [rad]")
-
-
-class SpherePart(_Part):
-    """A sphere."""
-
-    kind: Literal["sphere"] = "sphere"
-    radius: Positive = Field(description="[m]")
-
-
-class _LongPart(_Part):
-    """What a capsule and a cylinder have alike."""
-
-    radius: Positive = Field(description="[m]")
-    length: Positive = Field(description="[m]")
-    axis: Direction = Field(default=(0.0, 0.0, 1.0), description="along its length; any length")
-
-
-class CapsulePart(_LongPart):
-    """A cylinder with round ends."""
-
-    kind: Literal["capsule"] = "capsule"
-    length: Positive = Field(description="between the centres of its round ends [m]")
-
-
-class CylinderPart(_LongPart):
-    """A cylinder with flat ends."""
-
-    kind: Literal["cylinder"] = "cylinder"
-    length: Positive = Field(description="between its flat ends [m]")
-
-
 class InclusionMaterial(Spec):
     """What differs from the body's own material; the law is the same, and so are the names of its own parameters."""
 
@@ -245,5 +203,5 @@ class InclusionMaterial(Spec):
 class InclusionSpec(Spec):
     """A part of the body that is of another material and grows together with the rest."""
 
-    shape: Annotated[BoxPart | SpherePart | CapsulePart | CylinderPart, Field(discriminator="kind")]
+    shape: AnyPart
     material: InclusionMaterial

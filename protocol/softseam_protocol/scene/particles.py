@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializationInfo, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.regions import OwnRegions
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, OfKind, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.table import Table
 
 MOST_PARTICLES = 1_000_000
 COVERS = math.sqrt(0.5)
@@ -16,7 +18,21 @@ COVERS = math.sqrt(0.5)
 Divisions = Annotated[int, Field(ge=1)]
 
 
-class _Particles(Spec):
+class ConstraintSpec(Spec):
+    """What every further constraint has. Each kind is a subclass with the keys of its own, a row of CONSTRAINTS."""
+
+    kind: str
+
+
+CONSTRAINTS: Table[type[ConstraintSpec]] = Table("constraint specifications")
+"""the specification of each kind, all from outside: springs, bends and tetrahedra of a body need none; services have
+its constraint (softseam_services.pbd.particles.constraints.CONSTRAINTS)"""
+
+AnyConstraint = Annotated[ConstraintSpec, OfKind(CONSTRAINTS)]
+"""a constraint of any kind that CONSTRAINTS has"""
+
+
+class _Particles(OwnRegions):
     """What all have alike."""
 
     position: Vector = Field(default=(0.0, 0.0, 0.0), description="its middle [m]")
@@ -27,6 +43,17 @@ class _Particles(Spec):
     restitution: float = Field(
         default=0.0, ge=0.0, le=1.0, description="share of its speed that a particle keeps when it meets a tool [1]"
     )
+    constraints: tuple[AnyConstraint, ...] = Field(
+        default=(), description="what holds its particles beside its own stiffness; kinds come with extensions"
+    )
+
+    @model_serializer(mode="wrap")
+    def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
+        """In version 1 of the scene format bodies say constraints only where they have some: hashes hold it."""
+        said: dict[str, Any] = handler(self)
+        if not self.constraints:
+            said.pop("constraints", None)
+        return said
 
 
 class SheetBody(_Particles):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from softseam_protocol.scene.kinds import ModelKind, SeamAcceleration, SeamScheme
-from softseam_protocol.scene.spec import BoxRegion, Positive, Spec, wrong
+from softseam_protocol.scene.kinds import ACCELERATIONS, SCHEMES, ModelKind
+from softseam_protocol.scene.spec import BoxRegion, Positive, RowOf, Spec, wrong
 
 
 class NearSpec(Spec):
@@ -67,6 +67,16 @@ class RegionsSpec(Spec):
         return self
 
 
+class OwnRegions(Spec):
+    """What a body may say where a scene has several."""
+
+    regions: RegionsSpec | None = Field(
+        default=None,
+        exclude_if=lambda regions: regions is None,
+        description="which of its cells get which model; default: the scene's `regions`",
+    )
+
+
 _REFUSED_SCHEMES = {
     "gc": "a multiplier in every substep (Gravouil-Combescure) takes energy at the seam and lets the gap drift: use ph",
     "velocity": "velocities tied by a constant multiplier gain energy with every integrator: use position or ph",
@@ -77,7 +87,7 @@ _REFUSED_SCHEMES = {
 class SeamSpec(Spec):
     """How the two sides of the seam are held together, and when they agree well enough."""
 
-    scheme: SeamScheme = Field(
+    scheme: Annotated[str, RowOf(SCHEMES)] = Field(
         default="position",
         description="position: no gap at the end of a step, one multiplier over it; ph: no gap of the velocities, a "
         "multiplier that is linear in time, which second-order integrators of fem can meet; staggered: one side after "
@@ -93,7 +103,7 @@ class SeamSpec(Spec):
         description="most exchanges a step, or a part of one, not counting those in which both sides are tried at once "
         "with what the other is expected to answer: fifteen of these at most come before",
     )
-    acceleration: SeamAcceleration = Field(
+    acceleration: Annotated[str, RowOf(ACCELERATIONS)] = Field(
         default="exact",
         description="how the multiplier is corrected: by both sides' exact compliance, or without one, as for "
         "participants that cannot give it, by quasi-Newton of the rounds so far, Aitken's or constant relaxation",
@@ -108,15 +118,15 @@ class SeamSpec(Spec):
         return name
 
     @model_validator(mode="after")
-    def _staggered_solves(self) -> SeamSpec:
-        if self.scheme == "staggered" and self.acceleration != "exact":
+    def _scheme_solves(self) -> SeamSpec:
+        facts = SCHEMES[self.scheme]
+        if facts.only_exact and self.acceleration != "exact":
             raise wrong(
-                "staggered puts the near side by its exact compliance: leave out acceleration, or use scheme: position",
-                "acceleration",
+                f"{self.scheme} {facts.only_exact}: leave out acceleration, or use scheme: position", "acceleration"
             )
-        if self.scheme == "staggered" and self.exchanges < 3:
+        if self.exchanges < facts.least_exchanges:
             raise wrong(
-                "staggered asks the far side once and the near side twice at least: use 3 exchanges or more, or "
+                f"{self.scheme} {facts.why_exchanges}: use {facts.least_exchanges} exchanges or more, or "
                 "scheme: position",
                 "exchanges",
             )

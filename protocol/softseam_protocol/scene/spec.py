@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -14,11 +15,12 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    SerializationInfo,
     ValidationInfo,
     model_validator,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, SchemaValidator, core_schema
 
 from softseam_protocol.table import Table
 
@@ -82,6 +84,43 @@ class Spec(BaseModel):
     """Base of every spec: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class OfKind:
+    """Of a specification: its `kind` names a row of the table, as that is when a scene is read; the row is its class.
+    The schema lists those that the table has then."""
+
+    table: Table[Any]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(
+            self._chosen, serialization=core_schema.plain_serializer_function_ser_schema(_dumped, info_arg=True)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return handler(self._union()) if self.table else {"type": "object", "properties": {"kind": {"enum": []}}}
+
+    def _chosen(self, value: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, Spec):
+            if type(value) not in self.table.values():
+                raise wrong(f"{type(value).__name__} is not in the table of {self.table.title}")
+            return value
+        if not self.table:
+            raise wrong(f"the table of {self.table.title} has no rows yet: import the extension that adds them")
+        union = SchemaValidator(self._union())
+        if info.mode == "json":
+            # strict JSON, as of scene files: a list becomes a tuple and 1 a float, but "1" and true are not numbers
+            return union.validate_json(json.dumps(value), strict=True)
+        return union.validate_python(dict(value) if isinstance(value, Mapping) else value)
+
+    def _union(self) -> CoreSchema:
+        kinds = {name: spec.__pydantic_core_schema__ for name, spec in self.table.items()}
+        return core_schema.tagged_union_schema(kinds, "kind")
+
+
+def _dumped(spec: Spec, info: SerializationInfo) -> dict[str, Any]:
+    return spec.model_dump(mode=info.mode, exclude_none=info.exclude_none, exclude_defaults=info.exclude_defaults)
 
 
 class BoxRegion(Spec):

@@ -50,8 +50,8 @@ class Field:
     make_default: Any = None
     """makes the default of an array or a container"""
     least: int | None = None
-    named: bool = False
-    """text that must be a name"""
+    named: Name | None = None
+    """of a text that must be a name, or an id"""
 
     @property
     def is_array(self) -> bool:
@@ -72,17 +72,18 @@ class Field:
         return not (self.container or self.is_array or self.is_message) and self.has_default
 
 
-def _unwrap(annotation: Any) -> tuple[Any, int | None, bool]:
-    """The type that a field or element holds, its least value, and whether it must be a name."""
-    least, named = None, False
+def _unwrap(annotation: Any) -> tuple[Any, int | None, Name | None]:
+    """The type that a field or element holds, its least value, and which name it must be."""
+    least, named = None, None
     if typing.get_origin(annotation) is typing.Annotated:
         of, *notes = typing.get_args(annotation)
         for note in notes:
             if isinstance(note, Array):
-                return note, None, False
+                return note, None, None
             if isinstance(note, Least):
                 least = note.value
-            named = named or isinstance(note, Name)
+            if isinstance(note, Name):
+                named = note
         annotation = of
     return annotation, least, named
 

@@ -30,6 +30,12 @@ def is_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
+def is_id(text: str) -> bool:
+    """Whether a text is two names with a dot between them."""
+    head, dot, tail = text.partition(".")
+    return bool(head and dot and tail) and is_name(head) and is_name(tail)
+
+
 # ---- one array -------------------------------------------------------------------------------------------
 
 
@@ -128,11 +134,13 @@ def _scalar_check(where: str, field: Field) -> Callable[[Any], Any] | None:
             return member
 
         return check_member
-    if field.named:
+    if field.named is not None:
+        dotted = field.named.dotted
 
         def check_name(value: str) -> str:
-            if not is_name(value):
-                raise Wrong(f"{where}: {value[:80]!r} is not a name (letters, digits, _ and -, at most 64)")
+            if not is_name(value) and not (dotted and is_id(value)):
+                what = "an id (names with a dot between them)" if dotted else "a name"
+                raise Wrong(f"{where}: {value[:80]!r} is not {what} (letters, digits, _ and -, at most 64)")
             return value
 
         return check_name

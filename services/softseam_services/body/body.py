@@ -42,6 +42,10 @@ class Material:
     """the law holds for small strains only"""
     retardation_time: float = 0.0
     """viscosity over stiffness, of the whole body [s]"""
+    n_state: int = 0
+    """numbers that the law remembers; 0 of an elastic one"""
+    respond: int = 0
+    """address of the response of a law with state, whose `number` is 0"""
 
     @property
     def elastic(self) -> ElasticConstants:

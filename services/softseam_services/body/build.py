@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.particles import TetMeshBody
-from softseam_protocol.scene.scene import BlockShape, BodySpec, MeshShape, Scene
+from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
 from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.around_ball import block_around

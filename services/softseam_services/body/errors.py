@@ -7,8 +7,20 @@ class MeshError(ValueError):
     """A shape that cannot be simulated. The text names the file, the counts, the worst element and the remedy."""
 
 
-class LawError(ValueError):
-    """A material law that cannot be used. The text says why."""
+class RowError(ValueError):
+    """A row of a table, a law, shape or constraint, that cannot be used. The text says why."""
+
+
+class LawError(RowError):
+    """A material law that cannot be used."""
+
+
+class ShapeError(RowError):
+    """A shape that cannot be used."""
+
+
+class ConstraintError(RowError):
+    """A constraint of particles that cannot be used."""
 
 
 class SettingError(ValueError):

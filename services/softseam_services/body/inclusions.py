@@ -11,13 +11,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.materials import BoxPart, CapsulePart, CylinderPart, InclusionSpec, SpherePart
-from softseam_protocol.scene.scene import BodySpec
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.materials import InclusionSpec
+from softseam_protocol.scene.parts import PartSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.errors import MeshError
+from softseam_services.shapes import SHAPES
+from softseam_services.shapes.distance import shape_gaps
 
 _ON_FACE = 1e-9
-"""a centre this close to an inclusion's face, relative to the inclusion's extent, is inside"""
+"""a centre this close to an inclusion's face, relative to the inclusion's reach, is inside"""
 _SIDES = np.array([(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)])
 
 
@@ -40,46 +43,14 @@ def materials_at(spec: BodySpec, places: Floats, cell: float) -> Ints:
     return found
 
 
-def holds(part: BoxPart | SpherePart | CapsulePart | CylinderPart, places: Floats) -> NDArray[np.bool_]:
+def holds(part: PartSpec, places: Floats) -> NDArray[np.bool_]:
     """Whether the places (..., 3) [m] are inside a part or on its face."""
-    away = places - np.array(part.position)
-    if isinstance(part, BoxPart):
-        half = 0.5 * np.array(part.size)
-        own = away @ _turn(np.array(part.rotation))
-        return np.asarray((np.abs(own) <= half * (1.0 + _ON_FACE)).all(axis=-1))
-    if isinstance(part, SpherePart):
-        return np.asarray(np.linalg.norm(away, axis=-1) <= part.radius * (1.0 + _ON_FACE))
-    axis = np.array(part.axis) / np.linalg.norm(part.axis)
-    along = away @ axis
-    half_length = 0.5 * part.length
-    if isinstance(part, CapsulePart):
-        along = along - np.clip(along, -half_length, half_length)
-        beside = away - (away @ axis)[..., None] * axis
-        return np.asarray(np.hypot(along, np.linalg.norm(beside, axis=-1)) <= part.radius * (1.0 + _ON_FACE))
-    beside = away - along[..., None] * axis
-    within = np.abs(along) <= half_length * (1.0 + _ON_FACE)
-    return np.asarray(within & (np.linalg.norm(beside, axis=-1) <= part.radius * (1.0 + _ON_FACE)))
-
-
-def part_volume(part: BoxPart | SpherePart | CapsulePart | CylinderPart) -> float:
-    """[m^3], also of what reaches beyond the body."""
-    if isinstance(part, BoxPart):
-        return part.size[0] * part.size[1] * part.size[2]
-    ball = 4.0 / 3.0 * np.pi * part.radius**3
-    if isinstance(part, SpherePart):
-        return float(ball)
-    tube = np.pi * part.radius**2 * part.length
-    return float(tube + ball if isinstance(part, CapsulePart) else tube)
-
-
-def _turn(rotation: Floats) -> Floats:
-    """Matrix of a turn, axis times angle (3,) [rad], by Rodrigues' formula: row vectors times it are turned back."""
-    angle = float(np.linalg.norm(rotation))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = rotation / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
+    shape = SHAPES[part.kind]
+    geometry = shape.build(part, {})
+    points = np.ascontiguousarray(places.reshape(-1, 3))
+    gap = np.empty(len(points))
+    shape_gaps(points, shape.number, geometry.numbers, np.array(part.position), geometry.orientation, gap)
+    return np.asarray(gap.reshape(places.shape[:-1]) <= _ON_FACE * geometry.reach)
 
 
 def _empty(i: int, inclusion: InclusionSpec, places: Floats, cell: float) -> MeshError:

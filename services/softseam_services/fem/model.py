@@ -21,6 +21,7 @@ from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, 
 from softseam_services.fem.face_points import SOFT, face_points, point_edges
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import ALONE
+from softseam_services.fem.remembers import check_remembers
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
@@ -69,6 +70,10 @@ class FemModel(NamedTuple):
     """over a cell, of each of its shapes in `full` (t, m, 3) [1/m]"""
     kind: int
     """of the materials, for body.materials.point"""
+    n_state: int
+    """numbers that the material remembers, see kernels/remembered.py; 0 of an elastic one"""
+    respond: int
+    """address of its response, where it remembers any; `kind` is 0 then"""
     linear: bool
     """small-strain material; a mean volume ratio is one of traces"""
     mu: Floats
@@ -181,7 +186,7 @@ def build_model(
     x, shape, boxes = cell_shapes(body, region)
     general = element not in SHARES or not body.material.splits
     poisson = body.material.elastic.poisson
-    crushable = element in SHARES and not body.material.small
+    crushable = element in SHARES and not body.material.small and not body.material.n_state
     if not (boxes or general):
         own = ELEMENTS[element](x, poisson)
         weight, special = own.weight[:, 0] * fill, own_patterns(own, mu * relative, fill)
@@ -208,6 +213,8 @@ def build_model(
             element, ELEMENTS[element](x, poisson), shape, boxes, body.edges, moments, relative
         )
         viscous = build_rule(table, fill, of_cell, body, region.cells)
+    if body.material.n_state:
+        check_remembers(body, region, FemSpec() if spec is None else spec, len(rule.group_nodes) > 0)
     model = FemModel(
         general=general,
         rule=rule,
@@ -217,6 +224,8 @@ def build_model(
         viscous=viscous,
         mean_gradient=np.ascontiguousarray(mean_gradient),
         kind=body.material.number,
+        n_state=body.material.n_state,
+        respond=body.material.respond,
         x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
         mass=region.mass,
         acceleration=body.gravity,

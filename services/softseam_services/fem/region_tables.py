@@ -10,6 +10,7 @@ from functools import cached_property
 
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Region
+from softseam_services.body.errors import SettingError
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.model import Tables, build_model
 from softseam_services.fem.symmetry import PointImages, Reduction, reduce
@@ -31,7 +32,12 @@ class RegionTables:
 
     @cached_property
     def reduction(self) -> Reduction | None:
-        """What is solved for in place of all of the body; None where the scene says no symmetry, and of a part."""
+        """What is solved for in place of all of the body; None where the scene says no symmetry, and of a part.
+
+        Raises SettingError where the material has state, which images do not carry.
+        """
+        if self._axes and self._body.material.n_state:
+            raise SettingError(f"symmetry: images do not carry the state of {self._body.material.kind}: leave it out")
         return reduce(self._body, self._tools, self._spec, self._axes) if self._axes else None
 
     @cached_property

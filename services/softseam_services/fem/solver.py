@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +26,7 @@ from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
-from softseam_services.request_check import problem_of, problem_of_anchor
+from softseam_services.request_check import problem_of, problem_of_anchor, problem_of_correction
 from softseam_services.standing import Standing
 from softseam_services.tools.tool_set import ToolSet
 
@@ -79,7 +78,14 @@ class FemSolver:
             np.ascontiguousarray(v, dtype=np.float64),
             taken_over(model, x, force, tool, self._n_tools),
             np.zeros((self._stepper.scheme.n_history, len(x), 3)),
+            material=np.zeros(self._remembered),
         )
+
+    @property
+    def _remembered(self) -> tuple[int, int, int]:
+        """Shape of what the material remembers."""
+        model = self._model
+        return (len(model.cell_nodes) if model.n_state else 0, 8, model.n_state)
 
     def _go_on(self, state: FemState) -> None:
         """Go on from a state of what is solved for."""
@@ -120,7 +126,13 @@ class FemSolver:
     @property
     def strain(self) -> float:
         """Strain energy of the last advanced step [J]."""
+        self._look()
         return self.times * float(strain_energy(self._now.x, self._model, self._stepper.work))
+
+    def _look(self) -> None:
+        """Have kernels see the material as it is now."""
+        if self._model.n_state:
+            self._stepper.look(self._now)
 
     @property
     def moving(self) -> tuple[float, float]:
@@ -165,6 +177,7 @@ class FemSolver:
         now, end = self._committed, self._next
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
         end.history[:], end.past, end.level = now.history, now.past, now.level
+        end.material[:] = now.material
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)
@@ -180,7 +193,10 @@ class FemSolver:
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = standing.angular
         out[kernel.LOWEST : kernel.LOWEST + 6] = standing.bounds.ravel()
 
-    def _reply(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
+    def _reply(
+        self, request: Advance, status: Status, why: str, began: float, correction: Correct | None = None
+    ) -> Advanced:
+        """What became of a request, or of its correction."""
         stepper, reduction = self._stepper, self._reduction
         out, wrench, taken = stepper.out.copy(), stepper.wrench.copy(), stepper.taken
         converged = status is Status.CONVERGED
@@ -191,7 +207,7 @@ class FemSolver:
         whole = request.compliance and converged
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
-            request.header,
+            (correction or request).header,
             status,
             stepper.seam_x.copy(),
             stepper.compliance.copy() if whole else _NONE,
@@ -225,15 +241,14 @@ class FemSolver:
 
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam; see `kernels.linear_answer`."""
-        began, stepper, shape = time.perf_counter(), self._stepper, (len(self._region.seam), 3)
+        began, stepper = time.perf_counter(), self._stepper
         if not (self._tentative and stepper.settles):
             raise ValueError("this step cannot be corrected: only one that implicit Euler solved at once can")
-        if request.push.shape != shape or request.force.shape != shape:
-            raise ValueError(f"a correction of this region's seam has shape {shape}")
-        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
-            raise ValueError("the correction is not finite: the coupling must send finite forces")
-        stepper.correct(self._committed, self._next, self._request.dt, request, moved(self._tools, self._request.tools))
-        return self._reply(replace(self._request, header=request.header), Status.CONVERGED, "", began)
+        problem = problem_of_correction(request, len(self._region.seam))
+        if problem:
+            raise ValueError(problem)
+        stepper.correct(self._committed, self._next, self._request.dt, request, self._tools)
+        return self._reply(self._request, Status.CONVERGED, "", began, request)
 
     @property
     def capabilities(self) -> Capabilities:
@@ -254,6 +269,7 @@ class FemSolver:
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         work = self._stepper.work
+        self._look()
         strain_energy(self._now.x, self._model, work)
         energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
         return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
@@ -273,14 +289,19 @@ class FemSolver:
         whole = self._unfolded(self._committed)
         self._take_over(whole)  # as who restores it does, to the last bit
         self._forget()
-        return pack(whole.x, whole.v, whole.contact, whole.history, np.array([whole.past, float(whole.level)]))
+        past = np.array([whole.past, float(whole.level)])
+        more = [whole.material] if self._model.n_state else []
+        return pack(whole.x, whole.v, whole.contact, whole.history, past, *more)
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
         n_history, n_points = self._committed.history.shape[0], len(self.tables.whole[0].point_face)
         place, contact_shape = (self.n_nodes, 3), (n_points, self._n_tools, N_STATE)
-        x, v, contact, history, past = unpack(state, place, place, contact_shape, (n_history, *place), (2,))
-        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1])))
+        shapes = [place, place, contact_shape, (n_history, *place), (2,)]
+        shapes += [self._remembered] if self._model.n_state else []
+        x, v, contact, history, past, *others = unpack(state, *shapes)
+        material = others[0] if others else np.zeros(self._remembered)
+        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1]), material))
         self._forget()
 
     def _forget(self) -> None:

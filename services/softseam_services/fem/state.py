@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from softseam_services.body.body import Floats
 
@@ -23,11 +25,15 @@ class FemState:
     """length of the step that made the history, 0 where there is none [s]; of statics, the share of the load borne"""
     level: int = 0
     """substeps by error begin with 2^-level of the step"""
+    material: Floats = field(default_factory=lambda: np.zeros((0, 8, 0)))
+    """what a material with state remembers, of each octant (c, 8, n); (0, 8, 0) of others"""
 
     def copy(self) -> FemState:
-        return FemState(self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy(), self.past, self.level)
+        arrays = self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy()
+        return FemState(*arrays, self.past, self.level, self.material.copy())
 
     def into(self, other: FemState) -> None:
         """Write this state over the other."""
         other.x[:], other.v[:], other.contact[:], other.history[:] = self.x, self.v, self.contact, self.history
         other.past, other.level = self.past, self.level
+        other.material[:] = self.material

@@ -20,6 +20,7 @@ from softseam_services.fem.integrators.table import build_scheme, forces_at, vel
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.fronts import seam_root
 from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, N_MEMO, STALLED
+from softseam_services.fem.kernels.points import remember
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.state import FemState
 from softseam_services.fem.tool_motion import Tools, part_of
@@ -201,6 +202,8 @@ class Stepper:
         """
         static = self.scheme.kind == STATIC
         past = raised(now.past, parts_left) if static and task == kernel.STEP else now.past
+        if self._model.n_state:
+            self.look(now, dt)
         status: int = kernel.advance(
             self.scheme, now.x, now.v, past, now.history, now.contact, dt, pace, force, self._model, self._tree, tools,
             self._tolerance, most, careful, self.work, self.memo,
@@ -209,7 +212,18 @@ class Stepper:
         )  # fmt: skip
         if task == kernel.STEP:
             end.past = past if static else dt
+        self._remember(status, task, end)
         return status
+
+    def look(self, begin: FemState, dt: float = 0.0) -> None:
+        """What the material remembers as a step of length dt begins; with 0, forces and energies are of that state."""
+        self.work.material_state[:] = begin.material
+        self.work.material_dt[0] = dt
+
+    def _remember(self, status: int, task: int, end: FemState) -> None:
+        """What the material remembers at the end of a step that was solved."""
+        if self._model.n_state and status == CONVERGED and task != kernel.DERIVE:
+            remember(end.x, self._model, self._model.rule, self.work, end.material)
 
     def _adapt(self, now: FemState, end: FemState, request: Advance, whole: Tools) -> int:
         """The step in substeps as long as the error in time allows; returns a status of `kernels.newton`."""

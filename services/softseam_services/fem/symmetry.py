@@ -40,6 +40,8 @@ class Reduction:
     """each tool's in each plane (k, t)"""
     names: tuple[str, ...]
     """of the tools"""
+    sameness: Floats
+    """of the tools (t, 6)"""
     region: Region
     """the part"""
     tables: Tables
@@ -66,7 +68,7 @@ class Reduction:
     def check(self, tools: Tools) -> None:
         """Raise SettingError where tools are no images of each other over a step."""
         plane, tool = tool_astray(
-            tools.kind, tools.shape, self.axis, self.place, self.image, SAME * self.edge,
+            tools.kind, tools.shape, self.sameness, self.axis, self.place, self.image, SAME * self.edge,
             tools.position, tools.orientation, tools.position_next, tools.orientation_next,
         )  # fmt: skip
         if tool >= 0:
@@ -162,6 +164,7 @@ def reduce(body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...]) -> 
         place=place,
         image=np.array(images, dtype=np.int32),
         names=tools.names,
+        sameness=tools.sameness,
         region=part,
         tables=(model, tree),
         node=np.searchsorted(part.nodes, node).astype(np.int32),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import ToolMotion
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import Floats
 from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
 
@@ -17,8 +17,9 @@ from softseam_services.tools.tool_set import ToolSet
 class Tools(NamedTuple):
     """Tools over one step (t tools), for the kernels."""
 
-    kind: Ints
+    kind: NDArray[np.int64]
     shape: Floats
+    reach: Floats
     friction: Floats
     near: NDArray[np.bool_]
     position: Floats
@@ -30,7 +31,7 @@ class Tools(NamedTuple):
 def at_rest(tools: ToolSet) -> Tools:
     """Tools with poses of zeros, to be set by `moved`."""
     poses = (np.zeros((len(tools.names), width)) for width in (3, 4, 3, 4))
-    return Tools(tools.kind, tools.shape, tools.friction, tools.near, *poses)
+    return Tools(tools.kind, tools.shape, tools.reach, tools.friction, tools.near, *poses)
 
 
 def moved(whole: Tools, motion: ToolMotion) -> Tools:

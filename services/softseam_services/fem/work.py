@@ -108,6 +108,10 @@ class Work(NamedTuple):
     """anchor - x (3s, 1) [m]"""
     seam_actual: Floats
     """force on the seam nodes at the end of the step (s, 3) [N]"""
+    material_state: Floats
+    """what a material with state remembers at the start of the step, see kernels/remembered.py (c, 8, n)"""
+    material_dt: Floats
+    """length of that step (1,) [s]"""
 
 
 def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
@@ -173,4 +177,6 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         seam_anchor=np.zeros((len(model.seam), 3)),
         seam_away=np.zeros((3 * len(model.seam), 1)),
         seam_actual=np.zeros((len(model.seam), 3)),
+        material_state=np.zeros((n_cells, 8, model.n_state)),
+        material_dt=np.zeros(1),
     )

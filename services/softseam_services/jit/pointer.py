@@ -8,7 +8,7 @@ law with ten results). Addresses belong to one process: never keep or send one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numba
@@ -35,12 +35,16 @@ class Prototype:
     title      what the functions are, for messages: "response of a material law"
     arguments  by name, in order; arrays may be updated in place
     returns    how many floats they return: none, one, or a tuple of as many
+    lengths    arguments that only give arrays their shapes: callers pass them, functions do not take them
     call       for kernels, as a global of their module: call(address, *arguments) returns what the function does and
                raises ValueError at address 0; sizes of arrays are the caller's to check
     """
 
-    def __init__(self, title: str, arguments: Mapping[str, Argument], returns: int = 1) -> None:
+    def __init__(
+        self, title: str, arguments: Mapping[str, Argument], returns: int = 1, lengths: Collection[str] = ()
+    ) -> None:
         self.title, self.arguments, self.returns = title, dict(arguments), returns
+        self.taken = {name: kind for name, kind in self.arguments.items() if name not in lengths}
         self.call: Any = self._call_python if _PYTHON_ONLY else _calling(self)
 
     def compile(self, function: Callable[..., Any]) -> int:
@@ -63,7 +67,7 @@ class Prototype:
         """The prototype as one would write it: (a: float, x: array (3,)) -> 2 floats."""
         given = ", ".join(
             f"{name}: {kind.__name__ if isinstance(kind, type) else f'array {kind}'}"
-            for name, kind in self.arguments.items()
+            for name, kind in self.taken.items()
         )
         return f"({given}) -> {('nothing', 'float')[self.returns] if self.returns < 2 else f'{self.returns} floats'}"
 
@@ -75,7 +79,7 @@ class Prototype:
         """What is called through the address: gives arrays their shapes, and writes results to the caller's memory."""
         given = ", ".join(
             f"carray({name}, ({''.join(f'{size}, ' for size in kind)}))" if isinstance(kind, tuple) else name
-            for name, kind in self.arguments.items()
+            for name, kind in self.taken.items()
         )
         lines = [f"def entry({', '.join([*self.arguments, *['results_'][: self.returns]])}):"]
         lines.append(f"    values_ = kernel({given})")
@@ -97,7 +101,8 @@ class Prototype:
             value.reshape([lengths[size] if isinstance(size, str) else size for size in kind])
             if isinstance(kind, tuple)
             else value
-            for value, kind in zip(given, self.arguments.values(), strict=True)
+            for value, (name, kind) in zip(given, self.arguments.items(), strict=True)
+            if name in self.taken
         )
         return _KNOWN[address](*shaped)
 

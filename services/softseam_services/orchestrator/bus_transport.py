@@ -11,6 +11,7 @@ from time import perf_counter
 from softseam_protocol.bus.asking import Asker, Pending
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import BusTimeout, NoReply, ProtocolError, Refused
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Advanced, Configure, Failure, Reply, Request
 from softseam_protocol.topics import Keys, ParticipantReply
 from softseam_protocol.wire.codec import decode, encode
@@ -78,7 +79,9 @@ class BusTransport:
             if isinstance(request, Configure):
                 self._route(name, request.model)
             elif name not in self._service_of:
-                raise ParticipantFailed(name, Failure("not_configured", f"no participant {name!r} was configured"))
+                raise ParticipantFailed(
+                    name, Failure(FailureKind.NOT_CONFIGURED, f"no participant {name!r} was configured")
+                )
             payload = encode(request)
             size += len(payload)
             pending.append(self._asker(self._keys.participant(self._service_of[name])).start(payload))
@@ -136,7 +139,7 @@ class BusTransport:
     def _route(self, participant: str, model: str) -> None:
         service = self._services.get(participant) or self._services.get(model)
         if service is None:
-            raise ParticipantFailed(participant, Failure("invalid", f"no service runs the model {model!r}"))
+            raise ParticipantFailed(participant, Failure(FailureKind.INVALID, f"no service runs the model {model!r}"))
         if self._service_of.get(participant) == service:
             return
         self._service_of[participant] = service
@@ -157,17 +160,17 @@ class BusTransport:
         except (NoReply, BusTimeout) as error:
             raise ParticipantLost(name, str(error)) from None
         except ProtocolError as error:
-            raise ParticipantFailed(name, Failure("invalid", str(error))) from None
+            raise ParticipantFailed(name, Failure(FailureKind.INVALID, str(error))) from None
 
     def _decoded(self, name: str, request: Request, raw: bytes) -> Reply:
         try:
             reply: Reply = decode(raw, ParticipantReply)
         except ProtocolError as error:
-            raise ParticipantFailed(name, Failure("invalid", f"its reply cannot be read: {error}")) from None
+            raise ParticipantFailed(name, Failure(FailureKind.INVALID, f"its reply cannot be read: {error}")) from None
         if isinstance(reply, Failure):
             raise ParticipantFailed(name, reply)
         if reply.header != request.header:
-            raise ParticipantFailed(name, Failure("invalid", f"it answered another request: {reply.header}"))
+            raise ParticipantFailed(name, Failure(FailureKind.INVALID, f"it answered another request: {reply.header}"))
         return reply
 
     def _answers(self, service: str, timeout: float) -> bool:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 
 import numpy as np
 
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.session import Event, Frame, Observation, SeamReport, StepReport
+from softseam_protocol.messages.session import Event, Frame, Observation, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.participants import StepFailed
@@ -34,14 +35,14 @@ def observation(
     Of a step that was taken there is always an answer, without fields where a participant was lost meanwhile. The start
     and a state that was loaded can be asked for again: there ParticipantLost and ParticipantFailed are raised.
     """
-    frame = None
+    frames: dict[str, Frame] = {}
     if fields:
-        frame = simulation.seen() if taken else simulation.frame()
+        frames = (simulation.seen() or {}) if taken else simulation.frames()
     told, events[:] = list(events), []
     steps = round(simulation.time / simulation.scene.step)
     header = Header(SCHEMA_VERSION, session, "", 0, steps, 0, simulation.time)
-    report = resting_report(simulation, header, frame) if last is None else last
-    return Observation(header, report, frame, told)
+    report = resting_report(simulation, header, frames) if last is None else last
+    return Observation(header, report, frames, told)
 
 
 def counted(error: Exception, taken: int, asked: int) -> Exception:
@@ -49,7 +50,7 @@ def counted(error: Exception, taken: int, asked: int) -> Exception:
     return StepFailed(f"{error} ({taken} of the {asked} steps asked for were taken)") if taken else error
 
 
-def resting_report(simulation: Simulation, header: Header, frame: Frame | None) -> StepReport:
+def resting_report(simulation: Simulation, header: Header, frames: Mapping[str, Frame]) -> StepReport:
     """The report before any step: nothing touches, nothing moves."""
     tools = simulation.tools
     n_tools = len(tools.names)
@@ -59,9 +60,9 @@ def resting_report(simulation: Simulation, header: Header, frame: Frame | None) 
         tool_position=tools.position.copy(),
         tool_orientation=tools.orientation.copy(),
         wrench=np.zeros((n_tools, 6)),
-        quantities=simulation.at_rest(frame),
-        seam=SeamReport(0.0, 0, 0, 0.0, 0.0),
-        regions={},
+        quantities=simulation.at_rest(frames),
+        interfaces={},
+        parts={},
         energy={},
         momentum=np.zeros(3),
         angular_momentum=np.zeros(3),

@@ -15,11 +15,9 @@ class Clock:
     dt: float
     """length of a step [s]"""
     epoch: int = -1
-    """of the present cut; what participants of another one are asked, they refuse"""
+    """cuts made so far, less one; what participants of another cut are asked, they refuse"""
     step: int = 0
     """steps committed"""
-    tick: int = 0
-    """steps that participants have taken; more than `step` where steps were taken in parts"""
 
     @property
     def time(self) -> float:
@@ -28,7 +26,7 @@ class Clock:
 
     def start(self, step: int) -> None:
         """Stand after so many steps."""
-        self.step = self.tick = step
+        self.step = step
 
     def now(self) -> Header:
         """Names the simulation as it stands."""
@@ -38,7 +36,3 @@ class Clock:
         """Names the last step by its number and the time at its start."""
         at = max(self.step - 1, 0)
         return Header(SCHEMA_VERSION, self.session, "", self.epoch, at, 0, at * self.dt)
-
-    def request(self, participant: str, exchange: int = 0) -> Header:
-        """Names a request to a participant."""
-        return Header(SCHEMA_VERSION, self.session, participant, self.epoch, self.tick, exchange, self.time)

@@ -23,7 +23,7 @@ critical on the body at rest; k, of which k_0 has a wave's impedance over a step
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +34,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body, Material
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.grip import Grip
+from softseam_services.orchestrator.grip import Grip, nearest_body
 from softseam_services.orchestrator.program import Progress
 
 Floats = NDArray[np.float64]
@@ -87,9 +87,9 @@ class Drive:
 class Drives:
     """All drives of a scene's motion and their state, one row a drive."""
 
-    def __init__(self, scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> None:
+    def __init__(self, scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) -> None:
         self._dt = scene.step
-        self.drives = _drives(scene, body, grips)
+        self.drives = _drives(scene, bodies, grips)
         """one of a closing phase, or of a tool that moves by itself up to its limit"""
         self._last = _last_phases(scene, self.drives)
         self.phases = {
@@ -154,9 +154,8 @@ class Drives:
             state[:] = self._chosen[row], k, resistance, moved, largest
 
 
-def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Drive]:
-    if not isinstance(body, Body):
-        return []  # the scene has refused forces to hold or limit
+def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) -> list[Drive]:
+    """Each against the body that its tools are nearest to; against one of particles there is none."""
     names = list(scene.tools)
     closing = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
     found = []
@@ -168,6 +167,9 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
             if not math.isfinite(min(force, limit)):
                 continue
             grip = grips[number]
+            body = grip.body
+            if not isinstance(body, Body):
+                continue
             added, added_damping = _added(body, grip.axis, grip.width, scene.step)
             found.append(
                 Drive(
@@ -189,6 +191,10 @@ def _drives(scene: Scene, body: AnyBody, grips: Mapping[int, Grip]) -> list[Driv
             for name in phase.tools:
                 spec = scene.tools[name]
                 if name in closing or not math.isfinite(_limit(spec)):
+                    continue
+                assert not isinstance(spec, PlaneTool)  # it has no limit
+                body = nearest_body(bodies, np.array(spec.position))
+                if not isinstance(body, Body):
                     continue
                 width = float(np.ptp(body.x_rest @ way))
                 stiffness = _stiffness(body, width, scene.step)

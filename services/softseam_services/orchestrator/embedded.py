@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 from softseam_protocol.messages.participant import Advanced, Bundle, Failure, Reply, Request
 from softseam_services.orchestrator.transport import ParticipantFailed
+from softseam_services.pbd.pair import cores
 from softseam_services.server import ParticipantServer, Setup
 
 _WORTH_A_THREAD = 3e-4
@@ -18,28 +19,31 @@ class EmbeddedTransport:
 
     def __init__(self) -> None:
         self._servers: dict[str, ParticipantServer] = {}
-        self._setup: tuple[Bundle, Setup] | None = None
+        self._setups: tuple[Bundle, Mapping[str, Setup]] | None = None
         self._pool: ThreadPoolExecutor | None = None
         self._seconds: dict[str, float] = {}
 
-    def adopt(self, bundle: Bundle, setup: Setup) -> None:
-        """Let the participants share the orchestrator's body instead of building their own."""
-        self._setup = (bundle, setup)
+    def adopt(self, bundle: Bundle, setups: Mapping[str, Setup]) -> None:
+        """Let the participants share the orchestrator's bodies instead of building their own."""
+        self._setups = (bundle, setups)
         for server in self._servers.values():
-            server.adopt(bundle, setup)
+            server.adopt(bundle, setups)
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         names = list(requests)
         replies: dict[str, Reply] = {}
-        if len(names) == 2 and min(self._seconds.get(name, 0.0) for name in names) > _WORTH_A_THREAD:
+        long = [name for name in names if self._seconds.get(name, 0.0) > _WORTH_A_THREAD]
+        if len(long) > 1:
             if self._pool is None:
-                self._pool = ThreadPoolExecutor(1, thread_name_prefix="participant")
-            other = self._pool.submit(self._server(names[1]).handle, requests[names[1]])
+                self._pool = ThreadPoolExecutor(max(1, cores() - 1), thread_name_prefix="participant")
+            others = {name: self._pool.submit(self._server(name).handle, requests[name]) for name in long[1:]}
             try:
-                replies[names[0]] = self._server(names[0]).handle(requests[names[0]])
-                replies[names[1]] = other.result()
+                for name in names:
+                    if name not in others:
+                        replies[name] = self._server(name).handle(requests[name])
+                replies.update({name: other.result() for name, other in others.items()})
             finally:  # an interrupt leaves nobody at work: what follows would meet it
-                wait([other])
+                wait(others.values())
         else:
             for name in names:
                 replies[name] = self._server(name).handle(requests[name])
@@ -63,6 +67,6 @@ class EmbeddedTransport:
         server = self._servers.get(name)
         if server is None:
             server = self._servers[name] = ParticipantServer()
-            if self._setup is not None:
-                server.adopt(*self._setup)
+            if self._setups is not None:
+                server.adopt(*self._setups)
         return server

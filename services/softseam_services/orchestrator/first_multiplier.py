@@ -22,7 +22,7 @@ from softseam_services.body.body import Body
 from softseam_services.body.interpolate import Functions, hex27, point_weights
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.region import build_region
-from softseam_services.orchestrator.sides import FAR, NEAR, Sides
+from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -58,21 +58,23 @@ def first_multiplier(
     cauchy  (C, 8, 6)  stress of the merged body in each octant, xx yy zz yz xz xy [Pa]
     """
     mass, acceleration = {}, {}
-    for name in (NEAR, FAR):
+    for name in (sides.near, sides.far):
         mass[name], force = _seam_loads(body, sides, name, state, cauchy, functions[sides.models[name]])
         acceleration[name] = force / mass[name][:, None]
-    difference = acceleration[FAR] if tie.p is None else tie.p @ acceleration[FAR]
-    difference = difference - acceleration[NEAR]
+    difference = acceleration[sides.far] if tie.p is None else tie.p @ acceleration[sides.far]
+    difference = difference - acceleration[sides.near]
     if tie.p is None:
-        return difference / (1.0 / mass[NEAR] + 1.0 / mass[FAR])[:, None]
-    return np.asarray(np.linalg.solve(np.diag(1.0 / mass[NEAR]) + (tie.p / mass[FAR]) @ tie.p.T, difference))
+        return difference / (1.0 / mass[sides.near] + 1.0 / mass[sides.far])[:, None]
+    return np.asarray(
+        np.linalg.solve(np.diag(1.0 / mass[sides.near]) + (tie.p / mass[sides.far]) @ tie.p.T, difference)
+    )
 
 
 def _seam_loads(
     body: Body, sides: Sides, name: str, state: BodyState, cauchy: Floats, functions: Functions
 ) -> tuple[Floats, Floats]:
     """Mass (s,) [kg] of one side's seam nodes, and force (s, 3) [N] on them: stress, contact and weight."""
-    region = build_region(body, sides.cells[name], sides.seam, name == NEAR)
+    region = build_region(body, sides.cells[name], sides.seam, name == sides.near)
     force = region.mass[:, None] * body.gravity
     indptr, node, weight = point_weights(body, region, functions)
     push = np.repeat(state.contact_force[region.points], np.diff(indptr), axis=0)

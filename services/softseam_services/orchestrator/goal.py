@@ -39,12 +39,12 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.mesh_error import MeshError as MeshIndicator
 from softseam_services.orchestrator.adjoint import Adjoint
+from softseam_services.orchestrator.error_estimate import MESH, UNMEASURED
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.grip import grips_by_phase
 from softseam_services.orchestrator.probes import place_of
 from softseam_services.orchestrator.sides import Sides, merged_state
 from softseam_services.orchestrator.stress import von_mises
-from softseam_services.orchestrator.trust import MESH, UNMEASURED
 from softseam_services.pbd.model_error import ModelError
 from softseam_services.tools.tool_set import ToolSet
 
@@ -73,7 +73,7 @@ class Goal:
                 "goal is solved for: give a longer body.cell, or leave regions.goal out"
             )
         self._scene, self._body, self._tools = scene, body, tools
-        self._grip = next(iter(grips_by_phase(scene, tools, body.x_rest).values()), None)
+        self._grip = next(iter(grips_by_phase(scene, tools, [body]).values()), None)
         at = scene.probes.get(name)
         self._octant = None if at is None else place_of(body, name, np.asarray(at))[:2]
         self._adjoint: Adjoint | None = None

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body
+from softseam_services.orchestrator.error_estimate import model_shares
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
-from softseam_services.orchestrator.trust import model_shares
 
 Floats = NDArray[np.float64]
 

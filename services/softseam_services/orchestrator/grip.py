@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,9 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
+from softseam_services.body.build import AnyBody
+from softseam_services.tools.extent import extent_along
 from softseam_services.tools.kernels import rotate, rotate_back
-from softseam_services.tools.outline import extent_along
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -30,16 +32,18 @@ class Grip:
     """half extents of both along the axis [m]"""
     width: float
     """of the body at rest along the axis [m]"""
+    body: AnyBody
+    """between the two"""
 
     @classmethod
-    def build(cls, tools: ToolSet, first: int, second: int, x_rest: Floats) -> Grip:
+    def build(cls, tools: ToolSet, first: int, second: int, body: AnyBody) -> Grip:
         way = tools.position[second] - tools.position[first]
         axis = np.asarray(way / np.linalg.norm(way))
-        along = x_rest @ axis
+        along = body.x_rest @ axis
         turns = tools.orientation
         thickness = extent_along(tools, first, axis, turns[first]) + extent_along(tools, second, -axis, turns[second])
         upright = turns[first].tolist()
-        return cls(first, second, axis, upright, thickness, float(along.max() - along.min()))
+        return cls(first, second, axis, upright, thickness, float(along.max() - along.min()), body)
 
     def axis_now(self, orientation: Floats) -> Floats:
         """The axis (3,), which turns with the first tool, at orientations (t, 4)."""
@@ -57,14 +61,29 @@ class Grip:
         return along_axis(self.axis_now(orientation), position[self.first], position[self.second]) - self.thickness
 
 
-def grips_by_phase(scene: Scene, tools: ToolSet, x_rest: Floats) -> dict[int, Grip]:
-    """The grip of every phase that closes two tools; x_rest (N, 3) gives the body's width between them."""
+def grips_by_phase(scene: Scene, tools: ToolSet, bodies: Sequence[AnyBody]) -> dict[int, Grip]:
+    """The grip of every phase that closes two tools, on the body between them."""
     index = {name: i for i, name in enumerate(tools.names)}
-    return {
-        number: Grip.build(tools, index[phase.tools[0]], index[phase.tools[1]], x_rest)
-        for number, phase in enumerate(scene.motion)
-        if isinstance(phase, ClosePhase)
-    }
+    grips = {}
+    for number, phase in enumerate(scene.motion):
+        if isinstance(phase, ClosePhase):
+            first, second = (index[name] for name in phase.tools)
+            body = nearest_body(bodies, 0.5 * (tools.position[first] + tools.position[second]))
+            grips[number] = Grip.build(tools, first, second, body)
+    return grips
+
+
+def nearest_body(bodies: Sequence[AnyBody], point: Floats) -> AnyBody:
+    """The body whose box at rest is nearest to a point (3,) [m]; of those around it, that with the nearest middle."""
+    if len(bodies) == 1:
+        return bodies[0]
+
+    def far(body: AnyBody) -> tuple[float, float]:
+        low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
+        outside = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)))
+        return float(outside), float(np.linalg.norm(0.5 * (low + high) - point))
+
+    return min(bodies, key=far)
 
 
 def along_axis(axis: Floats, first: Floats, second: Floats) -> float:

@@ -12,7 +12,7 @@ from softseam_protocol.messages.participant import Fields
 from softseam_protocol.messages.session import Indicators
 from softseam_services.body.body import Body
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE
-from softseam_services.orchestrator.sides import FAR, NEAR, Sides
+from softseam_services.orchestrator.sides import Sides
 from softseam_services.orchestrator.tie import face_corners, seam_faces
 
 Floats = NDArray[np.float64]
@@ -23,13 +23,18 @@ def measure(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Map
     model, mesh, jump, gap = np.zeros((4, body.n_cells))
     for name, side in fields.items():
         if sides.models[name] == "pbd":
-            model[sides.cells[name]] = side.model_error
+            model[sides.cells[name]] = told(side.model_error, len(sides.cells[name]))
         else:
-            mesh[sides.cells[name]] = side.mesh_error
+            mesh[sides.cells[name]] = told(side.mesh_error, len(sides.cells[name]))
     if len(sides.seam):
         jump[:] = _jumps(body, sides, neighbours, fields)
         gap[:] = _gaps(body, sides, fields)
     return Indicators(model, mesh, jump, gap)
+
+
+def told(errors: Floats, n_cells: int) -> Floats:
+    """A part's errors by cell (n_cells,) [J]; 0 of a part that does not estimate them."""
+    return errors if len(errors) else np.zeros(n_cells)
 
 
 def energy_error(energy: Floats, strain: float) -> float:
@@ -47,13 +52,13 @@ def _jumps(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapp
     """Root mean square over each cell's faces at the seam (C,) [Pa]."""
     square, count = np.zeros((2, body.n_cells))
     x = np.empty((body.n_nodes, 3))
-    for name in (FAR, NEAR):
+    for name in (sides.far, sides.near):
         x[fields[name].nodes] = fields[name].x
     sample = {name: FEM_SAMPLE if sides.models[name] == "fem" else PBD_SAMPLE for name in sides.names}
     for face, cells, others in seam_faces(body, sides, neighbours):
         normal = face_normals(x[body.cell_nodes[cells][:, face_corners(face)]])
         tractions = []
-        for name, mine, side in ((NEAR, cells, face), (FAR, others, face ^ 1)):
+        for name, mine, side in ((sides.near, cells, face), (sides.far, others, face ^ 1)):
             cauchy = fields[name].cauchy[np.searchsorted(sides.cells[name], mine)]
             tractions.append(face_tractions(cauchy, side, sample[name], normal))
         jump = traction_jump(*tractions) ** 2
@@ -65,7 +70,7 @@ def _jumps(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapp
 
 def _gaps(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> Floats:
     """Largest gap at each cell's seam nodes (C,) [m]."""
-    at = [fields[name].x[np.searchsorted(fields[name].nodes, sides.seam)] for name in (NEAR, FAR)]
+    at = [fields[name].x[np.searchsorted(fields[name].nodes, sides.seam)] for name in (sides.near, sides.far)]
     gap = np.zeros(body.n_nodes)
     gap[sides.seam] = np.linalg.norm(at[0] - at[1], axis=1)
     return np.asarray(gap[body.cell_nodes].max(axis=1))

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
+from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import Advanced, Fields
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.cost import one_is_enough, step_cost
-from softseam_services.orchestrator.sides import NEAR, Sides, cut
-from softseam_services.orchestrator.urgency import Urgency
+from softseam_services.orchestrator.refinement import RefinementIndicators
+from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.pbd.levels import coarse_cells
 from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.tool_set import ToolSet
@@ -51,7 +52,7 @@ class NearCells:
         )
         self._rule = _rule(near, self._fixed)
         self._horizon = _STEPS_AHEAD if near is None or near.ahead is None else near.ahead / scene.step
-        self._urgency = Urgency(body, near, scene.regions.goal)
+        self._refinement = RefinementIndicators(body, near, scene.regions.goal)
         self.model = "fem" if near is None else near.model
         """model of the near cells"""
         self._far_model, self._models, self._dt = scene.regions.default, scene.models, scene.step
@@ -86,12 +87,12 @@ class NearCells:
     @property
     def looks_for(self) -> tuple[bool, bool]:
         """Whether the rule wants to look at the fields every `LOOK_EVERY` steps, and at their indicators."""
-        return (False, False) if self.enough else (self._urgency.wanted, self._urgency.wants_errors)
+        return (False, False) if self.enough else (self._refinement.wanted, self._refinement.wants_errors)
 
     @property
     def looks_for_goal(self) -> bool:
         """Whether the rule wants to know which cells the goal blames, every `LOOK_EVERY` steps."""
-        return self._urgency.wants_goal and not self.enough
+        return self._refinement.wants_goal and not self.enough
 
     def reset(self) -> None:
         """The cells that are near at the start."""
@@ -109,7 +110,7 @@ class NearCells:
             distance,
         )
         self._distance = distance
-        self._urgency.reset()
+        self._refinement.reset()
         self._wait = 0
         self._state: RegionState = self._rule.init(self._grid, distance)
         if self._none:
@@ -131,7 +132,7 @@ class NearCells:
         if self._fixed:
             return ""
         if self.enough:
-            self._distance = replies[NEAR].cell_distance.copy()
+            self._distance = replies[sides.near].cell_distance.copy()
             return ""
         distance = np.empty(self._body.n_cells)
         for name, cells in sides.cells.items():
@@ -142,10 +143,10 @@ class NearCells:
             approach = np.nan_to_num(approach)  # no tool, no distance: inf - inf
         self._distance = distance
         if blame is not None:
-            self._urgency.blame(blame)
+            self._refinement.blame(blame)
         if seen is not None:
-            self._urgency.look(sides, seen, self._cut)
-        measures = self._urgency.measures
+            self._refinement.look(sides, seen, self._cut)
+        measures = self._refinement.measures
         if seen is None and blame is None:
             # an old look keeps cells near, and raises none: they would come before what it brought is seen
             measures = {name: np.minimum(measure, 1.0) for name, measure in measures.items()}
@@ -191,14 +192,14 @@ class NearCells:
 
     def _cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""
-        sides = cut(self._body, near, self.model, self._far_model)
+        sides = cut(ONLY_BODY, self._body, near, self.model, self._far_model)
         return step_cost(self._body, sides, self._models, self._dt, len(self._tools.names) > 0, self._coarse)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """What evolves, for a snapshot."""
         return {
             **self._state.to_arrays(),
-            **self._urgency.to_arrays(),
+            **self._refinement.to_arrays(),
             "cut": self._cut.astype(np.int32),
             "distance": self._distance.copy(),
             "wait": np.array([self._wait], dtype=np.int32),
@@ -211,7 +212,7 @@ class NearCells:
         wait = int(arrays["wait"].astype(np.int32)[0])
         if not len(state.near) == len(state.idle) == len(cut) == len(distance) == self._body.n_cells:
             raise ValueError(f"it is not of {self._body.n_cells} cells")
-        self._urgency.take(arrays)
+        self._refinement.take(arrays)
         self._state, self._cut, self._distance, self._wait = state, cut, distance, wait
 
 

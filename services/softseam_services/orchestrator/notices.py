@@ -9,8 +9,9 @@ from softseam_coupling.ledger import Alarm
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import element_warning
-from softseam_protocol.scene.scene import BodySpec, Scene
+from softseam_protocol.scene.scene import Scene
 
 _TOO_FAR = (
     "moves half its thickness in a step: the body may come out behind it; shorten the step, or move it more slowly"
@@ -25,7 +26,7 @@ class Tell(Protocol):
 
 
 class Notices:
-    """Tells each once, when it comes, not in every step that it lasts.
+    """What is told of a body: each once, when it comes, not in every step that it lasts.
 
     tell  receives every event
     """
@@ -36,8 +37,6 @@ class Notices:
 
     def forget(self) -> None:
         """The last step is another's."""
-        self._too_far: set[str] = set()
-        self._met = ""
         self._crushed = 0
         self._alarmed: set[str] = set()
 
@@ -47,11 +46,8 @@ class Notices:
         replies: Mapping[str, Advanced],
         alarms: Iterable[Alarm],
         estimate: ErrorEstimate | None,
-        too_far: Iterable[str],
-        met: str,
     ) -> None:
-        """A step was taken: replies of the sides, new alarms of the energy, how far the run may be off where it ends,
-        tools that moved half their thickness, and those that have met, in words."""
+        """A step was taken: replies of the parts, new alarms of the energy, how far the run may be off at its end."""
         at = f"step {step}"
         if step == 0 and self._locks:
             self._tell("element", self._locks)
@@ -67,6 +63,26 @@ class Notices:
         self._alarmed = {name for name, reply in replies.items() if reply.alarm}
         if estimate is not None and estimate.too_large:
             self._tell("accuracy", f"{at}: estimated error of {estimate.text}")
+
+
+class ToolNotices:
+    """The same of tools.
+
+    tell  receives every event
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self.forget()
+
+    def forget(self) -> None:
+        """The last step is another's."""
+        self._too_far: set[str] = set()
+        self._met = ""
+
+    def follow(self, step: int, too_far: Iterable[str], met: str) -> None:
+        """A step was taken: tools that moved half their thickness, and those that have met, in words."""
+        at = f"step {step}"
         for name in too_far:
             if name not in self._too_far:
                 self._tell("tools", f"{at}: {name} {_TOO_FAR}", Detail.TOO_FAR)

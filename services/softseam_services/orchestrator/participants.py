@@ -1,4 +1,4 @@
-"""The participants of one body, and the seam between them: built for a cut, advanced until they agree, observed, saved.
+"""The participants of one body, and what ties its parts: built for a cut, advanced until they agree, observed, saved.
 
 A step that fails leaves them as they were. What one side took alone is discarded, and a step in parts goes back to a
 snapshot; both when they are next asked for anything (docs/decisions/05).
@@ -9,19 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
-from softseam_coupling.loops.one_way import Correction
-from softseam_protocol.messages.outcomes import Detail, Status
+from softseam_coupling.loops.loop import Correction, Outcome, PartRequest, StepDiverged, StepRefused
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     BodyState,
     Bundle,
+    Capabilities,
     Commit,
     Configure,
     Configured,
@@ -29,6 +30,7 @@ from softseam_protocol.messages.participant import (
     Failure,
     Fields,
     Observe,
+    PartMesh,
     Release,
     Reply,
     Request,
@@ -36,25 +38,17 @@ from softseam_protocol.messages.participant import (
     Snapshot,
     SnapshotTaken,
     ToolMotion,
-    Worked,
 )
 from softseam_protocol.scene.scene import Scene
-from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.notices import Tell
-from softseam_services.orchestrator.parts import CutStep
-from softseam_services.orchestrator.seam_answers import (
-    SeamDiverged,
-    SeamScheme,
-    SeamSolution,
-    SeamUnsettled,
-    SideRequest,
-)
-from softseam_services.orchestrator.sides import NEAR, Sides
+from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.subdivided_step import SubdividedStep
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 
 Floats = NDArray[np.float64]
-Tied = tuple[Sides, SeamScheme | None]
+Tied = tuple[Sides, Coupling | None]
 """sides, and what ties them where they share nodes"""
 
 _FREE = np.zeros((0, 3))
@@ -62,7 +56,8 @@ _FREE = np.zeros((0, 3))
 _KEPT = np.zeros((0, 0))
 """stands for the stiffness that the near side has"""
 _OLDER = Failure(
-    "schema", "it does not tell the energies that it begins with: install the same version of softseam on both sides"
+    FailureKind.SCHEMA,
+    "it does not tell the energies that it begins with: install the same version of softseam on both sides",
 )
 
 
@@ -83,12 +78,12 @@ class Kept:
 
 
 class Participants:
-    """Those of the present cut.
+    """Those of the present cut of one body, an island: parts that are tied to no others.
 
-    clock     of the simulation; cuts count its epochs, steps its ticks
-    accounts  are told where the time goes
+    clock     of the simulation; cuts count its epochs
     tell      receives kind and text of every event
     tie       makes what ties sides of which nothing is known yet; None where they share no nodes
+    mesh      makes the mesh of one of the sides; None where it has no cells
     """
 
     def __init__(
@@ -97,36 +92,42 @@ class Participants:
         scene: Scene,
         transport: Transport,
         clock: Clock,
-        accounts: Accounts,
         tell: Tell,
-        tie: Callable[[Sides], SeamScheme | None],
+        tie: Callable[[Sides], Coupling | None],
+        mesh: Callable[[Sides, str], PartMesh | None],
     ) -> None:
         self._bundle, self._scene, self._transport = bundle, scene, transport
-        self._clock, self._accounts, self._tell, self._tie = clock, accounts, tell, tie
+        self._clock, self._tell, self._tie, self._mesh = clock, tell, tie, mesh
+        self._epoch = self._tick = 0
         self.sides: Sides
         """the present cut"""
-        self._loop: SeamScheme | None = None
-        self._n_asked = -1  # exchanges of the tick at hand
+        self._coupling: Coupling | None = None
+        self._n_asked = self._asked = -1  # exchanges of the tick at hand, and of the one before
         self._under_way = False  # a step is, or was when it failed
         self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
+        self._able: dict[str, Capabilities] = {}
+        self._before: Kept | dict[str, Floats] | None = None  # the last step, where it may be withdrawn
 
     def configure(self, tied: Tied, state: BodyState | None) -> Energies:
         """Build the sides of another cut in a new epoch: in this state, or to be restored; its energies."""
         self._clock.epoch += 1
+        self._epoch = self._clock.epoch
         self._n_asked, self._under_way = -1, False
         self._kept = None
-        sides, self._loop = tied
+        sides, self._coupling = tied
         self.sides = sides
-        replies = self._exchange(
+        replies = self._transport.exchange(
             {
                 name: Configure(
-                    self._clock.request(name),
+                    self._header(name),
                     self._bundle,
                     sides.models[name],
                     sides.cells[name],
                     sides.seam,
                     state,
-                    name == NEAR,
+                    name == sides.near,
+                    sides.body,
+                    self._mesh(sides, name),
                 )
                 for name in sides.names
             }
@@ -135,28 +136,64 @@ class Participants:
         for name, reply in begun.items():
             if math.isnan(reply.kinetic + reply.strain + reply.gravity):
                 raise ParticipantFailed(name, _OLDER)
-        if self._loop is not None:
+        if self._coupling is not None:
             told = {name: reply.capabilities for name, reply in begun.items()}
-            self._loop.begin({name: able for name, able in told.items() if able is not None})
+            self._able = {name: able for name, able in told.items() if able is not None}
+            self._coupling.loop.begin(self._able)
         return Energies(
             sum(reply.kinetic for reply in begun.values()),
             sum(reply.strain for reply in begun.values()),
             sum(reply.gravity for reply in begun.values()),
         )
 
+    def stand(self, step: int) -> None:
+        """Be about to take the step of this number; before `configure`."""
+        self._tick = step
+
+    def _header(self, part: str, exchange: int = 0) -> Header:
+        """Names a request of the present cut."""
+        return Header(SCHEMA_VERSION, self._clock.session, part, self._epoch, self._tick, exchange, self._clock.time)
+
     # ---- one step
 
-    def advance(self, motion: ToolMotion, fields: bool) -> SeamSolution:
-        """Advance all sides by a step until they agree at the seam; where they will not, in parts of the step.
+    @property
+    def tied(self) -> bool:
+        """Whether there is an interface between its parts."""
+        return self._coupling is not None
 
-        fields  ask for the sides' fields in the exchange that is likely to be the last
+    def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
+        """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
+        self._discard_failed()
+        self._n_asked, self._under_way = self._n_asked + 1, True
+        return {
+            name: Advance(
+                self._header(name, self._n_asked), self._clock.dt, _FREE, motion, False, _FREE, _KEPT, fields, _FREE
+            )
+            for name in self.sides.names
+        }
+
+    def taken(self, replies: Mapping[str, Reply]) -> Outcome:
+        """Parts that nothing ties have answered `requests`. Raises StepFailed."""
+        own = self._advanced({name: replies[name] for name in self.sides.names})
+        solution = Outcome(own, _FREE, 0.0, 1, "")
+        self._before, self._asked = {}, self._n_asked
+        self._tick += 1
+        self._n_asked, self._under_way = -1, False
+        self._tell_cuts(solution)
+        return solution
+
+    def advance(self, motion: ToolMotion, fields: bool, alone: bool) -> Outcome:
+        """Advance tied parts by a step until they agree; where they will not, in parts of the step.
+
+        fields  ask for the fields in the exchange that is likely to be the last
+        alone   no other island may fail in this step, after which this one would be withdrawn
         """
         self._discard_failed()
+        assert self._coupling is not None
+        self._before = None if alone else {name: array.copy() for name, array in self._coupling.to_arrays().items()}
         try:
-            solution = (
-                self._advance(motion, self._clock.dt, fields) if self._loop is None else self._cut(motion, fields)
-            )
-        except SeamDiverged as error:
+            solution = self._cut(motion, fields)
+        except StepDiverged as error:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
         if solution.note:
             gap = f"gap {1e6 * solution.gap:.3g} um after {solution.exchanges} exchanges is kept"
@@ -164,7 +201,21 @@ class Participants:
         self._tell_cuts(solution)
         return solution
 
-    def _tell_cuts(self, solution: SeamSolution) -> None:
+    def withdraw(self) -> None:
+        """Take the step back that was taken last: it failed elsewhere."""
+        before = self._before
+        if isinstance(before, Kept):
+            self.go_back(before)
+            return
+        assert before is not None
+        self._tick -= 1
+        self._n_asked, self._under_way = self._asked, True
+        if self._coupling is not None:
+            self._coupling.take(before)
+            self._coupling.loop.begin(self._able)
+            self._coupling.loop.forget_told()
+
+    def _tell_cuts(self, solution: Outcome) -> None:
         """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
@@ -172,45 +223,44 @@ class Participants:
                 taken = f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts"
                 self._tell("step", taken, count=reply.n_substeps)
 
-    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> SeamSolution:
-        def ask(wanted: dict[str, SideRequest]) -> dict[str, Advanced]:
+    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> Outcome:
+        def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
             self._n_asked += 1
             requests: dict[str, Request] = {}
             for name, side in wanted.items():
-                header = self._clock.request(name, self._n_asked)
-                last = fields and side.fields and (self._n_asked > 0 or self._loop is None)  # it may well be
-                anchor = _FREE if side.anchor is None else side.anchor
-                stiffness = _KEPT if side.stiffness is None else side.stiffness
+                header = self._header(name, self._n_asked)
+                last = fields and side.last and self._n_asked > 0  # it may well be
+                anchor = _FREE if side.target is None else side.target
+                stiffness = _KEPT if side.impedance is None else side.impedance
                 start = _FREE if side.start is None else side.start
                 requests[name] = Advance(
-                    header, dt, side.force, motion, side.compliance, anchor, stiffness, last, start, side.repeat
+                    header, dt, side.force, motion, side.renew, anchor, stiffness, last, start, side.repeat
                 )
-            return self._advanced(self._exchange(requests))
+            return self._advanced(self._transport.exchange(requests))
 
         def correct(corrections: dict[str, Correction]) -> dict[str, Advanced]:
             self._n_asked += 1
             requests = {
-                name: Correct(self._clock.request(name, self._n_asked), one.push, one.force, fields)
+                name: Correct(self._header(name, self._n_asked), one.push, one.force, fields)
                 for name, one in corrections.items()
             }
-            return self._advanced(self._exchange(requests))
+            return self._advanced(self._transport.exchange(requests))
 
+        assert self._coupling is not None
         self._under_way = True
-        if self._loop is None:
-            solution = SeamSolution(ask({name: SideRequest(_FREE) for name in self.sides.names}), _FREE, 0.0, 1, "")
-        else:
-            solution = self._loop.solve(ask, correct, dt, may_cut)
-        self._clock.tick += 1
+        solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
+        self._asked = self._n_asked
+        self._tick += 1
         self._n_asked, self._under_way = -1, False
         return solution
 
-    def _cut(self, motion: ToolMotion, fields: bool) -> SeamSolution:
+    def _cut(self, motion: ToolMotion, fields: bool) -> Outcome:
         """Take the step whole, or in parts where it will not settle.
 
         Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
         """
-        assert self._loop is not None
-        pace, step = self._loop.pace, CutStep(motion, self._clock.dt)
+        assert self._coupling is not None
+        pace, step = self._coupling.pace, SubdividedStep(motion, self._clock.dt)
         before = pace.parts
         if before > 1:
             self._kept = self.keep()
@@ -220,12 +270,14 @@ class Participants:
             part, dt, may_cut = step.next(parts)
             try:
                 step.taken(parts, self._advance(part, dt, fields, may_cut))
-            except SeamUnsettled as fault:
+            except StepRefused as fault:
                 step.given_up(fault.exchanges)
                 pace.cut()
                 if self._kept is None:
                     self._kept = self.keep()
         pace.end()
+        if self._kept is not None and self._before is not None:
+            self._before = self._kept
         self._kept = None
         solution = step.solution()
         if step.n_parts > 1 and (solution.note or pace.parts != before):
@@ -251,10 +303,10 @@ class Participants:
             return
         self._kept = None
         try:
-            loop = self._tie(kept.sides)
-            if loop is not None:
-                loop.take(kept.seam)
-            self.restore((kept.sides, loop), kept.states)
+            coupling = self._tie(kept.sides)
+            if coupling is not None:
+                coupling.take(kept.seam)
+            self.restore((kept.sides, coupling), kept.states)
         except BaseException:
             self._kept = kept
             raise
@@ -277,17 +329,17 @@ class Participants:
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
         """Each side's fields, with its errors where asked for; of them only what its own model errs."""
         self._discard_failed()
-        requests = {name: Observe(self._clock.request(name), indicators, own) for name in self.sides.names}
-        replies = self._exchange(requests)
+        requests = {name: Observe(self._header(name), indicators, own) for name in self.sides.names}
+        replies = self._transport.exchange(requests)
         return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
 
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""
         self._discard_failed()
-        if self._loop is not None:
-            self._loop.forget_told()
-        replies = self._exchange(
-            {name: Snapshot(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names}
+        if self._coupling is not None:
+            self._coupling.loop.forget_told()
+        replies = self._transport.exchange(
+            {name: Snapshot(self._header(name, self._n_asked + 1)) for name in self.sides.names}
         )
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
@@ -295,41 +347,28 @@ class Participants:
         """Have a step that failed half way taken back by those that took it."""
         self._take_back()
         if self._under_way:
-            self._exchange({name: Commit(self._clock.request(name, self._n_asked + 1)) for name in self.sides.names})
+            self._transport.exchange({name: Commit(self._header(name, self._n_asked + 1)) for name in self.sides.names})
             self._under_way = False
 
     def multiplier(self) -> Floats:
         """The last committed one, on the near side (s, 3) [N]."""
-        return np.zeros((len(self.sides.seam), 3)) if self._loop is None else self._loop.multiplier()
+        return np.zeros((len(self.sides.seam), 3)) if self._coupling is None else self._coupling.loop.multipliers()
 
     def seam_arrays(self) -> dict[str, Floats]:
         """What of the seam evolves, for a snapshot; empty where there is none."""
-        return {} if self._loop is None else self._loop.to_arrays()
+        return {} if self._coupling is None else self._coupling.to_arrays()
 
     def restore(self, tied: Tied, states: Mapping[str, bytes]) -> None:
         """Continue with another cut, tied as `seam_arrays` told of it, from its `snapshot`."""
         self.configure(tied, None)
-        restores: dict[str, Request] = {
-            name: Restore(self._clock.request(name), states[name]) for name in self.sides.names
-        }
-        self._exchange(restores)
+        restores: dict[str, Request] = {name: Restore(self._header(name), states[name]) for name in self.sides.names}
+        self._transport.exchange(restores)
 
-    def close(self) -> None:
-        """Release the participants and the transport."""
+    def release_all(self) -> None:
+        """Let go of all."""
         self.release(self.sides.names)
-        self._transport.close()
 
     def release(self, names: Collection[str]) -> None:
         """Let go of participants that the present cut has not."""
         if names:
-            self._exchange({name: Release(self._clock.request(name)) for name in sorted(names)})
-
-    def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
-        began = perf_counter()
-        replies = self._transport.exchange(requests)
-        wall = perf_counter() - began
-        work = {name: reply.seconds for name, reply in replies.items() if isinstance(reply, Worked)}
-        self._accounts.exchanged(wall, work.values())
-        for name, seconds in work.items():
-            self._accounts.spent(self.sides.models[name], seconds)
-        return replies
+            self._transport.exchange({name: Release(self._header(name)) for name in sorted(names)})

@@ -13,6 +13,7 @@ from softseam_protocol.quantities import PROBED
 from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table
 from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.own_shapes import local_place
@@ -84,6 +85,29 @@ class Probes:
             fits = point_recovery(self._body, sample, int(material), cell, local, rest)
             found += csr_array((np.ones(len(mine)), (mine, np.arange(len(mine)))), (len(self._names), len(mine))) @ fits
         return found
+
+
+def share_probes(bodies: Mapping[str, AnyBody], points: Mapping[str, Vector]) -> dict[str, dict[str, Vector]]:
+    """The probes of each body by its name: those that are in it; of one body, all. Raises MeshError for one in none."""
+    if len(bodies) == 1:
+        return {name: dict(points) for name in bodies}
+    shares: dict[str, dict[str, Vector]] = {name: {} for name in bodies}
+    for probe, at in points.items():
+        for name, body in bodies.items():
+            if isinstance(body, Body) and _holds(body, probe, at):
+                shares[name][probe] = at
+                break
+        else:
+            raise MeshError(f"probes.{probe}: {list(at)} is in none of the bodies {', '.join(bodies)} at rest")
+    return shares
+
+
+def _holds(body: Body, probe: str, at: Vector) -> bool:
+    try:
+        place_of(body, probe, np.asarray(at))
+    except MeshError:
+        return False
+    return True
 
 
 def place_of(body: Body, name: str, at: Floats) -> tuple[int, int, Floats]:

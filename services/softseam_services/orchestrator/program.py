@@ -19,8 +19,8 @@ from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, Mov
 from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.shapes.turns import quaternion_turning, turned
 from softseam_services.tools.kernels import rotate
-from softseam_services.tools.pose import quaternion_turning, turned
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]

@@ -181,10 +181,17 @@ MEASUREMENTS: Table[Measurement] = Table(
 )
 
 
-class Quantities:
-    """Measures what the scene asks for, and what is always reported. Raises MissingRow where a table lacks a row."""
+_OF_GRIP = ("compression",)
+"""what only the body has that tools close on"""
 
-    def __init__(self, body: AnyBody, program: Program, wanted: Collection[str]) -> None:
+
+class Quantities:
+    """Measures what the scene asks for, and what is always reported. Raises MissingRow where a table lacks a row.
+
+    gripped  whether the tools that close do so on this body
+    """
+
+    def __init__(self, body: AnyBody, program: Program, wanted: Collection[str], gripped: bool = True) -> None:
         MEASUREMENTS.require(QUANTITIES, QUANTITIES.described)
         QUANTITIES.require(MEASUREMENTS, MEASUREMENTS.described)
         PROBE_MEASUREMENTS.require(PROBED, PROBED.described)
@@ -193,7 +200,7 @@ class Quantities:
         self._rows = [
             (name, row, MEASUREMENTS[name])
             for name, row in QUANTITIES.items()
-            if row.of in kinds and (row.always or name in wanted)
+            if row.of in kinds and (row.always or name in wanted) and (gripped or name not in _OF_GRIP)
         ]
         asked = [MEASUREMENTS[name].needs for name in wanted]
         self.need_fields = "fields" in asked or "indicators" in asked

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
     Advance,
     Commit,
@@ -129,4 +130,4 @@ class RecoveringTransport:
 
 
 def _recoverable(error: ParticipantLost | ParticipantFailed) -> bool:
-    return isinstance(error, ParticipantLost) or error.failure.kind == "not_configured"
+    return isinstance(error, ParticipantLost) or error.failure.kind == FailureKind.NOT_CONFIGURED

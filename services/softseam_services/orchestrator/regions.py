@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +14,21 @@ from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, 
 from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import model_functions
-from softseam_services.orchestrator.accounts import SWITCH_LIMIT, Accounts
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.coupling import Coupling, couple
+from softseam_services.orchestrator.energy_balance import SWITCH_LIMIT, EnergyBalance
 from softseam_services.orchestrator.first_multiplier import first_multiplier
 from softseam_services.orchestrator.goal import Goal
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.goal_watch import GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
+from softseam_services.orchestrator.no_cells import NoCells
 from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.participants import Kept, Participants, Tied
-from softseam_services.orchestrator.seam_answers import SeamScheme
-from softseam_services.orchestrator.seam_schemes import build_scheme, build_seam_solver
-from softseam_services.orchestrator.sides import Sides, cut, merged_state, whole_frame
+from softseam_services.orchestrator.sides import Sides, cut, merged_state, part_mesh, whole_frame
 from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.orchestrator.transport import Transport
-from softseam_services.orchestrator.undivided import Undivided
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -37,30 +37,32 @@ Floats = NDArray[np.float64]
 class Regions:
     """The cut of one body, and the rule that it follows.
 
+    name      of the body
     clock     of the simulation
-    accounts  are told where the time goes
+    balance  tell what share of the energy a switch changes
     tell      receives kind and text of every event
     """
 
     def __init__(
         self,
+        name: str,
         bundle: Bundle,
         setup: Setup,
         transport: Transport,
         clock: Clock,
-        accounts: Accounts,
+        balance: EnergyBalance,
         tell: Tell,
     ) -> None:
-        self._scene, self._body = setup.scene, setup.body
-        self._clock, self._accounts, self._tell = clock, accounts, tell
-        seam = self._scene.seam
-        self._solver = build_seam_solver(seam.acceleration, seam.tolerance * self._body.resolution)
+        self._name, self._scene, self._body = name, setup.scene, setup.body
+        self._clock, self._balance, self._tell = clock, balance, tell
         body = self._body
-        self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else Undivided()
+        self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else NoCells()
         self._goal = self._watch = None
         if isinstance(body, Body) and self._scene.regions.goal is not None:
             self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
-        self.participants = Participants(bundle, setup.scene, transport, clock, accounts, tell, self._scheme)
+        self.participants = Participants(
+            bundle, setup.scene, transport, clock, tell, self._couple, partial(part_mesh, body)
+        )
         """that the regions are with"""
 
     @property
@@ -95,7 +97,7 @@ class Regions:
             self.near.refused()
             raise
         change = done.total - sum(reply.kinetic + reply.strain + reply.gravity for reply in replies.values())
-        share = self._accounts.share_of_switch(change)
+        share = self._balance.share_of_switch(change)
         cost = f"{reason}; energy {change:+.2g} J, {100.0 * share:.2g} %"
         if share <= SWITCH_LIMIT:
             self._tell("regions", cost)
@@ -180,20 +182,20 @@ class Regions:
     def tied(self, seam: dict[str, Floats]) -> Tied:
         """The near cells as they are, tied as `Participants.seam_arrays` told. Raises KeyError or ValueError where that
         is of others."""
-        sides, loop = self._tied()
-        if loop is not None:
-            loop.take(seam)
-        return sides, loop
+        sides, coupling = self._tied()
+        if coupling is not None:
+            coupling.take(seam)
+        return sides, coupling
 
     def _tied(self, state: BodyState | None = None, cauchy: Floats | None = None) -> Tied:
         """The sides of the present near cells, and what ties them where they share nodes.
 
         state, cauchy (C, 8, 6)  as the body stands: of both the first multiplier is made
         """
-        sides = cut(self._body, self.near.mask, self.near.model, self._scene.regions.default)
-        return sides, self._scheme(sides, state, cauchy)
+        sides = cut(self._name, self._body, self.near.mask, self.near.model, self._scene.regions.default)
+        return sides, self._couple(sides, state, cauchy)
 
-    def _scheme(self, sides: Sides, state: BodyState | None = None, cauchy: Floats | None = None) -> SeamScheme | None:
+    def _couple(self, sides: Sides, state: BodyState | None = None, cauchy: Floats | None = None) -> Coupling | None:
         """What ties these sides; None where they share no nodes."""
         scene, body = self._scene, self._body
         if not len(sides.seam):
@@ -204,7 +206,7 @@ class Regions:
         first = None
         if state is not None and cauchy is not None:
             first = first_multiplier(body, sides, state, cauchy, tie, functions)
-        return build_scheme(scene.seam, self._solver, body, sides, tie, first)
+        return couple(scene.seam, body, sides, tie, first)
 
     def frame(
         self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats, indicators: bool = False

@@ -12,13 +12,76 @@ from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.force_search import ForceSearch
 from softseam_services.orchestrator.program import Progress
-from softseam_services.orchestrator.sides import FAR, NEAR
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-_CELLS, _SEAM, _PARTICIPANT = "regions.", "seam.", "participant."
-"""how the names of such entries begin"""
+_CELLS, _SEAM, _PART = "regions.", "seam.", "part."
+"""how the names of such entries of a body begin"""
+_BODY = "bodies/"
+
+
+@dataclass(frozen=True, slots=True)
+class SavedBody:
+    """One of its bodies."""
+
+    lift_base: float
+    """[m]"""
+    ledger: LedgerState | None
+    """None before the first step"""
+    begun: Energies
+    """with which the body begins, before the first step"""
+    errors: Floats
+    """see `ErrorEstimator.to_array`"""
+    cells: dict[str, NDArray[np.generic]]
+    """see `NearCells.to_arrays`"""
+    seam: dict[str, Floats]
+    """see `SeamLoop.to_arrays`; empty where there is no seam"""
+    participants: dict[str, bytes]
+    """state of each part, by id"""
+
+    def entries(self) -> dict[str, NDArray[np.generic] | bytes]:
+        """What `read` makes it of."""
+        found: dict[str, NDArray[np.generic] | bytes] = {
+            "lift_base": np.array([self.lift_base]),
+            "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
+            "begun": np.array([self.begun.kinetic, self.begun.strain, self.begun.gravity]),
+            "errors": self.errors,
+        }
+        found.update({_CELLS + name: array for name, array in self.cells.items()})
+        found.update({_SEAM + name: array for name, array in self.seam.items()})
+        found.update({_PART + name: state for name, state in self.participants.items()})
+        return found
+
+    @classmethod
+    def read(cls, entries: dict[str, NDArray[np.generic]]) -> SavedBody:
+        """From `entries`. Raises KeyError, ValueError or TypeError where anything is missing."""
+        ledger = entries["ledger"].astype(np.float64).tolist()
+        return cls(
+            lift_base=float(entries["lift_base"].astype(np.float64)[0]),
+            ledger=LedgerState.from_list(ledger) if ledger else None,
+            begun=Energies(*entries["begun"].astype(np.float64).tolist()),
+            errors=entries["errors"].astype(np.float64),
+            cells=_named(entries, _CELLS),
+            seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM).items()},
+            participants={name: state.tobytes() for name, state in _named(entries, _PART).items()},
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SavedTools:
+    """Its tools."""
+
+    progress: Progress
+    lifting: bool
+    """whether a tool has risen"""
+    position: Floats
+    """(t, 3) [m]"""
+    orientation: Floats
+    """(t, 4)"""
+    drives: Floats
+    gripping: NDArray[np.int8]
+    """1 for tools that hold particles (t,)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,50 +91,27 @@ class SavedState:
     scene: str
     """in JSON"""
     step: int
-    progress: Progress
-    lift_base: float
-    """[m]"""
-    lifting: bool
     seed: int
-    position: Floats
-    """of tools (t, 3) [m]"""
-    orientation: Floats
-    """of tools (t, 4)"""
-    ledger: LedgerState | None
-    """None before the first step"""
-    begun: Energies
-    """with which the body begins, before the first step"""
-    drives: Floats
-    gripping: NDArray[np.int8]
-    """1 for tools that hold particles (t,)"""
-    trust: Floats
-    """see `Trust.to_array`"""
-    cells: dict[str, NDArray[np.generic]]
-    """see `NearCells.to_arrays`"""
-    seam: dict[str, Floats]
-    """see `SeamLoop.to_arrays`; empty where there is no seam"""
-    participants: dict[str, bytes]
+    tools: SavedTools
+    bodies: dict[str, SavedBody]
+    """by name"""
 
     def pack(self) -> bytes:
         """As bytes, which `unpack` reads."""
-        progress = self.progress
-        numbers = [self.step, progress.phase, progress.elapsed, self.lift_base, self.lifting, self.seed]
+        tools, progress = self.tools, self.tools.progress
+        numbers = [self.step, progress.phase, progress.elapsed, tools.lifting, self.seed]
         numbers += progress.search.to_list()
         entries: dict[str, NDArray[np.generic] | bytes] = {
             "schema": np.array([SCHEMA_VERSION]),
             "scene": self.scene.encode(),
             "numbers": np.array(numbers, dtype=np.float64),
-            "position": self.position,
-            "orientation": self.orientation,
-            "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
-            "begun": np.array([self.begun.kinetic, self.begun.strain, self.begun.gravity]),
-            "drives": self.drives,
-            "gripping": self.gripping,
-            "trust": self.trust,
+            "position": tools.position,
+            "orientation": tools.orientation,
+            "drives": tools.drives,
+            "gripping": tools.gripping,
         }
-        entries.update({_CELLS + name: array for name, array in self.cells.items()})
-        entries.update({_SEAM + name: array for name, array in self.seam.items()})
-        entries.update({_PARTICIPANT + name: state for name, state in self.participants.items()})
+        for body, saved in self.bodies.items():
+            entries.update({f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()})
         return pack(entries)
 
     @classmethod
@@ -85,34 +125,27 @@ class SavedState:
                 "softseam that saved it, or run the scene again and save it anew"
             )
         try:
-            step, phase, elapsed, lift_base, lifting, seed, *search = entries["numbers"].astype(np.float64).tolist()
-            near = entries[_CELLS + "cut"] != 0
-            ledger = entries["ledger"].astype(np.float64).tolist()
-            held = [name for name, cells in ((NEAR, near), (FAR, ~near)) if cells.any()] or [
-                FAR
-            ]  # a body without cells is far
+            step, phase, elapsed, lifting, seed, *search = entries["numbers"].astype(np.float64).tolist()
+            of_bodies = _named(entries, _BODY)
+            names = dict.fromkeys(name.partition("/")[0] for name in of_bodies)
             return cls(
                 scene=entries["scene"].tobytes().decode(),
                 step=int(step),
-                progress=Progress(int(phase), elapsed, ForceSearch.from_list(search)),
-                lift_base=lift_base,
-                lifting=bool(lifting),
                 seed=int(seed),
-                position=entries["position"].astype(np.float64),
-                orientation=entries["orientation"].astype(np.float64),
-                ledger=LedgerState.from_list(ledger) if ledger else None,
-                begun=Energies(*entries["begun"].astype(np.float64).tolist()),
-                drives=entries["drives"].astype(np.float64),
-                gripping=entries["gripping"].astype(np.int8),
-                trust=entries["trust"].astype(np.float64),
-                cells=dict(_named(entries, _CELLS)),
-                seam={name: array.astype(np.float64) for name, array in _named(entries, _SEAM)},
-                participants={name: entries[_PARTICIPANT + name].tobytes() for name in held},
+                tools=SavedTools(
+                    progress=Progress(int(phase), elapsed, ForceSearch.from_list(search)),
+                    lifting=bool(lifting),
+                    position=entries["position"].astype(np.float64),
+                    orientation=entries["orientation"].astype(np.float64),
+                    drives=entries["drives"].astype(np.float64),
+                    gripping=entries["gripping"].astype(np.int8),
+                ),
+                bodies={name: SavedBody.read(_named(of_bodies, f"{name}/")) for name in names},
             )
         except (KeyError, ValueError, TypeError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
 
 
-def _named(entries: dict[str, NDArray[np.generic]], begin: str) -> list[tuple[str, NDArray[np.generic]]]:
+def _named(entries: dict[str, NDArray[np.generic]], begin: str) -> dict[str, NDArray[np.generic]]:
     """Entries whose names begin like this, by the rest of their names."""
-    return [(name.removeprefix(begin), array) for name, array in entries.items() if name.startswith(begin)]
+    return {name.removeprefix(begin): array for name, array in entries.items() if name.startswith(begin)}

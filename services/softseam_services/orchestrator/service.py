@@ -26,10 +26,12 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Mapping
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
 from softseam_protocol.messages.session import Close, Closed, Estimate, Estimated, Load, Open, Reset, Save, Saved, Step
 from softseam_protocol.scene.file import SceneError
@@ -37,10 +39,10 @@ from softseam_protocol.topics import ClientReply, ClientRequest, Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
-from softseam_services.orchestrator.alone import wait_alone
-from softseam_services.orchestrator.attendance import Attendance
-from softseam_services.orchestrator.desk import Answer, Desk, Stopped
+from softseam_services.orchestrator.client_liveness import ClientLiveness
+from softseam_services.orchestrator.client_session import Answer, ClientSession, Stopped
 from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.singleton import wait_to_be_only
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.progress import tell_progress
 from softseam_services.warm_up import settle, warm_orchestrator
@@ -69,191 +71,194 @@ _log = logging.getLogger(__name__)
 class ClientHandler:
     """Bytes in, bytes out; called from several threads, one request at a time for each session."""
 
-    def __init__(self, bus: Bus, keys: Keys, life: Lifeline) -> None:
-        self._bus, self._keys, self._life = bus, keys, life
-        self._desks: dict[str, Desk] = {}
+    def __init__(self, bus: Bus, keys: Keys, life: Lifeline, routes: Mapping[str, str] | None = None) -> None:
+        self._bus, self._keys, self._life, self._routes = bus, keys, life, routes
+        self._clients: dict[str, ClientSession] = {}
         self._lock = threading.Lock()
-        self._attendance = Attendance(bus, keys)
+        self._liveness = ClientLiveness(bus, keys)
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, and what `decode` raises, which the bus answers with a Failure."""
         request: ClientRequest = decode(payload, ClientRequest)
         header = request.header
         if not header.session:
-            raise Refused(Failure("invalid", "a request must name its session"))
+            raise Refused(Failure(FailureKind.INVALID, "a request must name its session"))
         if isinstance(request, Close):
             return self._close(request)
-        desk = self._desk(header, isinstance(request, Open))
-        if not desk.lock.acquire(timeout=_TURN):
-            raise Refused(Failure("busy", "the request before is still at work: wait for its answer"))
+        client = self._client(header, isinstance(request, Open))
+        if not client.lock.acquire(timeout=_TURN):
+            raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: wait for its answer"))
         try:
-            return self._answer(desk, request)
+            return self._answer(client, request)
         finally:
-            desk.used = time.monotonic()
-            desk.lock.release()
-            if not desk.opened:
-                self._forget(header.session, desk)
+            client.used = time.monotonic()
+            client.lock.release()
+            if not client.opened:
+                self._forget(header.session, client)
 
     def last(self) -> tuple[str, int]:
         """Session and step that were served last."""
-        desks = list(self._desks.items())
-        if not desks:
+        clients = list(self._clients.items())
+        if not clients:
             return "", 0
-        session, desk = max(desks, key=lambda item: item[1].used)
-        return session, desk.steps
+        session, client = max(clients, key=lambda item: item[1].used)
+        return session, client.steps
 
-    def attend(self) -> None:
+    def watch_clients(self) -> None:
         """Close sessions whose clients have been gone for long, until the service stops."""
         while not self._life.stop.is_set():
-            self._attendance.look(self._desks.keys(), _NEWS)
-            for session in self._attendance.gone(LEFT):
-                self._attendance.forget(session)
-                if (desk := self._desks.get(session)) is not None:
-                    self._end_aside(session, desk, _GONE)
+            self._liveness.look(self._clients.keys(), _NEWS)
+            for session in self._liveness.gone(LEFT):
+                self._liveness.forget(session)
+                if (client := self._clients.get(session)) is not None:
+                    self._end_aside(session, client, _GONE)
 
     def close(self) -> None:
         """End all sessions at once: recordings are finished, participants released, if they can be soon."""
         end = time.monotonic() + _FAREWELL
-        desks = list(self._desks.items())
-        for thread in [self._end_aside(session, desk, "the orchestrator was stopped") for session, desk in desks]:
+        clients = list(self._clients.items())
+        for thread in [self._end_aside(session, client, "the orchestrator was stopped") for session, client in clients]:
             thread.join(max(0.0, end - time.monotonic()))
-        if self._desks:
-            _log.warning("%d sessions are left as they are: their services do not answer", len(self._desks))
+        if self._clients:
+            _log.warning("%d sessions are left as they are: their services do not answer", len(self._clients))
 
-    def _desk(self, header: Header, opening: bool) -> Desk:
+    def _client(self, header: Header, opening: bool) -> ClientSession:
         while True:
             with self._lock:
-                desk = self._desks.get(header.session)
-                if desk is not None:
-                    return desk
+                client = self._clients.get(header.session)
+                if client is not None:
+                    return client
                 if not opening:
                     raise Refused(
                         Failure(
-                            "not_configured",
+                            FailureKind.NOT_CONFIGURED,
                             f"no session {header.session!r} is open here: it was closed, its client was not heard of "
                             f"for {LEFT:g} s, or it was lost with an orchestrator that died; open it again and load "
                             "your last saved state",
                         )
                     )
-                if len(self._desks) < MOST_SESSIONS:
-                    desk = Desk(self._bus, self._keys, header.session, self._life.stop.is_set)
-                    self._desks[header.session] = desk
-                    return desk
+                if len(self._clients) < MOST_SESSIONS:
+                    client = ClientSession(self._bus, self._keys, header.session, self._life.stop.is_set, self._routes)
+                    self._clients[header.session] = client
+                    return client
             if not self._make_room():
-                raise Refused(Failure("busy", f"{MOST_SESSIONS} sessions are open: close one"))
+                raise Refused(Failure(FailureKind.BUSY, f"{MOST_SESSIONS} sessions are open: close one"))
 
     def _make_room(self) -> bool:
         """Close a session whose client has gone, or the one that was idle longest, if it was for long enough."""
         now = time.monotonic()
         heard, end = now + _HEARD, now + LEFT_IN_NEED + 2.0 * _NEWS
-        while len(desks := dict(self._desks)) >= MOST_SESSIONS:
-            for session in self._attendance.gone(LEFT_IN_NEED) & desks.keys():
-                if self._end_in_turn(session, desks[session], _GONE, LEFT_IN_NEED):
+        while len(clients := dict(self._clients)) >= MOST_SESSIONS:
+            for session in self._liveness.gone(LEFT_IN_NEED) & clients.keys():
+                if self._end_in_turn(session, clients[session], _GONE, LEFT_IN_NEED):
                     return True
-            session, desk = min(desks.items(), key=lambda item: item[1].used)
-            if time.monotonic() - desk.used >= IDLE_LIMIT:
-                return self._end_in_turn(session, desk, "idle for too long", 0.0)
+            session, client = min(clients.items(), key=lambda item: item[1].used)
+            if time.monotonic() - client.used >= IDLE_LIMIT:
+                return self._end_in_turn(session, client, "idle for too long", 0.0)
             if self._life.stop.wait(0.05):
                 return False
-            if time.monotonic() > (heard if self._attendance.gone().isdisjoint(desks) else end):
+            if time.monotonic() > (heard if self._liveness.gone().isdisjoint(clients) else end):
                 return False
         return True
 
-    def _answer(self, desk: Desk, request: Open | Reset | Step | Save | Load | Estimate) -> bytes:
-        """Answer a request, or repeat the answer (desk held)."""
-        kept, number = desk.answer, request.header.exchange
+    def _answer(self, client: ClientSession, request: Open | Reset | Step | Save | Load | Estimate) -> bytes:
+        """Answer a request, or repeat the answer (client held)."""
+        kept, number = client.answer, request.header.exchange
         if kept is not None:
             if number == kept.number and type(request) is kept.kind:
                 return kept.payload
             if number <= kept.number:
-                raise Refused(Failure("stale", f"request {number} after request {kept.number}"))
-        if isinstance(request, Open) == desk.opened:
-            if desk.opened:
-                raise Refused(Failure("invalid", f"the session {request.header.session!r} is open already"))
-            raise Refused(Failure("not_configured", f"the session {request.header.session!r} could not be opened"))
-        desk.used = time.monotonic()
-        payload = encode(self._run(desk, request))
-        desk.answer = Answer(type(request), number, payload)
+                raise Refused(Failure(FailureKind.STALE, f"request {number} after request {kept.number}"))
+        if isinstance(request, Open) == client.opened:
+            if client.opened:
+                raise Refused(Failure(FailureKind.INVALID, f"the session {request.header.session!r} is open already"))
+            raise Refused(
+                Failure(FailureKind.NOT_CONFIGURED, f"the session {request.header.session!r} could not be opened")
+            )
+        client.used = time.monotonic()
+        payload = encode(self._run(client, request))
+        client.answer = Answer(type(request), number, payload)
         return payload
 
-    def _run(self, desk: Desk, request: Open | Reset | Step | Save | Load | Estimate) -> ClientReply:
+    def _run(self, client: ClientSession, request: Open | Reset | Step | Save | Load | Estimate) -> ClientReply:
         """Do what is asked; every expected trouble becomes a Failure that says what to do."""
         try:
             if isinstance(request, Open):
-                return desk.open(request.bundle, request.record)
+                return client.open(request.bundle, request.record)
             if isinstance(request, Reset):
-                return desk.reset(request.seed)
+                return client.reset(request.seed)
             if isinstance(request, Step):
-                return desk.step(request)
+                return client.step(request)
             if isinstance(request, Save):
-                return Saved(request.header, desk.save())
+                return Saved(request.header, client.save())
             if isinstance(request, Estimate):
-                return Estimated(request.header, desk.estimate())
-            return desk.load(request.state)
+                return Estimated(request.header, client.estimate())
+            return client.load(request.state)
         except ParticipantLost as error:
-            raise Refused(Failure("internal", str(error))) from error
+            raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
         except ParticipantFailed as error:
-            kind = "invalid" if error.failure.kind == "invalid" and isinstance(request, Open) else "internal"
+            invalid = error.failure.kind == FailureKind.INVALID and isinstance(request, Open)
+            kind = FailureKind.INVALID if invalid else FailureKind.INTERNAL
             raise Refused(Failure(kind, str(error))) from error
         except (StepFailed, Stopped) as error:
-            raise Refused(Failure("internal", str(error))) from error
+            raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
         except (SceneError, ValueError) as error:  # mesh, tool and archive errors are ValueErrors
-            raise Refused(Failure("invalid", str(error))) from error
+            raise Refused(Failure(FailureKind.INVALID, str(error))) from error
 
     def _close(self, request: Close) -> bytes:
         session = request.header.session
-        desk = self._desks.get(session)
-        if desk is not None and not self._end_in_turn(session, desk, "closed", _TURN):
-            raise Refused(Failure("busy", "the request before is still at work: close again"))
+        client = self._clients.get(session)
+        if client is not None and not self._end_in_turn(session, client, "closed", _TURN):
+            raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
         return encode(Closed(request.header))
 
-    def _end_aside(self, session: str, desk: Desk, reason: str) -> threading.Thread:
+    def _end_aside(self, session: str, client: ClientSession, reason: str) -> threading.Thread:
         """Close a session in a thread of its own: its services may be gone, too, and are waited for."""
-        args = (session, desk, reason, _TURN)
+        args = (session, client, reason, _TURN)
         thread = threading.Thread(target=self._end_in_turn, args=args, name="softseam end", daemon=True)
         thread.start()
         return thread
 
-    def _end_in_turn(self, session: str, desk: Desk, reason: str, turn: float) -> bool:
+    def _end_in_turn(self, session: str, client: ClientSession, reason: str, turn: float) -> bool:
         """Close a session after the step at hand, waiting at most `turn` [s] for its end; False where that is over."""
         if turn > 0.0:
-            desk.cancelled = True
-        if not desk.lock.acquire(timeout=turn):
+            client.cancelled = True
+        if not client.lock.acquire(timeout=turn):
             return False
         try:
-            self._end(session, desk, reason)
+            self._end(session, client, reason)
         finally:
-            desk.lock.release()
+            client.lock.release()
         return True
 
-    def _end(self, session: str, desk: Desk, reason: str) -> None:
-        """Close a session whatever its participants do (desk held)."""
+    def _end(self, session: str, client: ClientSession, reason: str) -> None:
+        """Close a session whatever its participants do (client held)."""
         try:
-            desk.close(reason)
+            client.close(reason)
         except (ParticipantLost, ParticipantFailed, ProtocolError) as error:
             _log.warning("closing session %s: %s", session, error)
-        self._forget(session, desk)
+        self._forget(session, client)
 
-    def _forget(self, session: str, desk: Desk) -> None:
-        if self._desks.get(session) is desk:
-            del self._desks[session]
-            self._attendance.forget(session)
+    def _forget(self, session: str, client: ClientSession) -> None:
+        if self._clients.get(session) is client:
+            del self._clients[session]
+            self._liveness.forget(session)
 
 
-def serve_orchestrator(options: BusOptions, life: Lifeline) -> None:
-    """Serve clients until the process is asked to stop."""
+def serve_orchestrator(options: BusOptions, life: Lifeline, routes: Mapping[str, str] | None = None) -> None:
+    """Serve clients until the process is asked to stop. routes: see `BusTransport`, `services`."""
     life.state = "compiling"
     warm_orchestrator()
     settle()
     keys, instance = options.keys, new_instance()
     with options.open() as bus:
-        wait_alone(bus, keys, life.stop)
-        handler = ClientHandler(bus, keys, life)
+        wait_to_be_only(bus, keys, life.stop)
+        handler = ClientHandler(bus, keys, life, routes)
         server = bus.serve({keys.orchestrator: handler}, name="softseam orchestrator")
         tell_progress(life, bus, keys, server, ROLE, SERVICE, instance, handler.last, supervise=False)
         bus.declare_live(keys.live(ROLE, SERVICE, instance))
         server.start(_THREADS)
-        threading.Thread(target=handler.attend, name="softseam attendance", daemon=True).start()
+        threading.Thread(target=handler.watch_clients, name="softseam clients", daemon=True).start()
         life.state = "ready"
         life.stop.wait()
         server.close()

@@ -1,4 +1,4 @@
-"""The one or two regions that a body is cut into at the moment, and the messages that build them."""
+"""The one or two parts that a body is cut into at the moment, and the messages that build them."""
 
 from __future__ import annotations
 
@@ -10,49 +10,70 @@ from numpy.typing import NDArray
 
 from softseam_coupling.handover import Side, merge_sides
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.participant import BodyState, Fields
+from softseam_protocol.messages.names import within
+from softseam_protocol.messages.participant import BodyState, Fields, PartMesh
 from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.particles import ParticleBody
-from softseam_services.body.region import shared_nodes
+from softseam_services.body.region import build_region, shared_nodes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]
 
-NEAR, FAR = "near", "far"
+NEAR, FAR, SEAM = "near", "far", "seam"
+"""what the rule that cuts a body calls its parts, and what ties them"""
 
 
 @dataclass(frozen=True)
 class Sides:
-    """A cut of the body's cells; one side may be empty and is then left out."""
+    """A cut of a body's cells in two parts; one may be empty and is then left out."""
 
+    body: str
     models: dict[str, str]
-    """model of each participant"""
+    """model of each part, by id"""
     cells: dict[str, Ints]
-    """global ids of each participant's cells, ascending"""
+    """global ids of each part's cells, ascending"""
     n_nodes: dict[str, int]
     seam: Ints
     """global ids of the nodes that both own, clamped ones left out (s,)"""
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Ids of the parts."""
         return tuple(self.cells)
 
+    @property
+    def near(self) -> str:
+        """Id of the part of the near cells; it carries the surface points on the seam."""
+        return within(self.body, NEAR)
 
-def cut(body: AnyBody, near: Mask, near_model: str, far_model: str) -> Sides:
-    """Cut the body into the near cells (C,) and the rest; one of particles is one side, without cells."""
+    @property
+    def far(self) -> str:
+        """Id of the part of the others."""
+        return within(self.body, FAR)
+
+    @property
+    def interface(self) -> str:
+        """Id of what ties the two."""
+        return within(self.body, SEAM)
+
+
+def cut(name: str, body: AnyBody, near: Mask, near_model: str, far_model: str) -> Sides:
+    """Cut the body of that name into the near cells (C,) and the rest; one of particles is one part, without cells."""
     none = np.zeros(0, dtype=np.int32)
+    part, other = within(name, NEAR), within(name, FAR)
     if isinstance(body, ParticleBody):
-        return Sides({FAR: far_model}, {FAR: none}, {FAR: body.n_nodes}, none)
-    cells = {NEAR: np.flatnonzero(near).astype(np.int32), FAR: np.flatnonzero(~near).astype(np.int32)}
-    models = {NEAR: near_model, FAR: far_model}
-    kept = [name for name in (NEAR, FAR) if len(cells[name])]
+        return Sides(name, {other: far_model}, {other: none}, {other: body.n_nodes}, none)
+    cells = {part: np.flatnonzero(near).astype(np.int32), other: np.flatnonzero(~near).astype(np.int32)}
+    models = {part: near_model, other: far_model}
+    kept = [name for name in (part, other) if len(cells[name])]
     seam = none
     if len(kept) == 2:
-        seam = shared_nodes(body, cells[NEAR], cells[FAR])
+        seam = shared_nodes(body, cells[part], cells[other])
     return Sides(
+        name,
         {name: models[name] for name in kept},
         {name: cells[name] for name in kept},
         {name: len(np.unique(body.cell_nodes[cells[name]])) for name in kept},
@@ -65,6 +86,23 @@ def side_mass(body: Body, cells: Ints) -> Floats:
     mass = np.zeros(body.n_nodes)
     np.add.at(mass, body.cell_nodes[cells].reshape(-1), body.cell_mass[cells].reshape(-1))
     return mass
+
+
+def part_mesh(body: AnyBody, sides: Sides, name: str) -> PartMesh | None:
+    """The mesh of one side; None of particles."""
+    if isinstance(body, ParticleBody):
+        return None
+    part = build_region(body, sides.cells[name], sides.seam, name == sides.near)
+    return PartMesh(
+        part.nodes,
+        body.x_rest[part.nodes],
+        part.mass,
+        part.fixed.astype(np.int8),
+        part.cell_nodes,
+        part.points,
+        part.point_cell,
+        part.point_local,
+    )
 
 
 def contact_state(body: AnyBody, fields: Mapping[str, Fields]) -> tuple[Floats, Ints]:
@@ -93,7 +131,7 @@ def merged_state(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> Body
         name: Side(side.nodes, side_mass(body, sides.cells[name])[side.nodes], side.x, side.v)
         for name, side in fields.items()
     }
-    merged = merge_sides(parts.get(NEAR, empty), parts.get(FAR, empty), body.n_nodes, body.fixed)
+    merged = merge_sides(parts.get(sides.near, empty), parts.get(sides.far, empty), body.n_nodes, body.fixed)
     force, tool = contact_state(body, fields)
     return BodyState(merged.x, merged.v, force, tool)
 
@@ -114,8 +152,8 @@ def whole_frame(
         x, cauchy, point_x = side.x, side.cauchy, side.point_x
         force, tool, strain, energy = side.contact_force, side.contact_tool, side.point_strain, side.cell_energy
         return Frame(
-            header, x, cauchy, near.astype(np.int8), point_x, force, tool, sides.seam, multiplier, position.copy(),
-            orientation.copy(), strain, energy,
+            header, sides.body, x, cauchy, near.astype(np.int8), point_x, force, tool, sides.seam, multiplier,
+            position.copy(), orientation.copy(), strain, energy,
         )  # fmt: skip
     x = np.empty((body.n_nodes, 3))
     cauchy = np.empty((body.n_cells, 8, 6))
@@ -126,12 +164,13 @@ def whole_frame(
         side = fields[name]
         x[side.nodes] = side.x
         cauchy[sides.cells[name]] = side.cauchy
-        energy[sides.cells[name]] = side.cell_energy
+        energy[sides.cells[name]] = side.cell_energy if len(side.cell_energy) else 0.0
         point_x[side.points] = side.point_x
         strain = side.point_strain
     force, tool = contact_state(body, fields)
     return Frame(
         header,
+        sides.body,
         x,
         cauchy,
         near.astype(np.int8),

@@ -4,41 +4,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.loops.loop import Outcome
+from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.outcomes import Detail, EventKind
-from softseam_protocol.messages.participant import Advanced, Bundle
+from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
-from softseam_services.body.body import Body
+from softseam_protocol.scene.file import scene_from_bundle
+from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.accounts import Accounts
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.clock import Clock
-from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.grip import grips_by_phase
-from softseam_services.orchestrator.notices import Notices
-from softseam_services.orchestrator.probes import Probes
-from softseam_services.orchestrator.program import Program, Progress
-from softseam_services.orchestrator.quantities import Quantities
+from softseam_services.orchestrator.energy_balance import Entry
+from softseam_services.orchestrator.islands import advance_all
+from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
+from softseam_services.orchestrator.notices import Tell, ToolNotices
+from softseam_services.orchestrator.participants import Participants
+from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
+from softseam_services.orchestrator.reports import step_report, worst
 from softseam_services.orchestrator.saved_state import SavedState
-from softseam_services.orchestrator.sides import resting_state
+from softseam_services.orchestrator.simulated_body import SimulatedBody
+from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
-from softseam_services.orchestrator.trust import Trust
 from softseam_services.server import build_setup
-from softseam_services.tools.motion import tool_motion
-from softseam_services.tools.travel import beyond_middle
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
+Solutions = dict[str, Outcome]
+"""of a step, by body"""
 
 _CHECKPOINT_STEPS = 50
 _FIELDS_EVERY = 5
@@ -48,38 +51,50 @@ _FARTHEST = 100.0
 
 
 class Simulation:
-    """Steps one scene. Owns the clock, the tools' motion, the regions and the checkpoints.
+    """Steps one scene. Owns the clock, the tools' motion, the bodies and the checkpoints.
 
     bundle     the scene and its files
     transport  how to reach the participants; closed with the simulation
     session    names this simulation among others on the same bus
-    emit       receives every StepReport and Event, and a Frame a step where `fields` are asked for
+    emit       receives every StepReport and Event, and a Frame of each body a step where `fields` are asked for
     """
 
     def __init__(
         self, bundle: Bundle, transport: Transport, *, session: str = "local", emit: Emit | None = None
     ) -> None:
-        setup = build_setup(bundle)
-        self.scene, self.body, self.tools = setup.scene, setup.body, setup.tools
-        self._bundle = bundle
-        self._emit = emit
+        self.scene = scene_from_bundle(bundle)
+        setups = {name: build_setup(bundle, name) for name in self.scene.bodies}
+        bodies = [setup.body for setup in setups.values()]
+        self.tools = next(iter(setups.values())).tools
+        self._bundle, self._emit = bundle, emit
         if isinstance(transport, EmbeddedTransport):
-            transport.adopt(bundle, setup)
-        grips = grips_by_phase(self.scene, self.tools, self.body.x_rest)
-        self._drives = Drives(self.scene, self.body, grips)
-        self._program = Program(self.scene.motion, self.scene.step, self.tools, grips, self._drives.phases)
-        self._quantities = Quantities(self.body, self._program, self.scene.quantities)
-        self._probes = Probes(self.body, self.scene.probes) if isinstance(self.body, Body) else None
-        self._wants_fields = bool(self.scene.probes) or self._quantities.need_fields
-        self._wants_indicators = self._quantities.need_indicators
+            transport.adopt(bundle, setups)
+        self._moving = MovingTools(self.scene, self.tools, bodies)
         self._duration = self.scene.duration
-        self._trust = Trust(self.body, self.scene)
-        self._notices = Notices(self.scene, self._event)
+        self._notices = ToolNotices(self._event)
         self._clock = Clock(session, self.scene.step)
-        self._accounts = Accounts(self.scene.step, _standing(self.body))
+        self._stopwatch = Stopwatch()
         recovering = RecoveringTransport(transport, on_event=self._event)
-        self._regions = Regions(bundle, setup, recovering, self._clock, self._accounts, self._event)
-        self._participants = self._regions.participants
+        self._transport = TimedTransport(recovering, self._stopwatch)
+        probes = share_probes({name: setup.body for name, setup in setups.items()}, self.scene.probes)
+        program = self._moving.program
+        self.bodies = {
+            name: SimulatedBody(
+                name=name,
+                prefix=prefix(name, setups),
+                bundle=bundle,
+                setup=setup,
+                program=program,
+                points=probes[name],
+                transport=self._transport,
+                clock=self._clock,
+                tell=self._tells(name),
+                gripped=program.grip is None or program.grip.body is setup.body,
+            )
+            for name, setup in setups.items()
+        }
+        """by name, in the scene's order"""
+        self._wants_fields = any(body.wants_fields for body in self.bodies.values())
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
         self.reset(self.scene.seed)
@@ -96,12 +111,12 @@ class Simulation:
         """Whether the scene's duration, or without one its motion, is over."""
         if self._duration is not None:
             return self._clock.step >= round(self._duration / self.scene.step)
-        return self._program.done(self._progress)
+        return self._moving.done
 
     @property
     def expected_steps(self) -> int | None:
         """Steps of the whole run, where that can be foreseen."""
-        length = self._duration if self._duration is not None else self._program.duration()
+        length = self._duration if self._duration is not None else self._moving.program.duration()
         return None if length is None else math.ceil(length / self.scene.step - 1e-6)
 
     @property
@@ -110,33 +125,40 @@ class Simulation:
         return self._report
 
     @property
+    def only(self) -> SimulatedBody:
+        """The body of a scene that has one. Raises SeveralBodies."""
+        if len(self.bodies) > 1:
+            raise SeveralBodies(f"the scene has several bodies: {', '.join(self.bodies)}; see `bodies`")
+        return next(iter(self.bodies.values()))
+
+    @property
+    def body(self) -> AnyBody:
+        """That body as it is built."""
+        return self.only.body
+
+    @property
     def regions(self) -> Regions:
-        """The body as it is cut, and who holds it."""
-        return self._regions
+        """That body as it is cut, and who holds it."""
+        return self.only.regions
 
     def reset(self, seed: int | None = None) -> None:
         """Back to the start of the scene."""
         self._seed = self.scene.seed if seed is None else seed
         self._clock.start(0)
-        self._progress = Progress()
-        self._drives.reset()
-        self._position = self.tools.position.copy()
-        self._orientation = self.tools.orientation.copy()
-        self._gripping = np.zeros(len(self.tools.names), dtype=np.int8)
-        self._lift_base = 0.0
-        self._lifting = False
+        self._moving.reset()
         self._forget()
-        self._trust.reset()
         self.events.clear()
-        self._accounts.reset()
-        self._accounts.begun = self._regions.start(resting_state(self.body))
+        for body in self.bodies.values():
+            body.reset()
 
     def _forget(self) -> None:
         """The last step is another's."""
         self._notices.forget()
+        for body in self.bodies.values():
+            body.notices.forget()
         self._report: StepReport | None = None
-        self._frame: Frame | None = None
-        self._unseen = False  # its fields were asked for, and lost
+        self._frames: dict[str, Frame] | None = None
+        self._unseen = False  # their fields were asked for, and lost
 
     # ---- stepping
 
@@ -146,208 +168,182 @@ class Simulation:
         velocities  of tools [m/s], with three more numbers also angular ones about their positions [rad/s]; tools left
                     out stand still; a seventh makes the tool hold the particles within reach (1), or let go (0).
                     None follows the scene's motion.
-        fields      also make a Frame (see `frame`)
+        fields      also make a Frame of each body (see `frames`)
         Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
         """
-        began = perf_counter()
-        ongoing = not self.done
-        if velocities is None:
-            command, progress = self._program.step(self._progress, self._position, self._orientation)
-            self._drives.apply(command, self._progress, self._orientation)
-            gripping = self._program.gripping(self._progress, self._gripping)
-        else:
-            command, gripping = self._commanded(velocities)
-            progress = self._progress
-        motion = tool_motion(self.tools, self._position, self._orientation, command, self.scene.step)
-        if any(gripping.tolist()):
-            motion = replace(motion, gripping=gripping.copy())
-        self._accounts.begin(began)
-        too_far = beyond_middle(self.tools, motion)
+        began, ongoing = perf_counter(), not self.done
+        move = self._moving.next(velocities)
+        self._stopwatch.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
-        solution = self._participants.advance(motion, look)
-        replies = solution.replies
-        first, *others = (reply.wrench for reply in replies.values())
+        solutions = advance_all(self._islands(), self._transport, move.motion, look)
+        wrenches = {name: _wrench(solution.replies) for name, solution in solutions.items()}
+        first, *others = wrenches.values()
         wrench = sum(others, first)
-        self._position, self._orientation, self._gripping = motion.position_next, motion.orientation_next, gripping
+        moved = self._moving.take(move, wrench)
         self._clock.step += 1
-        grip_force = self._quantities.grip_force(wrench, self._orientation)
-        if velocities is None:
-            self._drives.measured(wrench, self._orientation)
-        if progress is None:
-            closing = self._program.closing_force(self._progress, wrench, self._orientation)
-            progress = self._program.after(self._progress, self._position, self._orientation, closing)
-            missed = self._program.missed(self._progress, closing) if progress.phase > self._progress.phase else ""
-            if missed:
-                self._event("force", f"step {self._clock.step - 1}: {missed}")
-        phase = self._program.phase_of(self._progress, progress)
-        phase_ends = progress.phase > self._progress.phase
-        self._progress = progress
-        height = self._quantities.height(replies)
-        self._follow_lift(command, height)
-        frame = None
-        asked = look or (self._wants_fields and self.done)
-        if asked:
-            indicators = self._wants_indicators
-            frame = self._told(lambda: self._regions.frame(replies, self._position, self._orientation, indicators))
-        self._frame, self._unseen = frame, asked and frame is None
-        quantities = self._quantities.measure(
-            replies, grip_force, self._position, self._orientation, frame, height - self._lift_base
-        )
-        if frame is not None:
-            if self._probes is not None:
-                quantities |= self._probes.measure(frame, self._regions.near.model, self.scene.regions.default)
-        header, sides = self._clock.last_step(), self._regions.sides
-        switched = self._told(lambda: self._regions.follow(replies, motion))
-        if self._clock.step % _CHECKPOINT_STEPS == 0:
-            self._told(self._participants.snapshot)
-        done, estimate = self.done, None
-        if velocities is None and ongoing and (phase_ends or done):
-            estimate = self._told(lambda: self._judge(replies, done))
-        report = self._accounts.report(
-            header=header,
-            sides=sides,
-            replies=replies,
-            phase=phase,
-            tool_position=self._position.copy(),
-            tool_orientation=self._orientation.copy(),
+        frames = self._look(solutions, look or (self._wants_fields and self.done))
+        quantities = self._measure(solutions, wrenches, frames or {})
+        entries, switched = self._book_and_adapt(solutions, move.motion)
+        estimates = self._judge(solutions, ongoing and not move.by_hand, moved.phase_ends)
+        report = step_report(
+            header=self._clock.last_step(),
+            phase=moved.phase,
+            motion=move.motion,
             wrench=wrench,
             quantities=quantities,
-            seam=solution,
-            done=done,
-            command=command,
-            gripping=motion.gripping,
-            estimate=estimate,
+            entries=entries,
+            command=move.command,
+            dt=self.scene.step,
+            seconds=self._stopwatch.read(),
+            done=self.done,
+            estimate=worst(estimates),
         )
-        if switched is not None:
-            self._frame = None
-            self._accounts.switched(switched)
-        met = self._program.met(quantities["compression"])
-        self._notices.follow(self._clock.step - 1, replies, self._accounts.raised, estimate, too_far, met)
+        if switched:
+            self._frames = None
+        self._notify(solutions, move, moved, estimates)
         self._report = report
         if self._emit is not None:
             self._emit(report)
-            if frame is not None:
+            for frame in (frames or {}).values():
                 self._emit(frame)
         return report
 
-    def at_rest(self, frame: Frame | None) -> dict[str, float]:
-        """Quantities before the first step; those that need fields only with a frame."""
-        found = self._quantities.at_rest(self.tools.position, self.tools.orientation, frame)
-        return found if self._probes is None else found | self._probes.at_rest()
+    def _islands(self) -> dict[str, Participants]:
+        return {name: body.participants for name, body in self.bodies.items()}
+
+    def _look(self, solutions: Solutions, asked: bool) -> dict[str, Frame] | None:
+        """The bodies' fields where they are asked for; None where they are not, or are lost."""
+        frames = None
+        if asked:
+            at = self._moving.poses
+            frames = self._told(
+                lambda: {name: body.look(solutions[name].replies, *at) for name, body in self.bodies.items()}
+            )
+        self._frames, self._unseen = frames, asked and frames is None
+        return frames
+
+    def _measure(
+        self, solutions: Solutions, wrenches: Mapping[str, Floats], frames: Mapping[str, Frame]
+    ) -> dict[str, float]:
+        """Quantities of all bodies."""
+        found: dict[str, float] = {}
+        for name, body in self.bodies.items():
+            replies, frame = solutions[name].replies, frames.get(name)
+            found |= body.measure(replies, wrenches[name], *self._moving.poses, frame, self._moving.lifting)
+        return found
+
+    def _book_and_adapt(self, solutions: Solutions, motion: ToolMotion) -> tuple[dict[str, Entry], bool]:
+        """Enter the step into the balance, then let the cuts follow it; whether one did."""
+        entries, switched = {}, False
+        for name, body in self.bodies.items():
+            entries[name] = body.book(solutions[name].replies, solutions[name])
+        for name, body in self.bodies.items():
+            energies = self._told(partial(body.follow, solutions[name].replies, motion))
+            if energies is not None:
+                body.balance.switched(energies)
+                switched = True
+        if self._clock.step % _CHECKPOINT_STEPS == 0:
+            for body in self.bodies.values():
+                self._told(body.participants.snapshot)
+        return entries, switched
+
+    def _judge(self, solutions: Solutions, follows: bool, phase_ends: bool) -> dict[str, ErrorEstimate]:
+        """How far the run may be off, by body, where the scene's own motion ends; looked at as its phases end."""
+        done = self.done
+        if not (follows and (phase_ends or done)):
+            return {}
+        found = {}
+        for name, body in self.bodies.items():
+            replies, at = solutions[name].replies, self._moving.poses
+            estimate = self._told(partial(body.judge, replies, *at, done))
+            if estimate is not None:
+                found[name] = estimate
+        return found
+
+    def _notify(self, solutions: Solutions, move: Move, moved: Moved, estimates: Mapping[str, ErrorEstimate]) -> None:
+        """Tell what of the step is worth an event."""
+        at = self._clock.step - 1
+        for name, body in self.bodies.items():
+            body.notices.follow(at, solutions[name].replies, body.balance.raised, estimates.get(name))
+        if moved.missed:
+            self._event("force", f"step {at}: {moved.missed}")
+        self._notices.follow(at, move.too_far, self._moving.met)
+
+    # ---- what is known
+
+    def at_rest(self, frames: Mapping[str, Frame]) -> dict[str, float]:
+        """Quantities before the first step; those that need fields only of bodies with a frame."""
+        found: dict[str, float] = {}
+        for name, body in self.bodies.items():
+            found |= body.at_rest(self.tools.position, self.tools.orientation, frames.get(name))
+        return found
+
+    def frames(self) -> dict[str, Frame]:
+        """The bodies as they stand."""
+        if self._frames is None:
+            at = self._moving.poses
+            self._frames = {name: body.look({}, *at) for name, body in self.bodies.items()}
+        return self._frames
 
     def frame(self) -> Frame:
-        """The whole body as it stands."""
-        if self._frame is None:
-            self._frame = self._regions.frame({}, self._position, self._orientation, self._wants_indicators)
-        return self._frame
+        """The body of a scene that has one, as it stands."""
+        return self.frames()[self.only.name]
 
-    def seen(self) -> Frame | None:
-        """The whole body after the last step; None, and told, where a participant is lost: the step counts then, too.
+    def seen(self) -> dict[str, Frame] | None:
+        """The bodies after the last step; None, and told, where a participant is lost: the step counts then, too.
 
         What the step itself waited for in vain is not waited for again.
         """
-        return None if self._unseen and self._frame is None else self._told(self.frame)
+        return None if self._unseen and self._frames is None else self._told(self.frames)
 
     def estimate(self) -> ErrorEstimate | None:
-        """How far the answer may be off as the body stands; None of a body of particles."""
-        if not isinstance(self.body, Body):
-            return None
-        fields = self._participants.observe(indicators=True, own=True)
-        goal = self._regions.goal_error(fields, self._position, self._orientation)
-        return self._trust.now(self.time, self._regions.sides, fields, goal)
+        """How far the answer may be off as the bodies stand, of the one that is off most; None of particles."""
+        found = {name: body.estimate(*self._moving.poses) for name, body in self.bodies.items()}
+        return worst({name: estimate for name, estimate in found.items() if estimate is not None})
 
     def set_near(self, near: NDArray[np.bool_]) -> float:
-        """Cut the body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
-        energies = self._regions.set_near(near)
-        self._frame = None
-        return self._accounts.switched(energies)
+        """Cut the only body by hand: cells (C,) that are near from now on; returns the kinetic energy change [J]."""
+        body = self.only
+        energies = body.regions.set_near(near)
+        self._frames = None
+        return body.balance.switched(energies)
 
     def close(self) -> None:
         """Release the participants and the transport."""
-        self._participants.close()
+        for body in self.bodies.values():
+            body.participants.release_all()
+        self._transport.close()
 
     # ---- snapshots
 
     def save(self) -> bytes:
         """State of the whole simulation; `load` continues from it bit for bit."""
-        participants = self._participants.snapshot()
-        state = SavedState(
+        return SavedState(
             scene=self._bundle.scene,
             step=self._clock.step,
-            progress=self._progress,
-            lift_base=self._lift_base,
-            lifting=self._lifting,
             seed=self._seed,
-            position=self._position,
-            orientation=self._orientation,
-            ledger=self._accounts.ledger,
-            begun=self._accounts.begun,
-            drives=self._drives.state,
-            gripping=self._gripping,
-            trust=self._trust.to_array(),
-            cells=self._regions.near_arrays(),
-            seam=self._participants.seam_arrays(),
-            participants=participants,
-        )
-        return state.pack()
+            tools=self._moving.save(),
+            bodies={name: body.save() for name, body in self.bodies.items()},
+        ).pack()
 
     def load(self, state: bytes) -> None:
         """Continue from `save`. Raises ArchiveError, and has changed nothing, where that is no state of this scene."""
         saved = SavedState.unpack(state)
         if saved.scene != self._bundle.scene:
             raise ArchiveError("this state was saved from another scene: open that scene to restore it")
-        near, trust = self._regions.near_arrays(), self._trust.to_array()
         try:
-            position = saved.position.reshape(self._position.shape)
-            orientation = saved.orientation.reshape(self._orientation.shape)
-            drives = saved.drives.reshape(self._drives.state.shape)
-            gripping = saved.gripping.reshape(self._gripping.shape)
-            self._regions.take_near(saved.cells)
-            self._trust.take(saved.trust)
-            tied = self._regions.tied(saved.seam)
+            for name, body in self.bodies.items():
+                body.check(saved.bodies[name])
+            self._moving.load(saved.tools)
         except (KeyError, ValueError, IndexError) as error:
-            self._regions.take_near(near)
-            self._trust.take(trust)
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
         self._clock.start(saved.step)
-        self._progress, self._seed = saved.progress, saved.seed
-        self._lift_base, self._lifting = saved.lift_base, saved.lifting
-        self._position, self._orientation = position, orientation
-        self._drives.state[:] = drives
-        self._gripping = gripping
-        self._accounts.ledger, self._accounts.begun = saved.ledger, saved.begun
+        self._seed = saved.seed
         self._forget()
-        self._participants.restore(tied, saved.participants)
+        for name, body in self.bodies.items():
+            body.load(saved.bodies[name])
 
-    # ---- parts of a step
-
-    def _commanded(self, velocities: Mapping[str, Sequence[float]]) -> tuple[Floats, NDArray[np.int8]]:
-        """What tools do (t, 6) [m/s, rad/s], and 1 for those that hold particles (t,)."""
-        command = np.zeros((len(self.tools.names), 6))
-        gripping = self._gripping.copy()
-        for name, velocity in velocities.items():
-            if name not in self.tools.names:
-                raise ValueError(f"no tool is called {name!r}; the scene has: {', '.join(self.tools.names) or 'none'}")
-            value = np.asarray(velocity, dtype=np.float64)
-            if value.shape not in ((3,), (6,), (7,)) or not np.isfinite(value).all():
-                raise ValueError(
-                    f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
-                    f"or seven with its grip (1 or 0), not {velocity!r}"
-                )
-            if np.abs(value[:3]).max() * self.scene.step > _FARTHEST:
-                raise ValueError(
-                    f"the velocity of {name!r} is {value.tolist()}, more than {_FARTHEST:g} m in a step: give m/s"
-                )
-            if len(value) == 7 and value[6] != 0.0 and isinstance(self.body, Body):
-                raise ValueError(
-                    f"the velocity of {name!r} has a grip, its seventh number: tools grip particles only, and this "
-                    "body is of cells, which friction holds: give six"
-                )
-            tool = self.tools.names.index(name)
-            command[tool, : len(value[:6])] = value[:6]
-            if len(value) == 7:
-                gripping[tool] = value[6] != 0.0
-        return command, gripping
+    # ---- small parts
 
     def _told(self, act: Callable[[], T]) -> T | None:
         """What follows a step that is taken: where a participant is lost in it, that is told, and the step counts."""
@@ -357,19 +353,15 @@ class Simulation:
             self._event("lost", f"step {self._clock.step - 1} is taken, but what follows it was not done: {error}")
             return None
 
-    def _follow_lift(self, command: Floats, height: float) -> None:
-        """The lift is measured from where the body was before a tool first rises; height of this step [m]."""
-        self._lifting = self._lifting or max(command[:, 2].tolist(), default=0.0) > 0.0
-        if not self._lifting:
-            self._lift_base = height
+    def _tells(self, name: str) -> Tell:
+        """Receives the events of a body, which are told with its name where there are several."""
+        if len(self.scene.bodies) == 1:
+            return self._event
 
-    def _judge(self, replies: Mapping[str, Advanced], done: bool) -> ErrorEstimate | None:
-        """Look at the errors where that is due, as a phase ends; how far the run can be trusted, where it is done."""
-        if self._trust.due(sum(reply.strain for reply in replies.values()), done):
-            fields = self._participants.observe(indicators=True, own=True)
-            goal = self._regions.goal_error(fields, self._position, self._orientation)
-            self._trust.look(self.time, self._regions.sides, fields, goal)
-        return self._trust.estimate() if done else None
+        def tell(kind: str, message: str, *details: Detail, count: int = 0) -> None:
+            self._event(kind, f"{name}: {message}", *details, count=count)
+
+        return tell
 
     def _event(self, kind: str, message: str, *details: Detail, count: int = 0) -> None:
         event = Event(self._clock.now(), EventKind(kind), message, list(details), count)
@@ -378,11 +370,7 @@ class Simulation:
             self._emit(event)
 
 
-def _standing(body: AnyBody) -> float:
-    """Weight of a body in cells times the height of its centre above its lowest node, against gravity, at rest [J]."""
-    if not isinstance(body, Body):
-        return 0.0
-    mass = np.zeros(body.n_nodes)
-    np.add.at(mass, body.cell_nodes, body.cell_mass)
-    height = -(body.x_rest @ body.gravity)
-    return float(mass @ (height - height.min()))
+def _wrench(replies: Mapping[str, Advanced]) -> Floats:
+    """Of all parts of a body on the tools (t, 6) [N, N m]."""
+    first, *others = (reply.wrench for reply in replies.values())
+    return sum(others, first)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from softseam_coupling.mortar import SeamTie, identity_tie, mortar_tie
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import Functions
-from softseam_services.orchestrator.sides import FAR, NEAR, Sides
+from softseam_services.orchestrator.sides import Sides
 
 _LATTICE = np.arange(27).reshape(3, 3, 3)  # [k, j, i]
 _OCTANTS = np.arange(8).reshape(2, 2, 2)
@@ -32,9 +32,9 @@ def seam_faces(
 ) -> Iterator[tuple[int, NDArray[np.int32], NDArray[np.int32]]]:
     """For each face -x +x -y +y -z +z: the near cells that have a far one beyond it, and these."""
     far = np.zeros(body.n_cells, dtype=np.bool_)
-    far[sides.cells[FAR]] = True
+    far[sides.cells[sides.far]] = True
     for face in range(6):
-        cells = sides.cells[NEAR]
+        cells = sides.cells[sides.near]
         others = neighbours[cells, face]
         meets = (others >= 0) & far[others]
         yield face, cells[meets], others[meets]
@@ -46,7 +46,7 @@ def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions
     The seam's faces are rectangles, and each is a whole face of both its cells.
     neighbours (C, 6) as in `CellGrid`; functions: what each model interpolates with
     """
-    if len(sides.names) < 2 or functions[sides.models[NEAR]] == functions[sides.models[FAR]]:
+    if len(sides.names) < 2 or functions[sides.models[sides.near]] == functions[sides.models[sides.far]]:
         return identity_tie(len(sides.seam))
     faces, edges, fill, facing = [], [], [], []
     for face, cells, others in seam_faces(body, sides, neighbours):
@@ -63,8 +63,8 @@ def tie_sides(body: Body, sides: Sides, neighbours: NDArray[np.int32], functions
         np.concatenate(faces),
         np.concatenate(edges),
         np.concatenate(fill),
-        functions[sides.models[NEAR]],
-        functions[sides.models[FAR]],
+        functions[sides.models[sides.near]],
+        functions[sides.models[sides.far]],
         sides.seam,
         body.x_rest,
         np.concatenate(facing),

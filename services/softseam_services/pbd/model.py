@@ -161,7 +161,9 @@ class PbdModel:
 
 
 def build_model(scene: Scene, body: Body, region: Region, tools: ToolSet) -> PbdModel:
-    """Everything of a PBD region that never changes."""
+    """Everything of a PBD region that never changes. Raises SettingError where the material has state."""
+    if body.material.n_state:
+        raise SettingError(f"regions: pbd does not know the state of {body.material.kind}: give all cells to fem")
     spec = scene.models.pbd
     if body.material.retardation_time > 0.0:
         damping = spec.damping.model_copy(update={"stiffness": body.material.retardation_time})

@@ -66,8 +66,9 @@ class NodeArrays(NamedTuple):
 class ToolArrays(NamedTuple):
     """Tools, as of `ToolSet`."""
 
-    kind: Ints
+    kind: NDArray[np.int64]
     shape: Floats
+    reach: Floats
     friction: Floats
     near: NDArray[np.bool_]
 
@@ -164,7 +165,7 @@ def point_arrays(model: PbdModel) -> PointArrays:
 
 def tool_arrays(tools: ToolSet) -> ToolArrays:
     """The tools of a region."""
-    return ToolArrays(tools.kind, tools.shape, tools.friction, tools.near)
+    return ToolArrays(tools.kind, tools.shape, tools.reach, tools.friction, tools.near)
 
 
 def new_contacts(n: int, b: int, p: int, t: int) -> Contacts:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.request_check import problem_of
+from softseam_services.request_check import problem_of, problem_of_correction
 from softseam_services.tools.tool_set import ToolSet
 
 from . import watch
@@ -42,7 +41,6 @@ class PbdSolver:
         self._committed = new_state(n, model.blocks.n_batches, p, t)
         self._work = new_state(n, model.blocks.n_batches, p, t)
         self._tentative = False
-        self._request: Advance  # the last
         self._taken: Taken  # and what became of it
         self._probe: SeamProbe | None = None
         self._probed = np.zeros(0)  # the state that was probed, see `_compliance`; empty: none
@@ -121,15 +119,16 @@ class PbdSolver:
         compliance = np.zeros((0, 0))
         if request.compliance and not refused:
             compliance = self._compliance(request)
-        self._request, self._taken = request, taken
-        return self._reply(refused or taken.why, compliance, start)
+        self._taken = taken
+        seam_v = work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES
+        return self._reply(request.header, refused or taken.why, compliance, seam_v, start)
 
-    def _reply(self, why: str, compliance: Floats, start: float) -> Advanced:
+    def _reply(self, header: Header, why: str, compliance: Floats, seam_v: Floats, start: float) -> Advanced:
         """What became of the last request."""
-        stepper, work, request, taken = self._stepper, self._work, self._request, self._taken
-        result, numbers = stepper.result, stepper.result.tolist()
+        stepper, work, taken = self._stepper, self._work, self._taken
+        result, numbers = stepper.result.copy(), stepper.result.tolist()
         return Advanced(
-            request.header,
+            header,
             taken.fault.status,
             work.x.take(self.model.region.seam, axis=0),
             compliance,
@@ -139,19 +138,19 @@ class PbdSolver:
             numbers[k.GRAVITY],
             numbers[k.TOOL_WORK],
             numbers[k.SEAM_WORK],
-            result[k.MOMENTUM : k.MOMENTUM + 3].copy(),
-            result[k.ANGULAR : k.ANGULAR + 3].copy(),
+            result[k.MOMENTUM : k.MOMENTUM + 3],
+            result[k.ANGULAR : k.ANGULAR + 3],
             numbers[k.PENETRATION],
             numbers[k.SLIP],
             int(numbers[k.N_CONTACTS]),
             taken.sweeps,
             time.perf_counter() - start,
             stepper.distance.copy(),
-            result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
+            result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3),
             n_substeps=stepper.n_substeps,
             residual=numbers[k.RESIDUAL],
             alarm="; ".join(taken.notice.values()),
-            seam_v=work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES,
+            seam_v=seam_v,
             settles=self._settles(),
             why=why,
             alarm_details=list(taken.notice),
@@ -192,13 +191,12 @@ class PbdSolver:
 
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam, as the probe found it."""
-        began, shape = time.perf_counter(), (len(self.model.region.seam), 3)
+        began = time.perf_counter()
         if not (self._tentative and self._settles()):
             raise ValueError("this step cannot be corrected: only one as long as the probed one, taken to plan, can")
-        if request.push.shape != shape or request.force.shape != shape:
-            raise ValueError(f"a correction of this region's seam has shape {shape}")
-        if not (np.isfinite(request.push).all() and np.isfinite(request.force).all()):
-            raise ValueError("the correction is not finite: the coupling must send finite forces")
+        problem = problem_of_correction(request, len(self.model.region.seam))
+        if problem:
+            raise ValueError(problem)
         if len(self._ways) == 0:
             self._ways = self._probe_again()[1]
         probe, work, stepper = self._probe, self._work, self._stepper
@@ -211,8 +209,7 @@ class PbdSolver:
         watch.settle(work.monitor, stepper.result)
         moved = work.x.take(self.model.region.seam, axis=0) - self._committed.x.take(self.model.region.seam, axis=0)
         stepper.result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
-        self._request = replace(self._request, header=request.header, seam_force=request.force)
-        return self._reply(self._taken.why, np.zeros((0, 0)), began)
+        return self._reply(request.header, self._taken.why, np.zeros((0, 0)), _NO_FORCES, began)
 
     @property
     def capabilities(self) -> Capabilities:

@@ -19,21 +19,24 @@ from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.tool_set import ToolSet
 
 
-def begin(bundle: Bundle, body: AnyBody, tools: ToolSet, session: str = "local", seed: int = 0) -> Begin:
+def begin(
+    bundle: Bundle, bodies: Mapping[str, AnyBody], tools: ToolSet, session: str = "local", seed: int = 0
+) -> Begin:
     """The message that opens a session's recording."""
     header = Header(SCHEMA_VERSION, session, "", 0, 0, 0, 0.0)
-    surface = surface_mesh(header, body, tools.surfaces)
-    return Begin(header=header, bundle=bundle, seed=seed, facts=facts(), surface=surface)
+    surfaces = {name: surface_mesh(header, name, body, tools.surfaces) for name, body in bodies.items()}
+    return Begin(header=header, bundle=bundle, seed=seed, facts=facts(), surfaces=surfaces)
 
 
-def surface_mesh(header: Header, body: AnyBody, tools: Mapping[str, ToolSurface]) -> SurfaceMesh:
-    """The body's surface at rest and the cells behind it, for viewers."""
+def surface_mesh(header: Header, name: str, body: AnyBody, tools: Mapping[str, ToolSurface]) -> SurfaceMesh:
+    """A body's surface at rest and the cells behind it, for viewers."""
     if isinstance(body, ParticleBody):
         rest, edges = body.skin.points(body.x_rest), np.full(3, body.spacing)
         none = np.zeros((0, 3))
-        return SurfaceMesh(header, rest, body.skin.triangles, none, edges, np.zeros((0, 8)), dict(tools))
+        return SurfaceMesh(header, name, rest, body.skin.triangles, none, edges, np.zeros((0, 8)), dict(tools))
     mesh = SurfaceMesh(
         header=header,
+        body=name,
         point_rest=rest_points(body),
         triangles=body.surface.triangles,
         cell_center=body.x_rest[body.cell_nodes[:, 13]],  # node (1, 1, 1) of 3 x 3 x 3

@@ -58,7 +58,8 @@ class LogFile:
         writer.add_attachment(now, log_time(0.0), "scene.json", "application/json", begin.bundle.scene.encode())
         for name, data in begin.bundle.files.items():
             writer.add_attachment(now, log_time(0.0), f"files/{name}", "application/octet-stream", data)
-        self.add(SurfaceMesh, begin.surface.header.time, codec.encode(begin.surface), now)
+        for surface in begin.surfaces.values():
+            self.add(SurfaceMesh, surface.header.time, codec.encode(surface), now)
         self.flush()
 
     def add(self, kind: type, sim_time: float, data: bytes, wall_ns: int) -> None:

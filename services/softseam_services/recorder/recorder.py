@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
+from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.recording import Begin, Recorded
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire import codec
@@ -97,8 +98,11 @@ class McapRecorder:
 
     def progress(self) -> Recorded:
         """What is in the file by now."""
-        note = self.failure or self._end or "recording"
-        return Recorded(self._header, str(self.path), self._safe, self.lost, self._file.size, note)
+        state = RecordingState.CLOSED if self._end == "closed" else RecordingState.FAILED
+        if not self._end:
+            state = RecordingState.RECORDING
+        note = self.failure or ("" if self._end in ("", "closed") else f"the recording {self._end}")
+        return Recorded(self._header, str(self.path), self._safe, self.lost, self._file.size, state, note)
 
     def close(self, timeout: float = 30.0) -> Recorded:
         """Write what is queued, finish the file, and say what became of it."""

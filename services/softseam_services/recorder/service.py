@@ -13,6 +13,7 @@ from pathlib import Path
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import Refused
+from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Commit, Failure
 from softseam_protocol.messages.recording import Begin, End, Recorded
 from softseam_protocol.topics import Keys, RecorderRequest
@@ -43,7 +44,7 @@ class RecorderHandler:
         request = decode(payload, RecorderRequest)
         session = request.header.session
         if not session:
-            raise Refused(Failure("invalid", "a recording needs the name of a session"))
+            raise Refused(Failure(FailureKind.INVALID, "a recording needs the name of a session"))
         with self._lock:
             if isinstance(request, Begin):
                 return encode(self._begin(session, request))
@@ -65,7 +66,7 @@ class RecorderHandler:
         try:
             taping = Taping(self._bus, self._keys, self._directory, session, begin, frozenset(orchestrators))
         except RecordError as error:
-            raise Refused(Failure("disk", str(error))) from None
+            raise Refused(Failure(FailureKind.DISK, str(error))) from None
         self._tapings[session] = taping
         self._finished.pop(session, None)
         _log.info("recording session %s to %s", session, taping.path)
@@ -78,14 +79,21 @@ class RecorderHandler:
         del self._tapings[session]
         self._finished[session] = recorded
         _log.info(
-            "%s: %d messages, %d lost; %s (%s)", recorded.path, recorded.messages, recorded.lost, recorded.note, reason
+            "%s: %d messages, %d lost; %s (%s)",
+            recorded.path,
+            recorded.messages,
+            recorded.lost,
+            recorded.note or recorded.state,
+            reason,
         )
         return recorded
 
     def _taping(self, session: str) -> Taping:
         taping = self._tapings.get(session)
         if taping is None:
-            raise Refused(Failure("not_configured", f"session {session!r} is not being recorded: send Begin first"))
+            raise Refused(
+                Failure(FailureKind.NOT_CONFIGURED, f"session {session!r} is not being recorded: send Begin first")
+            )
         return taping
 
     def close(self) -> None:

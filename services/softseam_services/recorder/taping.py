@@ -63,7 +63,7 @@ class Taping:
         """What is in the file, and what is lost on whatever way."""
         found = self._recorder.progress()
         lost = found.lost + self._refused + self._inbox.lost
-        return Recorded(found.header, found.path, found.messages, lost, found.bytes, found.note)
+        return Recorded(found.header, found.path, found.messages, lost, found.bytes, found.state, found.note)
 
     def settle(self, timeout: float) -> Recorded:
         """Wait until everything that has come is in the file or lost."""

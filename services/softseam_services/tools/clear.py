@@ -11,8 +11,7 @@ from softseam_services.body.kernels.surface import winding_number
 from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import least_gaps, rotate
-from softseam_services.tools.kernels.grid import SPACING
-from softseam_services.tools.tool_set import MESH, ToolSet
+from softseam_services.tools.tool_set import ToolSet
 
 TOUCHING = 1e-9
 """depth that counts as touching, relative to the body's size [1]"""
@@ -59,15 +58,14 @@ def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
 
 
 def _slack(tools: ToolSet, tool: int, size: float) -> float:
-    """Depth that counts as touching [m]; on a mesh, what its grid may be wrong by beside an edge."""
-    slack = TOUCHING * size
-    return slack + 0.1 * float(tools.shape[tool, SPACING]) if tools.kind[tool] == MESH else slack
+    """Depth that counts as touching [m]; with what the tool's distance may be wrong by."""
+    return TOUCHING * size + tools.geometry[tool].slack
 
 
 def _probes(tools: ToolSet, tool: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outline of a tool where it is within the bounds of the body's points (n, 3) [m]."""
     # Slightly smaller than the tool, so that a touching face is outside whatever the rounding.
-    own = (1.0 - SHRINK) * tools.outline[tool]
+    own = (1.0 - SHRINK) * tools.geometry[tool].outline
     probes = tools.position[tool] + np.array([rotate(tools.orientation[tool], *p) for p in own]).reshape(-1, 3)
     within = np.all((probes > points.min(axis=0)) & (probes < points.max(axis=0)), axis=1)
     return np.asarray(probes[within])

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.outer_faces import is_covered_by_faces
+from softseam_services.shapes.branches import BOX
 from softseam_services.tools.kernels import rotate_back
-from softseam_services.tools.tool_set import BOX, ToolSet
+from softseam_services.tools.tool_set import ToolSet
 
 MARGIN = 0.02
 """cell edges by which a tool's face has to stand out beyond the body if no edge of it is to touch"""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.scene.motion import LARGEST_TURN
-from softseam_services.tools.pose import quaternion_turning, turned
+from softseam_services.shapes.turns import quaternion_turning, turned
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]

@@ -49,7 +49,7 @@ def images_of_tools(plane: SymmetryPlane, tools: ToolSet, near: float) -> NDArra
                 and tools.friction[t] == tools.friction[other]
                 and np.array_equal(tools.shape[t], tools.shape[other])
             )
-            of_both = tools.kind[pair], tools.shape[pair], axis, place, swapped, near
+            of_both = tools.kind[pair], tools.shape[pair], tools.sameness[pair], axis, place, swapped, near
             poses = tools.position[pair], tools.orientation[pair]
             if alike and tool_astray(*of_both, *poses, *poses)[1] < 0:
                 found.append(other)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.recording import ToolSurface
-
-PLANE, BOX, SPHERE, CAPSULE, CYLINDER, MESH = 0, 1, 2, 3, 4, 5
+from softseam_services.shapes.branches import BOX
+from softseam_services.shapes.geometry import Geometry
 
 
 @dataclass(frozen=True)
@@ -18,12 +19,12 @@ class ToolSet:
     """t tools in the scene's order. Poses change every step and travel in `ToolMotion`; this does not."""
 
     names: tuple[str, ...]
-    kind: NDArray[np.int32]
-    """PLANE, BOX, SPHERE, CAPSULE, CYLINDER or MESH (t,)"""
+    kind: NDArray[np.int64]
+    """by which kernels know the shapes: one of `shapes.branches`, or the address of a distance from outside (t,)"""
     shape: NDArray[np.float64]
-    """unit normal of a plane, half edges of a box, (radius, 0, 0) of a sphere, (radius, half length, 0) of a capsule or
-    cylinder along z, in the tool's own frame (t, 3) [m]; with a mesh among them rows are as long as its, `kernels.grid`
-    says what it holds, and the others end in zeros"""
+    """numbers of each shape (t, w); rows are as long as the longest, the others end in zeros"""
+    reach: NDArray[np.float64]
+    """radius of a ball about each tool's position that holds it, infinite for a plane (t,) [m]"""
     friction: NDArray[np.float64]
     """Coulomb coefficients (t,)"""
     near: NDArray[np.bool_]
@@ -32,7 +33,27 @@ class ToolSet:
     """positions at time 0: centre, or a point of the plane (t, 3) [m]"""
     orientation: NDArray[np.float64]
     """unit quaternions w, x, y, z at time 0 (t, 4)"""
-    outline: tuple[NDArray[np.float64], ...] = ()
-    """points (n, 3) of each tool's surface in its own frame, as many as tell where it is; none for a plane [m]"""
-    surfaces: Mapping[str, ToolSurface] = field(default_factory=dict)
-    """of tools that are meshes, by their names"""
+    geometry: tuple[Geometry, ...]
+    """of each tool, in its own frame"""
+
+    @cached_property
+    def sameness(self) -> NDArray[np.float64]:
+        """What turns and reflections leave each shape as it is, see `Sameness.row`; NaN where that is not known
+        (t, 6)"""
+        rows = [np.full(6, np.nan) if each.sameness is None else each.sameness.row for each in self.geometry]
+        return np.array(rows).reshape(-1, 6)
+
+    @cached_property
+    def short(self) -> list[float]:
+        """Square of a way that takes no tool's middle to where its face was, a bit less than need be (t,) [m^2]"""
+        thin = (
+            numbers[:3].min() if kind == BOX else each.core[:, 3].min(initial=np.inf)
+            for kind, numbers, each in zip(self.kind, self.shape, self.geometry, strict=True)
+        )
+        return [0.9 * float(radius) ** 2 for radius in thin]
+
+    @property
+    def surfaces(self) -> Mapping[str, ToolSurface]:
+        """Of tools that viewers do not draw by themselves, by their names."""
+        found = ((name, each.surface) for name, each in zip(self.names, self.geometry, strict=True))
+        return {name: surface for name, surface in found if surface is not None}

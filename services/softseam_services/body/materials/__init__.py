@@ -51,4 +51,6 @@ def build_material(spec: MaterialSpec) -> Material:
         splits=law.splits,
         small=law.small,
         retardation_time=spec.retardation_time,
+        n_state=law.state,
+        respond=law.address,
     )

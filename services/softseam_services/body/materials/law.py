@@ -3,6 +3,10 @@
 A law is written in the invariants of `invariants`: response(i1, i2, j, parameters) returns psi and its nine
 derivatives. softseam's own are branches in `point`, which the compiler puts in line; `linear` and `corotated` have
 kernels of their own there. A law from outside is compiled alone, and kernels call it through its address (`jit`).
+
+A law with state remembers n numbers where it is, zero at first. Its respond(F, state, dt, parameters, P, A, following)
+is of the end of a step dt that began with that state: it returns psi and fills P = dpsi/dF (3, 3), A = dP/dF (9, 9)
+with rows 3 i + j, and the state that follows. With dt = 0 nothing is to change: so stress is read between steps.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from softseam_services.body.body import Floats
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.errors import LawError
 from softseam_services.body.materials import point
-from softseam_services.body.materials.prototype import MAX_PARAMETERS, RESPONSE
+from softseam_services.body.materials.prototype import MAX_PARAMETERS, RESPOND, RESPONSE
 from softseam_services.jit import PrototypeError
 
 __all__ = ["Law", "LawError"]
@@ -31,6 +35,8 @@ class Law:
     inline      number of its branch in `point`; 0 where kernels call `response` through its address
     splits      mu/2 I1 splits off its energy, so that hex27 takes the fast path (fem/kernels/cells.py)
     small       it holds for small strains only, and knows no turns
+    state       how many numbers it remembers; 0 of an elastic law
+    respond     of a law with state, in place of `response`
     """
 
     parameters: Callable[[Any, ElasticConstants], Sequence[float]]
@@ -38,16 +44,22 @@ class Law:
     inline: int = 0
     splits: bool = False
     small: bool = False
+    state: int = 0
+    respond: Callable[..., float] | None = None
 
     def __post_init__(self) -> None:
         if self.inline and self.inline not in point.BRANCHES:
             raise LawError(f"a law says that it is branch {self.inline} of materials.point, which has no such branch")
-        if bool(self.inline) == (self.response is not None):
+        if bool(self.inline) + (self.response is not None) + (self.respond is not None) != 1:
             raise LawError("a law needs a response(i1, i2, j, parameters) or a branch in materials.point, and not both")
+        if (self.state > 0) != (self.respond is not None):
+            raise LawError("a law with state needs a respond(F, state, dt, parameters, P, A, following), and its size")
 
     @cached_property
     def number(self) -> int:
         """By which kernels know the law: its branch in `point`, or the address of its compiled response.
+
+        It is 0 of a law with state, so that no kernel that knows of none takes it.
 
         Raises LawError where the response does not compile.
         """
@@ -55,6 +67,16 @@ class Law:
             return self.inline
         try:
             return RESPONSE.compile(self.response)
+        except PrototypeError as error:
+            raise LawError(str(error)) from error
+
+    @cached_property
+    def address(self) -> int:
+        """Of the compiled `respond`; 0 of a law without state. Raises LawError where it does not compile."""
+        if self.respond is None:
+            return 0
+        try:
+            return RESPOND.compile(self.respond)
         except PrototypeError as error:
             raise LawError(str(error)) from error
 

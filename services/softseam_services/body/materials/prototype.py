@@ -1,4 +1,4 @@
-"""How kernels call a law by its address: what a response takes and returns."""
+"""How kernels call a law by its address: what a response takes and returns, of a law without state and with one."""
 
 from __future__ import annotations
 
@@ -11,3 +11,18 @@ RESPONSE = Prototype(
     {"i1": float, "i2": float, "j": float, "parameters": (MAX_PARAMETERS,)},
     returns=10,
 )
+RESPOND = Prototype(
+    "response of a material law with state",
+    {
+        "n": int,
+        "F": (3, 3),
+        "state": ("n",),
+        "dt": float,
+        "parameters": (MAX_PARAMETERS,),
+        "P": (3, 3),
+        "A": (9, 9),
+        "following": ("n",),
+    },
+    lengths=("n",),
+)
+"""energy density [Pa]; P, A = dP/dF and the state at the end of dt in place"""

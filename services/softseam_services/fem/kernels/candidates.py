@@ -7,8 +7,8 @@ import numpy as np
 from softseam_services.fem.kernels.contact import ALONE, ANCHOR, OPEN, point_position
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
+from softseam_services.shapes.branches import BOX
 from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
-from softseam_services.tools.tool_set import BOX
 
 _BESIDE = 0.25
 """depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and

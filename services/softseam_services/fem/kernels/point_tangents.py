@@ -14,6 +14,7 @@ from softseam_services.body.materials.point import stress, tangent
 from softseam_services.fem.kernels.cells import gather
 from softseam_services.fem.kernels.mean_volume import mean_pressure, modify, modify_tangent
 from softseam_services.fem.kernels.points import group_volumes, point_gradients
+from softseam_services.fem.kernels.remembered import respond
 from softseam_services.jit import njit
 
 
@@ -89,6 +90,7 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
     n_shared = rule.group_nodes.shape[1]
     Kg, v, g = np.empty((n_shared, 9, n_shared)), np.empty((27, 3)), np.empty((27, 3))
     vg, gg = np.empty((n_shared, 3)), np.empty((n_shared, 3))
+    state, following = np.empty(model.n_state), np.empty(model.n_state)
     for cell in range(len(model.cell_nodes)):
         if part[cell] == 0.0:
             continue
@@ -130,6 +132,10 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                                 v[nodes[a], i] += w * (along + coupled[3 * i + 2] * G[2, a])
                                 along = H[at, i, 0] * G[0, a] + H[at, i, 1] * G[1, a] + H[at, i, 2] * G[2, a]
                                 g[nodes[a], i] += weight[at] / total * along
+                    elif model.n_state > 0:
+                        respond(
+                            model, rule, work, cell, group * size + at, parameters[at], F[at], state, P, A, following
+                        )
                     else:
                         tangent(model.kind, parameters[at], F[at], A, definite)
                     _add_point(A, G, w, K)

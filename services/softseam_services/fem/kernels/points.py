@@ -18,6 +18,7 @@ from softseam_services.fem.kernels.mean_volume import (
     positive_volume,
     volume_gradient,
 )
+from softseam_services.fem.kernels.remembered import respond, respond_all
 from softseam_services.jit import njit
 
 
@@ -113,7 +114,10 @@ def subtract_forces(x, model, rule, part, work, r):
             point_gradients(xe, rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
             parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
-            group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
+            if model.n_state > 0:
+                respond_all(model, rule, work, cell, group * size, parameters, F, P)
+            else:
+                group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
             at = 0
             for element in range(group * per_group, (group + 1) * per_group):
                 nodes = rule.nodes[element]
@@ -154,6 +158,7 @@ def strain_energy(x, model, rule, part, work):
     per_group = n_elements // len(rule.group_nodes) if averaged else 1
     size = per_group * rule.gradient.shape[2]
     F, H, J, F_bar = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty(size), np.empty((3, 3))
+    state, following, A = np.empty(model.n_state), np.empty(model.n_state), np.empty((9, 9))
     total = 0.0
     for cell in range(len(model.cell_nodes)):
         if part[cell] == 0.0:
@@ -169,7 +174,12 @@ def strain_energy(x, model, rule, part, work):
             if averaged:
                 J_bar, _ = group_volumes(F, weight, model.linear, H, J)
             for at in range(size):
-                if averaged:
+                if model.n_state > 0:
+                    psi = respond(
+                        model, rule, work, cell, group * size + at, parameters[at], F[at], state, F_bar, A, following
+                    )
+                    own += weight[at] * psi
+                elif averaged:
                     modify(F[at], J[at], J_bar, model.linear, F_bar)
                     own += weight[at] * energy(model.kind, parameters[at], F_bar)
                 else:
@@ -212,7 +222,10 @@ def cauchy_stress(x, model, rule, work, out):
             point_gradients(work.xe[cell], rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
             parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
-            group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
+            if model.n_state > 0:
+                respond_all(model, rule, work, cell, group * size, parameters, F, P)
+            else:
+                group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
             for at in range(size):
                 det = 1.0 if model.linear else _determinant(F[at])
                 share = rule.share[group * per_group + at // n_points, at % n_points]
@@ -228,3 +241,30 @@ def cauchy_stress(x, model, rule, work, out):
         for octant in range(8):
             for n in range(6):
                 out[cell, octant, n] *= 1.0 / volume[octant] if model.filled[cell, octant] else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def remember(x, model, rule, work, end):
+    """end (c, 8, n) <- what the octants remember at the end x of the step that work.material_state began."""
+    gather(x, model.cell_nodes, work.xe)
+    n_elements, n_points = rule.share.shape[:2]
+    F, P, A, total = np.empty((n_points, 3, 3)), np.empty((3, 3)), np.empty((9, 9)), np.empty(8)
+    state, following = np.empty(model.n_state), np.empty(model.n_state)
+    for cell in range(len(model.cell_nodes)):
+        total[:] = 0.0
+        end[cell] = 0.0
+        for element in range(n_elements):
+            point_gradients(work.xe[cell], rule, cell, element, 1, F)
+            for q in range(n_points):
+                point = element * n_points + q
+                parameters = rule.parameters[rule.blend[cell], point]
+                respond(model, rule, work, cell, point, parameters, F[q], state, P, A, following)
+                for octant in range(8):
+                    w = rule.share[element, q, octant] * rule.weight[cell, point]
+                    total[octant] += w
+                    for n in range(model.n_state):
+                        end[cell, octant, n] += w * following[n]
+        for octant in range(8):
+            if total[octant] > 0.0:
+                for n in range(model.n_state):
+                    end[cell, octant, n] /= total[octant]

@@ -205,7 +205,7 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
         for i in range(3):
             fastest = max(fastest, abs(v0[node, i]))
     travel = tool_travel(
-        tools.kind, tools.shape, tools.position, tools.orientation, tools.position_next, tools.orientation_next, x0
+        tools.reach, tools.position, tools.orientation, tools.position_next, tools.orientation_next, x0
     )
     reach = 0.25 * model.edge + travel + 2.0 * dt * fastest
     total = augmentations = count = 0

@@ -20,8 +20,8 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
+from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.kernels import box_gap, rotate, rotate_back, side_gap, tool_gap
-from softseam_services.tools.tool_set import BOX, PLANE
 
 from .lanes import batch_kernel, four, lane_kernel, three
 from .pairs import (

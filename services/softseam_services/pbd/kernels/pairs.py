@@ -28,7 +28,7 @@ then SIDE 8 (side of the tool, -1 where contact is exact). Groups start[t] .. st
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import side_gap, tool_gap, tool_reach
+from softseam_services.tools.kernels import side_gap, tool_gap
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -80,6 +80,7 @@ def _open(group, n_nodes, rows, pairs):
 def find_pairs(
     kind,
     shape,
+    tool_reach,
     position,
     orientation,
     point_x,
@@ -115,7 +116,7 @@ def find_pairs(
         tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)
         # Cheap: outside the ball around the tool there is nothing to touch.
-        reach = (margin + tool_reach(tool_kind, tool_shape)) ** 2
+        reach = (margin + tool_reach[tool]) ** 2
         first_open = n_groups
         for point in range(len(point_x)):
             if not active[point]:

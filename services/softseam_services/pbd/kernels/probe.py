@@ -68,7 +68,19 @@ def probe_seam(
     copy_rows(blocks.softness, blocks.softness_free)
     newest = np.empty(n, dtype=np.int32)
     find_pairs(
-        *(kind, shape, position, orientation, point_x, points.active, indptr, node, weight, points.softness),
+        *(
+            kind,
+            shape,
+            tools.reach,
+            position,
+            orientation,
+            point_x,
+            points.active,
+            indptr,
+            node,
+            weight,
+            points.softness,
+        ),
         *(force_start, np.zeros_like(force_start), points.side, points.soft, 0.0, h * h, n, newest),
         *(contacts.start, contacts.rows, contacts.pairs),
     )

@@ -151,10 +151,11 @@ def advance_step(
             square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
             fastest = max(fastest, square)
         reach = margin + 2.0 * dt * np.sqrt(fastest)
-        travel = tool_travel(kind, shape, position, orientation, position_next, orientation_next, x)
+        travel = tool_travel(tools.reach, position, orientation, position_next, orientation_next, x)
         find_pairs(
             kind,
             shape,
+            tools.reach,
             position,
             orientation,
             point_x,

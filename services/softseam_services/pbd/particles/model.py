@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from softseam_protocol.scene.models import PbdSpec
+from softseam_protocol.scene.particles import ConstraintSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.tool_set import ToolSet
 
 from .batches import Batches, batches
+from .constraints import Joined, build_constraints
 from .tetrahedra import Tetrahedra, build_tetrahedra
 
 SLACK = 0.005
@@ -55,6 +58,8 @@ class ParticleModel:
     """of C_D and C_H (e, 2, 8) [1/J]"""
     pair_gamma: Floats
     """(e, 8) [1]"""
+    joined: Joined
+    """by constraints that the scene adds"""
 
     @property
     def classic(self) -> bool:
@@ -90,8 +95,10 @@ class ParticleModel:
         return max(FEWEST, int(np.ceil(dt / h - 1e-9)))
 
 
-def build_model(body: ParticleBody, tools: ToolSet, spec: PbdSpec) -> ParticleModel:
-    """Everything of a body that never changes."""
+def build_model(
+    body: ParticleBody, tools: ToolSet, spec: PbdSpec, constraints: Sequence[ConstraintSpec] = ()
+) -> ParticleModel:
+    """Everything of a body that never changes. Raises as `build_constraints`."""
     weight = np.where(body.fixed, 0.0, 1.0 / body.mass)
     springs = batches(body.n_nodes, body.springs.nodes)
     keep = spec.method == "xpbd" or spec.classic.bending > 0.0
@@ -121,4 +128,5 @@ def build_model(body: ParticleBody, tools: ToolSet, spec: PbdSpec) -> ParticleMo
         paired=paired,
         pair_compliance=pair_compliance,
         pair_gamma=pair_gamma,
+        joined=build_constraints(body, constraints),
     )

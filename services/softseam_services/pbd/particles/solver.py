@@ -26,8 +26,10 @@ from softseam_services.pbd.kernels.lanes import aligned
 from softseam_services.request_check import problem_of
 from softseam_services.tools.tool_set import ToolSet
 
+from .constraints import constraints_of
 from .kernels import bending, distance, neo_hookean, strain
 from .kernels import summary as k
+from .kernels.constraint import constraint_energy
 from .kernels.contact import N_PUSH
 from .kernels.grip import take_hold
 from .kernels.substep import CROWDED, N_OUTCOMES, TOOL_WORK, advance_step
@@ -66,7 +68,7 @@ class ParticleSolver:
     """PBD or XPBD on one sheet, rope or mesh of tetrahedra. Implements `Solver`."""
 
     def __init__(self, scene: Scene, body: ParticleBody, tools: ToolSet, state: BodyState | None = None) -> None:
-        self.model = model = build_model(body, tools, scene.models.pbd)
+        self.model = model = build_model(body, tools, scene.models.pbd, constraints_of(scene))
         self._dt = scene.step
         self.substeps = model.substeps(scene.step)
         n, t = body.n_nodes, len(tools.names)
@@ -118,6 +120,7 @@ class ParticleSolver:
             aligned(n + 8, 4),
             aligned(neo_hookean.N_WORK),
         )
+        self._joined = model.joined.arrays()
         self._no_grip = np.zeros(t, dtype=np.int8)
         self._xw = aligned(n + 8, 4)
         self._work_arrays = (
@@ -135,7 +138,7 @@ class ParticleSolver:
         self._poses = np.zeros((2, t, 3)), np.zeros((2, t, 4)), np.zeros((2, t, 12))
         self._mean, self._felt, self._wrench = np.zeros((n, 3)), np.zeros((n, t)), np.zeros((t, 6))
         self._outcome, self._result = np.zeros(N_OUTCOMES), np.zeros(k.N_RESULTS)
-        self._measure, self._strain = np.zeros((4, 6)), np.zeros(n + 8)
+        self._measure, self._strain = np.zeros((5, 6)), np.zeros(n + 8)
         self._layers = (APART * float(body.spacing) if body.self_contact else 0.0, float(body.self_friction))
         self._load_kernels()
         self._fill(start.x)
@@ -153,16 +156,8 @@ class ParticleSolver:
         self.substeps = 1
         self._advance(motion, 1e-6)
         self.substeps = substeps
-        for array in (
-            self._mean,
-            self._felt,
-            self._wrench,
-            self._result,
-            self._springs[6],
-            self._bends[6],
-            self._solid[5],
-            self._hyper[4],
-        ):
+        multipliers = self._springs[6], self._bends[6], self._solid[5], self._hyper[4], self._joined[4]
+        for array in (self._mean, self._felt, self._wrench, self._result, *multipliers):
             array[:] = 0.0
 
     @property
@@ -251,8 +246,11 @@ class ParticleSolver:
             self._bends,
             self._solid,
             self._hyper,
+            self._joined,
+            model.joined.compliance,
             tools.kind,
             tools.shape,
+            tools.reach,
             tools.friction,
             motion.position,
             motion.orientation,
@@ -301,10 +299,11 @@ class ParticleSolver:
         neo_hookean.measure_pairs(
             self._xw, nodes, row, inverse, compliance, soft, lam_pairs, self._strain, self._measure[3]
         )
+        self._measure[4, 0] = constraint_energy(self._xw, *self._joined, h)
 
     def _alarm(self) -> str:
         """Where tetrahedra have lost their shape: constraints may be met then, and yet nothing is as it should be."""
-        strains, pairs = self._measure[2:, 5].tolist()
+        strains, pairs = self._measure[2:4, 5].tolist()
         if pairs > 0.0:
             return f"{pairs:.0f} tetrahedra are crushed to nothing or inside out; most put themselves right"
         if strains > 0.0:
@@ -312,7 +311,7 @@ class ParticleSolver:
         return ""
 
     def _measures(self) -> ParticleReport:
-        springs, (bend, off, off_total, _, n_bends), strains, pairs = self._measure[:, :5].tolist()
+        springs, (bend, off, off_total, _, n_bends), strains, pairs = self._measure[:4, :5].tolist()
         solid = self.model.body.solid
         of_solid = pairs if solid is not None and solid.law == "neo_hookean" else strains
         stretch, worst, total, most, count = springs if solid is None else of_solid

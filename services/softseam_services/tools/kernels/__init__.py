@@ -1,17 +1,10 @@
 """Kernels of tools; participants import them from here."""
 
-from softseam_services.tools.kernels.gap import (
-    all_finite,
-    cell_distances,
-    least_gaps,
-    rotate,
-    rotate_back,
-    tool_gap,
-    tool_reach,
-    tool_travel,
-)
+from softseam_services.shapes.box import box_gap
+from softseam_services.shapes.distance import tool_gap
+from softseam_services.shapes.turns import rotate, rotate_back
+from softseam_services.tools.kernels.gap import all_finite, cell_distances, least_gaps, tool_travel
 from softseam_services.tools.kernels.sides import overlap, side_gap
-from softseam_services.tools.kernels.solids import box_gap
 
 __all__ = [
     "all_finite",
@@ -23,6 +16,5 @@ __all__ = [
     "rotate_back",
     "side_gap",
     "tool_gap",
-    "tool_reach",
     "tool_travel",
 ]

@@ -4,7 +4,7 @@ one whose outward normal is along +axis."""
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels.gap import rotate
+from softseam_services.shapes.turns import rotate
 
 
 @njit(cache=True, error_model="numpy")

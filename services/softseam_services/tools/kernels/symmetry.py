@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
+from softseam_services.shapes.branches import PLANE
 from softseam_services.tools.kernels import rotate, rotate_back
-from softseam_services.tools.tool_set import BOX, MESH, PLANE, SPHERE
 
 _SAME = 1e-9
 """of a turn [1]"""
@@ -33,25 +33,23 @@ def _seen(orientation, image_of, axis, seen):
 
 
 @njit(cache=True, error_model="numpy")
-def _fits(kind, shape, seen):
-    """Whether a tool looks the same after `seen` (3, 3)."""
-    if kind == SPHERE:
-        return True
-    if kind == PLANE:
-        away = 0.0
-        for i in range(3):
-            away += abs(seen[i, 0] * shape[0] + seen[i, 1] * shape[1] + seen[i, 2] * shape[2] - shape[i])
-        return away <= _SAME
-    if kind == BOX:
-        for i in range(3):
-            if abs(abs(seen[i, i]) - 1.0) > _SAME:
+def _fits(sameness, seen):
+    """Whether a shape looks the same after `seen` (3, 3), by its row of `ToolSet.sameness`."""
+    if np.isnan(sameness[0]):
+        return False
+    away = 0.0
+    for i in range(3):
+        for j in range(3):
+            if sameness[i] != sameness[j] and seen[i, j] * seen[i, j] > 2.0 * _SAME:  # of the cosine that is left
                 return False
-        return True
-    return kind != MESH and abs(abs(seen[2, 2]) - 1.0) <= _SAME  # a capsule or a cylinder along z
+        away += abs(seen[i, 0] * sameness[3] + seen[i, 1] * sameness[4] + seen[i, 2] * sameness[5] - sameness[3 + i])
+    return away <= _SAME
 
 
 @njit(cache=True, error_model="numpy")
-def tool_astray(kind, shape, axis, place, image, near, position, orientation, position_next, orientation_next):
+def tool_astray(
+    kind, shape, sameness, axis, place, image, near, position, orientation, position_next, orientation_next
+):
     """The first plane and tool that is not, from the start of a step to its end, what its image says; (-1, -1) where
     all are.
 
@@ -64,7 +62,7 @@ def tool_astray(kind, shape, axis, place, image, near, position, orientation, po
             other = image[m, t]
             _seen(orientation[t], orientation[other], e, start)
             _seen(orientation_next[t], orientation_next[other], e, end)
-            if not _fits(kind[t], shape[t], start):
+            if not _fits(sameness[t], start):
                 return m, t
             for i in range(3):
                 for j in range(3):

@@ -13,19 +13,19 @@ import numpy as np
 from softseam_services.jit import njit
 from softseam_services.pbd.kernels.lanes import four, three
 from softseam_services.pbd.kernels.tool_motion import twelve
-from softseam_services.tools.kernels import tool_gap, tool_reach
+from softseam_services.tools.kernels import tool_gap
 
 N_PUSH = 8
 """columns of a candidate's push: N, T (3), normal (3), approach"""
 
 
 @njit(cache=True, error_model="numpy")
-def list_contacts(x, weight, n, kind, shape, position, orientation, within, particle, tool):
+def list_contacts(x, weight, n, kind, shape, tool_reach, position, orientation, within, particle, tool):
     """Candidates: free particles within a distance [m] of a tool at these poses; returns how many, in place."""
     count = 0
     for t in range(len(kind)):
         place, turn = three(position, t), four(orientation, t)
-        reach = tool_reach(kind[t], shape[t]) + max(within, 0.0)
+        reach = tool_reach[t] + max(within, 0.0)
         square = reach * reach
         for i in range(n):
             dx, dy, dz = x[i, 0] - place[0], x[i, 1] - place[1], x[i, 2] - place[2]

@@ -14,6 +14,7 @@ from softseam_services.pbd.kernels.tool_motion import tool_motions, tool_pose
 from softseam_services.tools.kernels import tool_travel
 
 from .bending import add_bend_forces, prepare_bends, project_bends
+from .constraint import add_constraint_forces, project_constraints
 from .contact import bounce, list_contacts, note_approach, project_contacts, settle_contacts
 from .distance import add_distance_forces, prepare_distances, project_distances
 from .grip import carry, list_held, list_holding, settle_held
@@ -80,8 +81,11 @@ def advance_step(
     bends,
     solid,
     hyper,
+    joined,
+    compliance,
     kind,
     shape,
+    tool_reach,
     friction,
     position,
     orientation,
@@ -112,6 +116,7 @@ def advance_step(
     springs         nodes, row, rest, compliance, inverse, soft, lambda, which of `distance`
     bends           nodes, row, coefficient, compliance, inverse, soft, lambda, which of `bending`
     solid           nodes, row, inverse, compliance, soft, lambda of `strain`
+    joined          families, particle, parameter, soft, lambda, workspaces of `constraint`; compliance (m,)
     hyper           nodes, inverse, compliance, soft, lambda, gamma, pull, workspace of `neo_hookean`
     layers          (apart, friction): pairs at least so far apart at rest keep 2 radius [m]; apart = 0 for none
     stretch_share, bending_share  stiffness of classic PBD, 0 for XPBD
@@ -139,11 +144,14 @@ def advance_step(
     p_nodes, p_inverse, p_compliance, p_soft, p_lambda, p_gamma, p_pull, ws_pairs = hyper
     soften(p_compliance, h, p_soft)
     prepare_bends(xw, b_nodes, b_coefficient, b_compliance, h, bending_share, b_inverse, b_soft)
+    j_families, j_particle, j_parameter, j_soft, j_lambda, ws_x, ws_p, ws_g = joined
+    for j in range(len(compliance)):
+        j_soft[j] = compliance[j] / (h * h)
     n_springs, n_bends = 0, 0
     if n_held > 0:
         n_springs = list_holding(s_nodes, s_row, held, s_which)
         n_bends = list_holding(b_nodes, b_row, held, b_which)
-    travel = tool_travel(kind, shape, position, orientation, position_next, orientation_next, x) / n_substeps
+    travel = tool_travel(tool_reach, position, orientation, position_next, orientation_next, x) / n_substeps
     mean[:] = 0.0
     felt[:] = 0.0
     wrench[:] = 0.0
@@ -165,7 +173,7 @@ def advance_step(
             listed = s
             _note(xw, x_listed[0], n)
             reach = radius + margin
-            count = list_contacts(xw, xw, n, kind, shape, place[then], turn[then], reach, particle, tool)
+            count = list_contacts(xw, xw, n, kind, shape, tool_reach, place[then], turn[then], reach, particle, tool)
         if layers[0] > 0.0 and (s == 0 or np.sqrt(_farthest(xw, x_listed[1], n)) >= 0.5 * margin):
             _note(xw, x_listed[1], n)
             reach = 2.0 * radius + margin
@@ -177,12 +185,14 @@ def advance_step(
         s_lambda[:] = 0.0
         b_lambda[:] = 0.0
         t_lambda[:] = 0.0
+        j_lambda[:] = 0.0
         begin_pairs(ws_pairs, xw, p_nodes, p_inverse, p_soft, p_gamma, p_lambda, p_pull)
         for _ in range(n_sweeps):
             project_distances(ws_springs, xw, s_nodes, s_rest, s_inverse, s_soft, s_lambda)
             project_strains(xw, t_nodes, t_row, t_inverse, t_soft, 1.0, t_lambda)
             project_neo_hookean(ws_pairs, xw, p_nodes, p_inverse, p_soft, p_gamma, p_lambda)
             project_bends(ws_bends, xw, b_nodes, b_coefficient, b_inverse, b_soft, b_lambda)
+            project_constraints(xw, j_families, j_particle, j_parameter, j_soft, j_lambda, ws_x, ws_p, ws_g)
             if n_pairs > 0:
                 outcome[TOUCHING] = project_pairs(xw, x_prev, n_pairs, first, second, 2.0 * radius, layers[1])
             project_contacts(
@@ -200,6 +210,7 @@ def advance_step(
         if n_held > 0:
             add_distance_forces(xw, n_springs, s_which, s_nodes, s_row, s_lambda, h, force)
             add_bend_forces(n_bends, b_which, b_nodes, b_row, b_coefficient, b_lambda, h, force)
+            add_constraint_forces(xw, j_families, j_particle, j_parameter, j_soft, j_lambda, ws_x, ws_p, ws_g, h, force)
             outcome[TOOL_WORK] += settle_held(
                 *(xw, x_prev, v, v_prev, mass, gravity, 0.0, force, n_held, ids, held, place[then], motion),
                 *(h, share, mean, felt, wrench),

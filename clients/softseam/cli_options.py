@@ -1,0 +1,33 @@
+"""Arguments and options that several commands have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a bundled scene.")]
+Endpoint = Annotated[
+    str | None,
+    typer.Option("--connect", metavar="ENDPOINT", help="Router of running services, e.g. tcp/127.0.0.1:7447."),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. tools.left.friction=0.05. Repeatable."),
+]
+
+Tolerance = Annotated[
+    float | None,
+    typer.Option("--tolerance", metavar="SHARE", help="Largest error of any quantity, e.g. 0.05 for 5 %."),
+]
+Deployment = Annotated[
+    str | None, typer.Option("--deployment", metavar="NAME", help="Keeps apart what shares a router; default: local.")
+]
+Routes = Annotated[
+    list[str] | None,
+    typer.Option("--route", metavar="PART=SERVICE", help="Who takes a part, e.g. body.far=my_solver. Repeatable."),
+]
+Recordings = Annotated[
+    Path | None, typer.Option("--recordings", metavar="FOLDER", help="Where the recorder writes; default: recordings.")
+]

@@ -1,0 +1,83 @@
+"""Requests that come again, are taken back, committed, saved and forgotten."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from softseam.conform.seat import Seat, Service, expect, near, some_force
+from softseam_protocol.messages.participant import Advanced, Configured, Restore, Restored, Snapshot, SnapshotTaken
+from softseam_protocol.wire.codec import encode
+
+
+def bits(reply: Advanced) -> bytes:
+    """What must be the same: all but the clock and the name of the session."""
+    header = replace(reply.header, session="", exchange=0)
+    return encode(replace(reply, header=header, seconds=0.0))
+
+
+def repeat(service: Service) -> None:
+    """The same request again gets the same bytes, but for `seconds`, and does nothing."""
+    seat, force = Seat(service), some_force()
+    again = service.ask(seat.configure, Configured)
+    expect(replace(again, seconds=0.0) == replace(seat.configured, seconds=0.0), "Configured as before", again)
+    first = seat.advance(0, 0, force)
+    expect(bits(seat.advance(0, 0, force)) == bits(first), "the same bytes for the same Advance", "others")
+    second = seat.advance(1, 0, force)
+    expect(bits(seat.advance(1, 0, force)) == bits(second), "the same bytes for the same Advance", "others")
+
+
+def redo(service: Service) -> None:
+    """A higher exchange starts again from the committed state: another force, then the first, give the first answer."""
+    seat, force = Seat(service), some_force()
+    first, other = seat.advance(0, 0, force), seat.advance(0, 1, -2.0 * force)
+    moved = float(np.abs(other.seam_x - first.seam_x).max())
+    expect(moved > 0.0, "another answer to another force", "the same")
+    near("the first answer to the first force", seat.advance(0, 2, force).seam_x, first.seam_x, 1e-6 * moved)
+
+
+def commit(service: Service) -> None:
+    """An Advance for the next step commits the one before, as Commit does."""
+    ends = []
+    for said in (False, True):
+        seat = Seat(service)
+        first = seat.advance(0, 0, some_force())
+        if said:
+            seat.commit(1)
+        second = seat.advance(1)
+        ends.append(bits(second))
+        size = float(np.abs(first.momentum).max())
+        near("a second step with the momentum of the first", second.momentum, first.momentum, 1e-3 * size)
+    expect(ends[0] == ends[1], "the same step after a Commit and without one", "another")
+
+
+def discard(service: Service) -> None:
+    """A Commit that names the tentative step itself discards it."""
+    seat = Seat(service)
+    first = seat.advance(0, 1, some_force())
+    seat.commit(0)
+    near("positions as at the start", seat.observe(0).x, seat.configure.mesh.x_rest, 1e-12)  # type: ignore[union-attr]
+    near("the same step again", seat.advance(0, 2, some_force()).seam_x, first.seam_x, 1e-9)
+
+
+def restore(service: Service) -> None:
+    """A snapshot, put into a new session, goes on as the session that it was taken of: the same bits."""
+    seat = Seat(service)
+    for step in range(3):
+        seat.advance(step, 0, some_force(seed=step), compliance=step == 0)
+    state = service.ask(Snapshot(seat.header(3)), SnapshotTaken).state
+    other = Seat(service)
+    service.ask(Restore(other.header(3), state), Restored)
+    for step in range(3, 6):
+        ours, theirs = (each.advance(step, 0, some_force(seed=step)) for each in (seat, other))
+        expect(bits(ours) == bits(theirs), "the same bits from the restored session", f"others in step {step}")
+
+
+def release(service: Service) -> None:
+    """After Release the session has no part; releasing it again is no error."""
+    seat = Seat(service)
+    seat.advance(0)
+    seat.release()
+    service.refusal(encode(seat.request(1)), ("not_configured",))
+    seat.release()

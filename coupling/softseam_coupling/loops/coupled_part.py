@@ -1,0 +1,124 @@
+"""A part as a loop sees it: its coupling nodes' share in the rows of all interfaces, and how they yield.
+
+With B_p (c, n) of part p over all rows, the gap is g = sum_p B_p x_p - offset, and the multipliers lambda put the force
+B_p^T lambda on the part's nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.interface import Interface
+
+Floats = NDArray[np.float64]
+
+__all__ = ["HARDLY", "CoupledPart", "gap_of", "parts_of"]
+
+_NONE = np.zeros((0, 0))
+HARDLY = 1e-6
+"""added to the diagonal of a compliance that is to be inverted, of its mean: directions that do not yield [1]"""
+
+
+@dataclass(slots=True)
+class CoupledPart:
+    """What is known of a part: n coupling nodes, c rows of all interfaces. All but rows and sign evolves."""
+
+    rows: Floats
+    """B_p (c, n) [1]"""
+    sign: float
+    """+1 or -1 where B_p is the identity times that, 0 where it is no such thing"""
+    compliance: Floats = field(default_factory=lambda: _NONE)
+    """H_p (3n, 3n) [m/N], as told and since taught; empty: the part tells Y"""
+    told: Floats = field(default_factory=lambda: _NONE)
+    """H_p as told, by which it is moved on (3n, 3n) [m/N]; empty: not told"""
+    back: Floats = field(default_factory=lambda: _NONE)
+    """its inverse [N/m], of directions that yield; empty: not needed yet"""
+    root: Floats = field(default_factory=lambda: _NONE)
+    """R with Y = R R^T (3n, r); with an impedance of none Y is H_p"""
+    impedance: Floats = field(default_factory=lambda: _NONE)
+    """S (3n, 3n) [N/m]; empty: none"""
+
+    def hold(self) -> tuple[Floats, ...]:
+        """What of it evolves, to `go_back` to."""
+        return self.compliance, self.told, self.back, self.root, self.impedance
+
+    def go_back(self, held: tuple[Floats, ...]) -> None:
+        """Be as `hold` found it."""
+        self.compliance, self.told, self.back, self.root, self.impedance = held
+
+    @property
+    def pushed(self) -> bool:
+        """Whether its unknown is the push of eq. (2)."""
+        return self.root.size > 0 and self.impedance.size > 0
+
+    def image(self, vectors: Floats) -> Floats:
+        """B_p x (c, 3) of vectors on the part's nodes (n, 3)."""
+        return self.sign * vectors if self.sign else np.asarray(self.rows @ vectors)
+
+    def force(self, multipliers: Floats) -> Floats:
+        """B_p^T lambda (n, 3) [N]."""
+        return self.sign * multipliers if self.sign else np.asarray(self.rows.T @ multipliers)
+
+    def move(self, force: Floats) -> Floats:
+        """H_p times a force on its nodes, or Y times a push (n, 3) [m]."""
+        flat = force.reshape(-1)
+        moved = self.root @ (self.root.T @ flat) if self.root.size else self.compliance @ flat
+        return np.asarray(moved.reshape(-1, 3))
+
+    def push_for(self, change: Floats, move: Floats, free: bool) -> tuple[Floats, Floats | None]:
+        """The push (n, 3) [N] that moves the part on by `move` (n, 3) [m], and what that is short of it (n, 3) [m].
+
+        None where it is not short: a part whose answer is `change` times what it told.
+
+        A part is moved on by what it told, and knows nothing of what it was taught since. Where it is free of contacts
+        the push is the change of force itself, so that it is given exactly that impulse.
+        """
+        if self.told is self.compliance or not self.told.size:
+            return change, None
+        push = change
+        if not free:
+            if not self.back.size:
+                lifted = self.told.copy()
+                lifted.flat[:: len(lifted) + 1] += HARDLY * np.trace(lifted) / len(lifted)
+                self.back = np.asarray(np.linalg.inv(lifted))
+            push = np.asarray((self.back @ move.reshape(-1)).reshape(-1, 3))
+        return push, np.asarray(move - (self.told @ push.reshape(-1)).reshape(-1, 3))
+
+    def across(self) -> Floats:
+        """B_p H_p B_p^T (3c, 3c) [m/N]."""
+        h = self.root @ self.root.T if self.root.size else self.compliance
+        if self.sign:
+            return h
+        c, n = self.rows.shape
+        half = np.tensordot(self.rows, h.reshape(n, 3, n, 3), axes=(1, 0))
+        whole = np.tensordot(half, self.rows, axes=(2, 1))  # [c, 3, 3, d]
+        return np.ascontiguousarray(np.moveaxis(whole, 3, 2)).reshape(3 * c, 3 * c)
+
+
+def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tuple[dict[str, CoupledPart], Floats]:
+    """The parts by name, and the offset of all rows (c, 3) [m], in the order of the interfaces."""
+    n_rows = sum(interface.n_rows for interface in interfaces)
+    rows = {name: np.zeros((n_rows, n)) for name, n in n_nodes.items()}
+    first = 0
+    for interface in interfaces:
+        own = slice(first, first + interface.n_rows)
+        sides = zip(interface.parts, interface.nodes, interface.weights, (1.0, -1.0), strict=True)
+        for name, nodes, weights, sign in sides:
+            rows[name][own, nodes] += sign * (np.eye(len(nodes)) if weights is None else weights)
+        first = own.stop
+    offset = np.concatenate([interface.offset for interface in interfaces])
+    return {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}, offset
+
+
+def _sign(rows: Floats) -> float:
+    square = len(rows) > 0 and rows.shape[0] == rows.shape[1]
+    return float(next((s for s in (1.0, -1.0) if square and np.array_equal(rows, s * np.eye(len(rows)))), 0.0))
+
+
+def gap_of(parts: Mapping[str, CoupledPart], x: Mapping[str, Floats], offset: Floats) -> Floats:
+    """Of all rows, where the parts' nodes are at x (n, 3) [m] (c, 3) [m]; of velocities with no offset its rate."""
+    return sum((part.image(x[name]) for name, part in parts.items()), -offset)

@@ -1,0 +1,155 @@
+"""Bodies of a scene: of cells, which blocks and meshes fill, or of particles."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
+from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
+from softseam_protocol.scene.regions import OwnRegions
+from softseam_protocol.scene.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.tools import ToolName
+
+BodyName = ToolName
+
+MOST_CELLS = 200_000
+
+
+Grading = Annotated[float, Field(ge=1.0, le=20.0)]
+
+
+def _grading_tag(value: Any) -> str:
+    return "three numbers" if isinstance(value, list | tuple) else "one number"
+
+
+class BlockShape(Spec):
+    """A box that cells fill exactly."""
+
+    kind: Literal["block"] = "block"
+    size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
+    grading: Annotated[
+        Annotated[Grading, Tag("one number")] | Annotated[tuple[Grading, Grading, Grading], Tag("three numbers")],
+        Discriminator(_grading_tag),
+    ] = Field(
+        default=1.0,
+        description="how many times thinner cells are at the faces, or where `towards` says, than in the middle "
+        "between, since stress peaks at edges, along all axes or along x, y, z; "
+        "more than 1 in pbd for tools that cover whole faces",
+    )
+    towards: tuple[str, ...] = Field(
+        default=(),
+        description="boxes among the tools: cells end where the edges of these come to lie on the block, and are "
+        "thinner towards them and towards the faces that they press, instead of towards all faces",
+    )
+    borders: Literal["even", "materials"] = Field(
+        default="even",
+        description="even: wherever materials meet; materials: cells end in the planes of inclusions that are boxes, "
+        "continued through the block, and are equal between them; around one inclusion that is a sphere, inside the "
+        "block and clear of these planes, they are curved and follow it, for fem or pbd alone",
+    )
+
+    @property
+    def gradings(self) -> Vector:
+        """Along x, y and z."""
+        return self.grading if isinstance(self.grading, tuple) else (self.grading,) * 3
+
+    @property
+    def graded(self) -> bool:
+        """Whether cells may be of more than one size."""
+        return self.gradings != (1.0, 1.0, 1.0) or bool(self.towards) or self.borders != "even"
+
+    @model_validator(mode="after")
+    def _plausible(self) -> BlockShape:
+        for i, edge in enumerate(self.size):
+            check_edge(edge, "size", i)
+        return self
+
+
+class MeshShape(Spec):
+    """A closed surface or solid mesh, embedded in cells of one size, or hexahedra that are the cells."""
+
+    kind: Literal["mesh"] = "mesh"
+    path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
+    scale: Positive = Field(default=1.0, description="metres per unit of the file")
+    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
+    cells: Literal["boxes", "own"] = Field(
+        default="boxes", description="boxes: cells of one size that the solid fills partly; own: the file's hexahedra"
+    )
+
+
+Shape = Annotated[BlockShape | MeshShape, Field(discriminator="kind")]
+
+
+def _cell_tag(value: Any) -> str:
+    return "three edges" if isinstance(value, list | tuple) else "one edge"
+
+
+class BodySpec(OwnRegions):
+    """A deformable body in cells; its bounding box stands with the base's centre at `position`."""
+
+    kind: Literal["cells"] = "cells"
+    shape: Shape
+    position: Vector = Field(default=(0.0, 0.0, 0.0), description="base centre of the bounding box [m]")
+    cell: (
+        Annotated[
+            Annotated[Positive, Tag("one edge")] | Annotated[tuple[Positive, Positive, Positive], Tag("three edges")],
+            Discriminator(_cell_tag),
+        ]
+        | None
+    ) = Field(default=None, description="cell edge, or edges along x, y, z [m]; default: a third of the least extent")
+    material: AnyMaterial
+    inclusions: tuple[InclusionSpec, ...] = Field(
+        default=(), description="parts of another material; an octant of a cell is of the last that holds its centre"
+    )
+    fixed: tuple[BoxRegion, ...] = Field(default=(), description="nodes at rest inside these boxes are clamped")
+    velocity: Vector = Field(default=(0.0, 0.0, 0.0), description="initial velocity [m/s]")
+    spin: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="initial angular velocity about the centre of mass [rad/s]"
+    )
+
+    @model_validator(mode="after")
+    def _sized_once(self) -> BodySpec:
+        if isinstance(self.shape, MeshShape) and self.shape.cells == "own" and self.cell is not None:
+            raise wrong("the file's hexahedra are the cells: leave out `cell`, or `cells: own`", "cell")
+        return self
+
+    @model_validator(mode="after")
+    def _one_law(self) -> BodySpec:
+        for i, inclusion in enumerate(self.inclusions):
+            inclusion.material.within(self.material, "inclusions", i, "material")
+        return self
+
+    @property
+    def materials(self) -> tuple[MaterialSpec, ...]:
+        """The body's own, then one for each inclusion."""
+        return (self.material, *(inclusion.material.within(self.material) for inclusion in self.inclusions))
+
+    @model_validator(mode="after")
+    def _countable(self) -> BodySpec:
+        if isinstance(self.shape, BlockShape):
+            cell = min(self.shape.size) / 3.0 if self.cell is None else self.cell
+            edges = cell if isinstance(cell, tuple) else (cell,) * 3
+            n_cells = math.prod(max(1, round(size / edge)) for size, edge in zip(self.shape.size, edges, strict=True))
+            if n_cells > MOST_CELLS:
+                at = "cell" if self.cell is not None else "shape"
+                size = " x ".join(f"{edge:g}" for edge in self.shape.size)
+                what = f"{size} m in {n_cells:,} cells, more than {MOST_CELLS:,}"
+                raise wrong(f"{what}: give a longer cell edge, and all lengths in metres", at)
+        return self
+
+
+def _body_tag(value: Any) -> str:
+    kind = value.get("kind", "cells") if isinstance(value, dict) else getattr(value, "kind", "cells")
+    return str(kind)
+
+
+AnyBody = Annotated[
+    Annotated[BodySpec, Tag("cells")]
+    | Annotated[SheetBody, Tag("sheet")]
+    | Annotated[RopeBody, Tag("rope")]
+    | Annotated[TetMeshBody, Tag("tet_mesh")],
+    Discriminator(_body_tag),
+]

@@ -1,0 +1,204 @@
+"""What a scene may not ask of a body: what its kind, its cells and its models cannot do."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+from pydantic_core import PydanticCustomError
+
+from softseam_protocol.inner_ball import inner_ball
+from softseam_protocol.quantities import QUANTITIES
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
+from softseam_protocol.scene.kinds import integrator_problem
+from softseam_protocol.scene.models import DampingSpec
+from softseam_protocol.scene.motion import ClosePhase, GripPhase, ReleasePhase
+from softseam_protocol.scene.particles import ParticleBodySpec, TetMeshBody
+from softseam_protocol.scene.spec import not_among, wrong
+from softseam_protocol.scene.tools import PlaneTool
+from softseam_protocol.tool_borders import tool_borders
+
+if TYPE_CHECKING:
+    from softseam_protocol.scene.scene import Scene
+
+
+def check_body(scene: Scene, name: str, kinds: Collection[str]) -> None:
+    """Raise if a scene asks something of its body that cannot be.
+
+    scene  with that body alone (`Scene.of`)
+    name   of the body where it is one of several; '' where it is given as `body`
+    kinds  of all bodies of the scene: cells, particles
+    """
+    try:
+        if isinstance(scene.body, BodySpec):
+            _check_cells(scene, scene.body, "particles" in kinds)
+        else:
+            _check_particles(scene, scene.body, "cells" in kinds)
+    except PydanticCustomError as error:
+        if not name:
+            raise
+        context = dict(error.context or {})
+        first, *rest = context.get("at") or ("",)
+        if first == "body":
+            context["at"] = ("bodies", name, *rest)
+        elif first == "regions" and scene.body.regions is not None:
+            context["at"] = ("bodies", name, first, *rest)
+        context["message"] = f"{name}: {context['message']}"
+        raise PydanticCustomError("scene", "{message}", context) from None
+
+
+def check_tools(scene: Scene, names: tuple[str, ...], *at: str | int) -> None:
+    """Raise if one of the names, which stand at `at`, is not a tool."""
+    for i, name in enumerate(names):
+        if name not in scene.tools:
+            raise not_among(f"no tool is called {name!r}", list(scene.tools), *at, i)
+
+
+def _symmetry_is_used(scene: Scene) -> None:
+    """Raise if `symmetry` names an axis twice, or asks what no solver of this scene can do."""
+    if not scene.symmetry:
+        return
+    if len({*scene.symmetry}) < len(scene.symmetry):
+        raise wrong("an axis is named twice: name each once", "symmetry")
+    near, fem = scene.regions.near, scene.models.fem
+    if "fem" not in (scene.regions.default, near.model if near else ""):
+        raise wrong("only fem solves for one side, and no region is fem's: leave it out", "symmetry")
+    if fem.element.startswith("tet"):
+        raise wrong(f"{fem.element} divides cells otherwise on either side: leave it out, or use hex27", "symmetry")
+    if fem.integrator == "symplectic_euler":
+        raise wrong("symplectic_euler solves no equations: leave it out", "symmetry")
+
+
+def _check_particles(scene: Scene, body: ParticleBodySpec, beside_cells: bool) -> None:
+    """Raise if the scene asks something of a body of particles that only one in cells can do."""
+    _symmetry_is_used(scene)
+    have = f"a {body.kind} is made of particles, not cells"
+    if isinstance(body, TetMeshBody):
+        if scene.models.pbd.method == "pbd":
+            raise wrong("classic pbd has no Young's modulus: a tet_mesh needs xpbd", "models", "pbd", "method")
+        for i, phase in enumerate(scene.motion):
+            if isinstance(phase, GripPhase | ReleasePhase):
+                key = "grip" if isinstance(phase, GripPhase) else "release"
+                raise wrong("a tet_mesh is held by friction: close two tools on it", "motion", i, key)
+    if body.constraints and scene.models.pbd.method == "pbd":
+        raise wrong("classic pbd has no compliance: constraints need xpbd", "models", "pbd", "method")
+    if scene.models.pbd.method == "leapfrog":
+        raise wrong(f"{have}: leapfrog moves cells, use xpbd", "models", "pbd", "method")
+    if scene.models.pbd.residual is not None:
+        raise wrong(f"{have}: only blocks have a residual, leave it out", "models", "pbd", "residual")
+    if scene.models.pbd.coarse is not None:
+        raise wrong(f"{have}: leave it out", "models", "pbd", "coarse")
+    if scene.models.pbd.damping != DampingSpec():
+        raise wrong(f"{have}: say body.damping", "models", "pbd", "damping")
+    if scene.regions.default != "pbd":
+        raise wrong(f"{have}: only pbd can simulate it", "regions", "default")
+    if scene.regions.near is not None:
+        raise wrong(f"{have}, and is not cut into regions: leave `near` out", "regions", "near")
+    if scene.regions.goal is not None:
+        raise wrong(f"{have}, and has no goal: leave it out", "regions", "goal")
+    if scene.probes:
+        raise wrong(f"{have}, and has no stress to probe", "probes")
+    for i, quantity in enumerate(scene.quantities):
+        if QUANTITIES[quantity].of == "cells":
+            raise wrong(f"{have}, and has no {quantity}", "quantities", i)
+    for i, phase in enumerate(scene.motion):
+        if isinstance(phase, ClosePhase) and phase.force is not None and not beside_cells:
+            raise wrong(f"{have}: close on it by time, or grip it", "motion", i, "force")
+    for name, tool in scene.tools.items():
+        if not isinstance(tool, PlaneTool) and tool.force_limit is not None and not beside_cells:
+            raise wrong(f"{have}: drives with a force_limit need cells", "tools", name, "force_limit")
+
+
+def _check_cells(scene: Scene, body: BodySpec, beside_particles: bool) -> None:
+    """Raise if integrator, models, seam, symmetry and tools do not go together."""
+    _symmetry_is_used(scene)
+    near = scene.regions.near
+    problem = integrator_problem(
+        scene.models.fem.integrator, scene.seam.scheme if near else None, bool(scene.tools), bool(body.fixed)
+    )
+    models = {scene.regions.default, near.model if near else scene.regions.default}
+    if problem and "fem" in models:
+        raise wrong(problem, "models", "fem", "integrator")
+    if body.material.retardation_time > 0.0:
+        scene.models.check_viscous(models)
+    own = isinstance(body.shape, MeshShape) and body.shape.cells == "own"
+    if own and near:
+        raise wrong(
+            "hexahedra of a file have one model, for a seam runs along faces that are rectangles: leave out "
+            "regions.near, or `cells: own`", "body", "shape", "cells",
+        )  # fmt: skip
+    round_cells = (
+        isinstance(body.shape, BlockShape)
+        and body.shape.borders == "materials"
+        and inner_ball(body.shape.size, body.position, body.inclusions) is not None
+    )
+    if round_cells and near:
+        raise wrong(
+            "cells that follow a sphere have one model, for a seam runs along faces that are rectangles: leave out "
+            "regions.near, or `borders`", "body", "shape", "borders",
+        )  # fmt: skip
+    if (own or (isinstance(body.shape, BlockShape) and body.shape.graded)) and "pbd" in models:
+        said = "the model error of pbd is measured on boxes of one size"
+        if near and near.error is not None:
+            raise wrong(
+                f"{said}: leave out regions.near.error, or body.shape.grading, towards and borders",
+                "regions",
+                "near",
+                "error",
+            )
+        if "model_error" in scene.quantities:
+            place = ("quantities", scene.quantities.index("model_error"))
+            raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)
+    _has_goal(scene, own or (isinstance(body.shape, BlockShape) and body.shape.graded))
+    if scene.models.pbd.coarse is not None and "pbd" in models:
+        if scene.regions.goal is not None:
+            said = "errors of a goal are told of cells of eight blocks"
+            raise wrong(f"{said}: leave out models.pbd.coarse, or goal", "regions", "goal")
+        said = "the model error of pbd is measured on cells of eight blocks"
+        if near and near.error is not None:
+            raise wrong(f"{said}: leave out regions.near.error, or models.pbd.coarse", "regions", "near", "error")
+        if "model_error" in scene.quantities:
+            place = ("quantities", scene.quantities.index("model_error"))
+            raise wrong(f"{said}: leave out this quantity, or models.pbd.coarse", *place)
+    if isinstance(body.shape, BlockShape):
+        check_tools(scene, body.shape.towards, "body", "shape", "towards")
+        tool_borders(body.shape.size, body.position, scene.tools, body.shape.towards)
+    for i, name in enumerate(scene.quantities):
+        if QUANTITIES[name].of == "particles":
+            raise wrong(f"only sheets and ropes have {name}", "quantities", i)
+    if scene.models.pbd.method == "leapfrog" and "pbd" in models:
+        meets = "a seam" if near is not None else "tools" if scene.tools else ""
+        cure = ", or leave out regions.near" if near is not None else ""
+        if meets:
+            raise wrong(
+                f"leapfrog solves no equations and cannot meet {meets}: use xpbd{cure}", "models", "pbd", "method"
+            )
+    if scene.models.pbd.method == "pbd":
+        raise wrong("classic pbd moves sheets and ropes: a body in cells needs xpbd", "models", "pbd", "method")
+    for i, phase in enumerate(scene.motion):
+        if isinstance(phase, GripPhase | ReleasePhase) and not beside_particles:
+            key = "grip" if isinstance(phase, GripPhase) else "release"
+            raise wrong("a body in cells is held by friction: close two tools on it", "motion", i, key)
+    if scene.models.fem.step_error is not None and near is not None and "fem" in models:
+        raise wrong(
+            "substeps by error cannot meet a seam, whose compliance is that of one step: leave out step_error and "
+            "shorten `step`, or give all cells to fem without regions.near",
+            "models",
+            "fem",
+            "step_error",
+        )
+
+
+def _has_goal(scene: Scene, uneven: bool) -> None:
+    """Raise if the goal is nothing that this scene has, or one of cells that are no boxes of one size."""
+    goal, at = scene.regions.goal, ("regions", "goal")
+    if goal is None:
+        return
+    if uneven:
+        raise wrong("errors of a goal are told of boxes of one size: leave out body.shape.grading, or goal", *at)
+    if goal == "grip_force":
+        if not any(isinstance(phase, ClosePhase) for phase in scene.motion):
+            raise wrong("no phase closes two tools: name a probe instead, or add a phase with `close`", *at)
+    elif goal not in scene.probes:
+        have = ", ".join(["grip_force", *scene.probes])
+        raise wrong(f"{goal!r} is not among the goals: {have}", *at)

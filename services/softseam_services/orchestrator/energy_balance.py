@@ -1,0 +1,123 @@
+"""Energy and momentum of one body in every step, summed over its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
+from softseam_coupling.loops.loop import Outcome, largest
+from softseam_protocol.messages.participant import Advanced
+from softseam_protocol.messages.session import InterfaceReport, PartReport
+from softseam_services.orchestrator.sides import Sides
+
+Floats = NDArray[np.float64]
+
+SWITCH_LIMIT = 1e-2
+"""share of the energy that a switch may change [1]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What a step did to a body."""
+
+    parts: dict[str, PartReport]
+    interfaces: dict[str, InterfaceReport]
+    energy: dict[str, float]
+    """ledger of the step, but for what depends on the tools' motion [J]"""
+    momentum: Floats
+    """(3,) [kg m/s]"""
+    angular_momentum: Floats
+    """about the world's origin (3,) [kg m^2/s]"""
+    penetration: float
+    """[m]"""
+
+
+class EnergyBalance:
+    """What steps do to the energy of one body (see `softseam_coupling.ledger`).
+
+    standing  energy that the body has because it stands on its base [J]
+    """
+
+    def __init__(self, standing: float = 0.0) -> None:
+        self._book = EnergyLedger(switch_limit=SWITCH_LIMIT, standing=standing)
+        self.reset()
+
+    def reset(self) -> None:
+        self.ledger: LedgerState | None = None
+        """what evolves; None before the first step"""
+        self.raised: tuple[Alarm, ...] = ()
+        """alarms that the last step was the first of the run to raise"""
+        self._told: set[Alarm] = set()
+        self.begun = Energies(0.0, 0.0, 0.0)
+        """with which the body begins, before the first step"""
+
+    def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: Outcome) -> Entry:
+        """A step was taken."""
+        kinetic = strain = gravity = tool_work = seam_work = penetration = 0.0
+        momentum, angular = np.zeros(3), np.zeros(3)
+        parts = {}
+        for name, reply in replies.items():
+            kinetic += reply.kinetic
+            strain += reply.strain
+            gravity += reply.gravity
+            tool_work += reply.tool_work
+            seam_work += reply.seam_work
+            momentum += reply.momentum
+            angular += reply.angular_momentum
+            penetration = max(penetration, reply.penetration)
+            parts[name] = PartReport(
+                sides.body,
+                sides.models[name],
+                len(sides.cells[name]),
+                sides.n_nodes[name],
+                reply.kinetic,
+                reply.strain,
+                reply.gravity,
+                reply.iterations,
+                reply.seconds,
+                reply.n_substeps,
+                reply.n_rejected,
+                reply.step_error,
+            )
+        interfaces = {}
+        if len(solution.multipliers):
+            force = largest(solution.multipliers)
+            told = InterfaceReport(solution.gap, solution.exchanges, len(solution.multipliers), force, seam_work)
+            interfaces[sides.interface] = told
+        energies = Energies(kinetic, strain, gravity)
+        dissipation = switch = 0.0
+        if self.ledger is None:
+            self.ledger = self._book.open(energies)
+        else:
+            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0)
+            dissipation, switch = entry.dissipation, entry.switch
+            self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
+            self._told.update(self.raised)
+        energy = {
+            "kinetic": kinetic,
+            "strain": strain,
+            "gravity": gravity,
+            "tool_work": tool_work,
+            "seam_work": seam_work,
+            "dissipation": dissipation,
+            "switch": switch,
+        }
+        return Entry(parts, interfaces, energy, momentum, angular, penetration)
+
+    def share_of_switch(self, change: float) -> float:
+        """A switch's change of energy [J] over the body's [1]; beyond `SWITCH_LIMIT` it is better not made."""
+        return self._book.share_of_switch(self.ledger, change)
+
+    def switched(self, energies: Energies) -> float:
+        """Parts switched after the last step, and the models that hold the body now have these energies; by how much
+        the kinetic one changed [J]."""
+        if self.ledger is None:
+            change, self.begun = energies.kinetic - self.begun.kinetic, energies
+            return change
+        change = energies.kinetic - self.ledger.last.kinetic
+        self._book.switched(self.ledger, energies)
+        return change

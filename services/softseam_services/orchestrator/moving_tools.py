@@ -1,0 +1,178 @@
+"""The tools while they move: by the scene's motion, whose progress is kept here, or by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages.participant import ToolMotion
+from softseam_protocol.scene.scene import Scene
+from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.drives import Drives
+from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.program import Program, Progress
+from softseam_services.orchestrator.saved_state import SavedTools
+from softseam_services.tools.motion import tool_motion
+from softseam_services.tools.tool_set import ToolSet
+from softseam_services.tools.travel import beyond_middle
+
+Floats = NDArray[np.float64]
+
+_FARTHEST = 100.0
+"""way of a tool in a step beyond which nobody meant it [m]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """What the tools are to do in a step."""
+
+    command: Floats
+    """(t, 6) [m/s, rad/s]"""
+    motion: ToolMotion
+    gripping: NDArray[np.int8]
+    """1 for tools that hold particles (t,)"""
+    after: Progress | None
+    """of the motion; None where a force decides that"""
+    by_hand: bool
+    too_far: Sequence[str]
+    """tools that move half their thickness"""
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """How the motion stands after a step."""
+
+    phase: int
+    """in which the step ends, or -1"""
+    phase_ends: bool
+    missed: str
+    """what to say of a phase that ends off its force; '' of others"""
+
+
+class MovingTools:
+    """Poses of the tools, what they do next, and what they felt.
+
+    bodies  that they touch
+    """
+
+    def __init__(self, scene: Scene, tools: ToolSet, bodies: Sequence[AnyBody]) -> None:
+        self.tools, self._dt = tools, scene.step
+        grips = grips_by_phase(scene, tools, bodies)
+        self._drives = Drives(scene, bodies, grips)
+        self.program = Program(scene.motion, scene.step, tools, grips, self._drives.phases)
+        """the scene's motion"""
+        self._particles = any(not isinstance(body, Body) for body in bodies)
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the start of the scene."""
+        self._progress = Progress()
+        self._drives.reset()
+        self.position = self.tools.position.copy()
+        """(t, 3) [m]"""
+        self.orientation = self.tools.orientation.copy()
+        """unit quaternions w, x, y, z (t, 4)"""
+        self._gripping = np.zeros(len(self.tools.names), dtype=np.int8)
+        self.lifting = False
+        """whether a tool has risen"""
+
+    @property
+    def poses(self) -> tuple[Floats, Floats]:
+        """Positions and orientations."""
+        return self.position, self.orientation
+
+    @property
+    def done(self) -> bool:
+        """Whether the scene's motion is over."""
+        return self.program.done(self._progress)
+
+    @property
+    def met(self) -> str:
+        """The closing tools where nothing is left between them, in words; '' before."""
+        return self.program.met(max(0.0, self.program.compression(self.position, self.orientation)))
+
+    def next(self, velocities: Mapping[str, Sequence[float]] | None) -> Move:
+        """What the tools do in the coming step: with these velocities (see `Simulation.step`), or as the scene says.
+
+        Raises StepFailed where closing tools have met that nothing else would stop, ValueError for velocities that are
+        no such thing.
+        """
+        progress: Progress | None
+        if velocities is None:
+            command, progress = self.program.step(self._progress, self.position, self.orientation)
+            self._drives.apply(command, self._progress, self.orientation)
+            gripping = self.program.gripping(self._progress, self._gripping)
+        else:
+            command, gripping = self._commanded(velocities)
+            progress = self._progress
+        motion = tool_motion(self.tools, self.position, self.orientation, command, self._dt)
+        if any(gripping.tolist()):
+            motion = replace(motion, gripping=gripping.copy())
+        too_far = beyond_middle(self.tools, motion)
+        return Move(command, motion, gripping, progress, velocities is not None, too_far)
+
+    def take(self, move: Move, wrench: Floats) -> Moved:
+        """The step was taken, and all bodies did this to the tools (t, 6) [N, N m]."""
+        self.position, self.orientation = move.motion.position_next, move.motion.orientation_next
+        self._gripping = move.gripping
+        if not move.by_hand:
+            self._drives.measured(wrench, self.orientation)
+        before, after, missed = self._progress, move.after, ""
+        if after is None:
+            closing = self.program.closing_force(before, wrench, self.orientation)
+            after = self.program.after(before, self.position, self.orientation, closing)
+            missed = self.program.missed(before, closing) if after.phase > before.phase else ""
+        self._progress = after
+        self.lifting = self.lifting or max(move.command[:, 2].tolist(), default=0.0) > 0.0
+        return Moved(self.program.phase_of(before, after), after.phase > before.phase, missed)
+
+    # ---- snapshots
+
+    def save(self) -> SavedTools:
+        """All that evolves."""
+        drives = self._drives.state
+        return SavedTools(self._progress, self.lifting, self.position, self.orientation, drives, self._gripping)
+
+    def load(self, saved: SavedTools) -> None:
+        """Continue from `save`. Raises ValueError, and has changed nothing, where that is of other tools."""
+        position = saved.position.reshape(self.position.shape)
+        orientation = saved.orientation.reshape(self.orientation.shape)
+        drives = saved.drives.reshape(self._drives.state.shape)
+        gripping = saved.gripping.reshape(self._gripping.shape)
+        self._progress, self.lifting = saved.progress, saved.lifting
+        self.position, self.orientation, self._gripping = position, orientation, gripping
+        self._drives.state[:] = drives
+
+    # ---- by hand
+
+    def _commanded(self, velocities: Mapping[str, Sequence[float]]) -> tuple[Floats, NDArray[np.int8]]:
+        """What tools do (t, 6) [m/s, rad/s], and 1 for those that hold particles (t,)."""
+        command = np.zeros((len(self.tools.names), 6))
+        gripping = self._gripping.copy()
+        for name, velocity in velocities.items():
+            if name not in self.tools.names:
+                raise ValueError(f"no tool is called {name!r}; the scene has: {', '.join(self.tools.names) or 'none'}")
+            value = np.asarray(velocity, dtype=np.float64)
+            if value.shape not in ((3,), (6,), (7,)) or not np.isfinite(value).all():
+                raise ValueError(
+                    f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
+                    f"or seven with its grip (1 or 0), not {velocity!r}"
+                )
+            if np.abs(value[:3]).max() * self._dt > _FARTHEST:
+                raise ValueError(
+                    f"the velocity of {name!r} is {value.tolist()}, more than {_FARTHEST:g} m in a step: give m/s"
+                )
+            if len(value) == 7 and value[6] != 0.0 and not self._particles:
+                raise ValueError(
+                    f"the velocity of {name!r} has a grip, its seventh number: tools grip particles only, and this "
+                    "body is of cells, which friction holds: give six"
+                )
+            tool = self.tools.names.index(name)
+            command[tool, : len(value[:6])] = value[:6]
+            if len(value) == 7:
+                gripping[tool] = value[6] != 0.0
+        return command, gripping

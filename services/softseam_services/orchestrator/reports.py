@@ -1,0 +1,83 @@
+"""The report of a step: what it did to all bodies together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.participant import ToolMotion
+from softseam_protocol.messages.session import ErrorEstimate, InterfaceReport, PartReport, StepReport
+from softseam_services.orchestrator.energy_balance import Entry
+
+Floats = NDArray[np.float64]
+
+
+def step_report(
+    *,
+    header: Header,
+    phase: int,
+    motion: ToolMotion,
+    wrench: Floats,
+    quantities: dict[str, float],
+    entries: Mapping[str, Entry],
+    command: Floats,
+    dt: float,
+    seconds: dict[str, float],
+    done: bool,
+    estimate: ErrorEstimate | None,
+) -> StepReport:
+    """Of what each body's accounts entered.
+
+    wrench   of all bodies on the tools (t, 6) [N, N m]
+    command  velocities of the tools (t, 6) [m/s, rad/s]
+    dt       length of the step [s]
+    """
+    parts: dict[str, PartReport] = {}
+    interfaces: dict[str, InterfaceReport] = {}
+    first, *others = entries.values()
+    energy, momentum, angular = dict(first.energy), first.momentum, first.angular_momentum
+    for entry in entries.values():
+        parts |= entry.parts
+        interfaces |= entry.interfaces
+    for entry in others:
+        energy = {name: value + entry.energy[name] for name, value in energy.items()}
+        momentum = momentum + entry.momentum
+        angular = angular + entry.angular_momentum
+    drive_work = -dt * float(np.vdot(wrench, command))
+    energy |= {"drive_work": drive_work, "contact_loss": drive_work - energy["tool_work"]}
+    return StepReport(
+        header,
+        phase,
+        motion.position_next.copy(),
+        motion.orientation_next.copy(),
+        wrench,
+        quantities,
+        interfaces,
+        parts,
+        energy,
+        momentum,
+        angular,
+        max(entry.penetration for entry in entries.values()),
+        seconds,
+        done,
+        command[:, :3].copy(),
+        command[:, 3:].copy(),
+        motion.gripping,
+        estimate,
+    )
+
+
+def worst(estimates: Mapping[str, ErrorEstimate]) -> ErrorEstimate | None:
+    """Of the body that is off most; one of which nothing is known is off more. None of no body."""
+    if not estimates:
+        return None
+    name = max(
+        estimates, key=lambda name: (estimates[name].too_large, estimates[name].answer == 0.0, estimates[name].answer)
+    )
+    if len(estimates) == 1:
+        return estimates[name]
+    return replace(estimates[name], text=f"{name}: {estimates[name].text}")

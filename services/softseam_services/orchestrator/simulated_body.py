@@ -1,0 +1,193 @@
+"""One body of a simulation: who holds its parts, what is measured of it, and how far that is to be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.ledger import Energies
+from softseam_coupling.loops.loop import Outcome
+from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
+from softseam_protocol.messages.session import ErrorEstimate, Frame
+from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
+from softseam_services.orchestrator.error_estimate import ErrorEstimator
+from softseam_services.orchestrator.notices import Notices, Tell
+from softseam_services.orchestrator.probes import Probes
+from softseam_services.orchestrator.program import Program
+from softseam_services.orchestrator.quantities import Quantities
+from softseam_services.orchestrator.regions import Regions
+from softseam_services.orchestrator.saved_state import SavedBody
+from softseam_services.orchestrator.sides import resting_state
+from softseam_services.orchestrator.transport import Transport
+from softseam_services.server import Setup
+
+Floats = NDArray[np.float64]
+
+
+class SimulatedBody:
+    """One body while it is simulated.
+
+    name     of the body
+    prefix   of the names of its quantities, '' in a scene of one body
+    setup    the scene with this body alone, the body, and the tools
+    program  of the tools
+    points   probes that are in this body (see `Probes`)
+    tell     receives the events of this body
+    gripped  whether the tools that close do so on this body
+    """
+
+    def __init__(
+        self,
+        name: str,
+        prefix: str,
+        bundle: Bundle,
+        setup: Setup,
+        program: Program,
+        points: Mapping[str, tuple[float, float, float]],
+        transport: Transport,
+        clock: Clock,
+        tell: Tell,
+        gripped: bool = True,
+    ) -> None:
+        self.name, self.scene, self.body = name, setup.scene, setup.body
+        self._prefix, self._clock = prefix, clock
+        self.balance = EnergyBalance(_standing(self.body))
+        self.regions = Regions(name, bundle, setup, transport, clock, self.balance, tell)
+        """its parts, as the rule cuts them"""
+        self.participants = self.regions.participants
+        """that hold the parts"""
+        self.errors = ErrorEstimator(self.body, self.scene)
+        self.notices = Notices(self.scene, tell)
+        self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
+        self._probes = Probes(self.body, points) if isinstance(self.body, Body) else None
+        self.wants_fields = bool(points) or self._quantities.need_fields
+        """whether some of its quantities need fields"""
+        self.wants_indicators = self._quantities.need_indicators
+        """whether some need the participants' error indicators"""
+        self._lift_base = 0.0
+
+    def reset(self) -> None:
+        """Back to the start of the scene."""
+        self._lift_base = 0.0
+        self.errors.reset()
+        self.balance.reset()
+        self.participants.stand(self._clock.step)
+        self.balance.begun = self.regions.start(resting_state(self.body))
+
+    # ---- one step
+
+    def look(self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> Frame:
+        """The body as it stands, between tools at (t, 3), (t, 4)."""
+        return self.regions.frame(replies, position, orientation, self.wants_indicators)
+
+    def measure(
+        self,
+        replies: Mapping[str, Advanced],
+        wrench: Floats,
+        position: Floats,
+        orientation: Floats,
+        frame: Frame | None,
+        lifting: bool,
+    ) -> dict[str, float]:
+        """Quantities after a step, by name.
+
+        wrench   of this body on the tools (t, 6) [N, N m]
+        lifting  whether a tool has risen; before, the height of the body is that from which its lift counts
+        """
+        height = self._quantities.height(replies)
+        if not lifting:
+            self._lift_base = height
+        grip_force = self._quantities.grip_force(wrench, orientation)
+        rise = height - self._lift_base
+        found = self._quantities.measure(replies, grip_force, position, orientation, frame, rise)
+        probed = {}
+        if frame is not None and self._probes is not None:
+            probed = self._probes.measure(frame, self.regions.near.model, self.scene.regions.default)
+        return self._named(found) | probed
+
+    def at_rest(self, position: Floats, orientation: Floats, frame: Frame | None) -> dict[str, float]:
+        """Quantities before the first step; those that need fields only with a frame."""
+        found = self._named(self._quantities.at_rest(position, orientation, frame))
+        return found if self._probes is None else found | self._probes.at_rest()
+
+    def judge(
+        self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats, done: bool
+    ) -> ErrorEstimate | None:
+        """Look at the errors where that is due, as a phase ends; how far the run can be trusted, where it is done."""
+        if self.errors.due(sum(reply.strain for reply in replies.values()), done):
+            fields = self.participants.observe(indicators=True, own=True)
+            goal = self.regions.goal_error(fields, position, orientation)
+            self.errors.look(self._clock.time, self.regions.sides, fields, goal)
+        return self.errors.estimate() if done else None
+
+    def estimate(self, position: Floats, orientation: Floats) -> ErrorEstimate | None:
+        """How far the answer may be off as the body stands; None of particles."""
+        if not isinstance(self.body, Body):
+            return None
+        fields = self.participants.observe(indicators=True, own=True)
+        goal = self.regions.goal_error(fields, position, orientation)
+        return self.errors.now(self._clock.time, self.regions.sides, fields, goal)
+
+    def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
+        """Let the cut follow its rule after a step; the energies after a switch."""
+        return self.regions.follow(replies, motion)
+
+    def book(self, replies: Mapping[str, Advanced], solution: Outcome) -> Entry:
+        """Enter a step into the balance, with the cut that it was taken with."""
+        return self.balance.book(self.regions.sides, replies, solution)
+
+    def _named(self, quantities: Mapping[str, float]) -> dict[str, float]:
+        return {self._prefix + name: value for name, value in quantities.items()}
+
+    # ---- snapshots
+
+    def save(self) -> SavedBody:
+        """All that evolves."""
+        participants = self.participants.snapshot()
+        return SavedBody(
+            lift_base=self._lift_base,
+            ledger=self.balance.ledger,
+            begun=self.balance.begun,
+            errors=self.errors.to_array(),
+            cells=self.regions.near_arrays(),
+            seam=self.participants.seam_arrays(),
+            participants=participants,
+        )
+
+    def check(self, saved: SavedBody) -> None:
+        """Raise KeyError, ValueError or IndexError where a state is not this body's; changes nothing."""
+        near, trust = self.regions.near_arrays(), self.errors.to_array()
+        try:
+            self.regions.take_near(saved.cells)
+            self.errors.take(saved.errors)
+            sides, _ = self.regions.tied(saved.seam)
+            missing = set(sides.names) - saved.participants.keys()
+            if missing:
+                raise KeyError(*sorted(missing))
+        finally:
+            self.regions.take_near(near)
+            self.errors.take(trust)
+
+    def load(self, saved: SavedBody) -> None:
+        """Continue from `save`, after the clock."""
+        self.regions.take_near(saved.cells)
+        self.errors.take(saved.errors)
+        self._lift_base = saved.lift_base
+        self.balance.ledger, self.balance.begun = saved.ledger, saved.begun
+        self.participants.stand(self._clock.step)
+        self.participants.restore(self.regions.tied(saved.seam), saved.participants)
+
+
+def _standing(body: AnyBody) -> float:
+    """Weight of a body in cells times the height of its centre above its lowest node, against gravity, at rest [J]."""
+    if not isinstance(body, Body):
+        return 0.0
+    mass = np.zeros(body.n_nodes)
+    np.add.at(mass, body.cell_nodes, body.cell_mass)
+    height = -(body.x_rest @ body.gravity)
+    return float(mass @ (height - height.min()))

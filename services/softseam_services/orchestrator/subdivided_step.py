@@ -1,0 +1,96 @@
+"""A step in parts: the tools' motion cut up, the replies put together again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from softseam_coupling.loops.loop import Outcome
+from softseam_protocol.messages.participant import Advanced, ToolMotion
+from softseam_services.orchestrator.subdivision import FINEST
+
+_POSES = ("position", "orientation", "position_next", "orientation_next")
+
+
+def part_of(motion: ToolMotion, first: int, last: int, whole: int) -> ToolMotion:
+    """The motion from first/whole to last/whole of its time; quaternions along the straight line, normalised."""
+    if last - first == whole:
+        return motion
+
+    def at(i: int) -> tuple[np.ndarray, np.ndarray]:
+        if i == 0:
+            return motion.position, motion.orientation
+        if i == whole:
+            return motion.position_next, motion.orientation_next
+        f = i / whole
+        turn = motion.orientation + f * (motion.orientation_next - motion.orientation)
+        turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+        return motion.position + f * (motion.position_next - motion.position), turn
+
+    return replace(motion, **dict(zip(_POSES, (*at(first), *at(last)), strict=True)))
+
+
+def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
+    """The last part's replies, with the work and effort of all parts and their mean wrench."""
+    return {
+        name: replace(
+            last,
+            tool_work=sum(part[name].tool_work for part in parts),
+            seam_work=sum(part[name].seam_work for part in parts),
+            iterations=sum(part[name].iterations for part in parts),
+            seconds=sum(part[name].seconds for part in parts),
+            penetration=max(part[name].penetration for part in parts),
+            n_substeps=sum(part[name].n_substeps for part in parts),
+            n_rejected=sum(part[name].n_rejected for part in parts),
+            step_error=max(part[name].step_error for part in parts),
+            residual=max(part[name].residual for part in parts),
+            alarm=next((part[name].alarm for part in parts if part[name].alarm), ""),
+            alarm_details=next((part[name].alarm_details for part in parts if part[name].alarm), []),
+            wrench=np.mean([part[name].wrench for part in parts], axis=0),
+        )
+        for name, last in parts[-1].items()
+    }
+
+
+class SubdividedStep:
+    """One step as it is being taken: how much of it is done, and what its parts gave."""
+
+    def __init__(self, motion: ToolMotion, dt: float) -> None:
+        self._motion, self._whole = motion, dt
+        self._begin = 0  # in FINEST-ths of the step
+        self._solutions: list[Outcome] = []
+        self._in_vain = 0  # exchanges of parts that were to be shorter
+
+    @property
+    def done(self) -> bool:
+        return self._begin == FINEST
+
+    @property
+    def n_parts(self) -> int:
+        """Parts taken so far."""
+        return len(self._solutions)
+
+    def next(self, parts: int) -> tuple[ToolMotion, float, bool]:
+        """Motion and length [s] of the next part where the step has so many; whether it could be shorter still."""
+        length = FINEST // parts
+        return part_of(self._motion, self._begin, self._begin + length, FINEST), self._whole / parts, length > 1
+
+    def taken(self, parts: int, solution: Outcome) -> None:
+        """The part that `next` described is the participants' tentative state."""
+        self._begin += FINEST // parts
+        self._solutions.append(solution)
+
+    def given_up(self, exchanges: int) -> None:
+        """The part that `next` described is to be shorter, as so many exchanges have shown."""
+        self._in_vain += exchanges
+
+    def solution(self) -> Outcome:
+        """The whole step, as its last part left the seam."""
+        last = self._solutions[-1]
+        if len(self._solutions) == 1:
+            return last
+        replies: Sequence[Mapping[str, Advanced]] = [solution.replies for solution in self._solutions]
+        exchanges = self._in_vain + sum(solution.exchanges for solution in self._solutions)
+        return Outcome(sum_replies(replies), last.multipliers, last.gap, exchanges, last.note, self.n_parts)

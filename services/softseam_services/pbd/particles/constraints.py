@@ -1,0 +1,141 @@
+"""Constraints that a scene adds to a body of particles: a row of the table each, and the arrays that kernels take.
+
+A constraint is a function of a few particles, value(x, parameters, gradient) -> C, which fills the gradient (k, 3) of C
+by the places x (k, 3); its energy is 1/2 C^2/compliance. It is compiled alone, and one kernel for all of them
+(`kernels.constraint`) calls it by its address (`jit`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.particles import ConstraintSpec
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.table import Table
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.errors import ConstraintError, SettingError
+from softseam_services.body.particles import ParticleBody
+from softseam_services.jit import PrototypeError
+
+from .batches import batches
+from .kernels.constraint import N_COLUMNS, VALUE
+
+
+class Joins(NamedTuple):
+    """What m constraints of a kind join."""
+
+    particles: Ints
+    """(m, k)"""
+    parameters: Floats
+    """(m, n), as the constraint's function takes them"""
+    compliance: Floats
+    """(m,), of C squared a joule; 0 for a constraint that does not give"""
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """joins      which particles of a body a specification joins, and with which parameters
+    value      C and its gradient, of what numba can compile
+    one_sided  it holds C <= 0: it pulls where C is more, and lets go where C is less
+    """
+
+    joins: Callable[[Any, ParticleBody], Joins]
+    value: Callable[..., float]
+    one_sided: bool = False
+
+    @cached_property
+    def address(self) -> int:
+        """Of the compiled function. Raises ConstraintError where it does not compile."""
+        try:
+            return VALUE.compile(self.value)
+        except PrototypeError as error:
+            raise ConstraintError(str(error)) from error
+
+
+CONSTRAINTS: Table[Constraint] = Table("particle constraints")
+"""the constraint of each specification in softseam_protocol.scene.particles.CONSTRAINTS"""
+
+
+@dataclass(frozen=True)
+class Joined:
+    """All constraints of a body, as `kernels.constraint` takes them: m of them in f families."""
+
+    families: NDArray[np.int64]
+    """(f, N_COLUMNS)"""
+    particle: NDArray[np.int64]
+    parameter: Floats
+    compliance: Floats
+    """(m,)"""
+    most: tuple[int, int]
+    """most particles and parameters of any"""
+
+    def arrays(self) -> tuple[Any, ...]:
+        """With alpha~, multipliers and workspaces of their own."""
+        particles, parameters = self.most
+        own = np.zeros_like(self.compliance), np.zeros_like(self.compliance)
+        room = np.zeros((particles, 3)), np.zeros(parameters), np.zeros((particles, 3))
+        return (self.families, self.particle, self.parameter, *own, *room)
+
+
+def build_constraints(body: ParticleBody, specs: Sequence[ConstraintSpec]) -> Joined:
+    """The constraints that a scene's specifications ask for, each kind in the order of `batches`.
+
+    Raises MissingRow where a kind has no constraint, ConstraintError where its row does not fit, SettingError where one
+    joins nothing.
+    """
+    families: list[list[int]] = []
+    particle, parameter, compliance = [np.zeros(0, dtype=np.int64)], [np.zeros(0)], [np.zeros(0)]
+    first = at_particle = at_parameter = k = n = 0
+    for i, spec in enumerate(specs):
+        row = CONSTRAINTS[spec.kind]
+        joins = row.joins(spec, body)
+        _check(spec.kind, joins, body.n_nodes)
+        m, own_k = joins.particles.shape
+        if m == 0:
+            raise SettingError(f"body.constraints.{i}: {spec.kind} joins nothing of this {body.kind}: leave it out")
+        lanes = batches(body.n_nodes, joins.particles).row
+        order = lanes[lanes >= 0]
+        own_n = joins.parameters.shape[1]
+        families.append([row.address, own_k, own_n, int(row.one_sided), first, first + m, at_particle, at_parameter])
+        particle.append(joins.particles[order].astype(np.int64).ravel())
+        parameter.append(np.asarray(joins.parameters, dtype=np.float64)[order].ravel())
+        compliance.append(np.asarray(joins.compliance, dtype=np.float64)[order])
+        first, at_particle, at_parameter = first + m, at_particle + m * own_k, at_parameter + m * own_n
+        k, n = max(k, own_k), max(n, own_n)
+    return Joined(
+        families=np.array(families, dtype=np.int64).reshape(-1, N_COLUMNS),
+        particle=np.concatenate(particle),
+        parameter=np.concatenate(parameter),
+        compliance=np.concatenate(compliance),
+        most=(k, n),
+    )
+
+
+def constraints_of(scene: Scene) -> tuple[ConstraintSpec, ...]:
+    """What the scene adds to its body of particles."""
+    return () if isinstance(scene.body, BodySpec) else scene.body.constraints
+
+
+def _check(kind: str, joins: Joins, n_nodes: int) -> None:
+    """Raise ConstraintError where particles, parameters and compliances do not go together."""
+    particles, parameters, compliance = joins
+    m = len(particles)
+    if particles.ndim != 2 or parameters.ndim != 2 or parameters.shape[0] != m or compliance.shape != (m,):
+        raise ConstraintError(
+            f"{kind} joins particles {particles.shape} with parameters {parameters.shape} and compliance "
+            f"{compliance.shape}: (m, k), (m, n) and (m,) are taken"
+        )
+    if m and not (particles.min() >= 0 and particles.max() < n_nodes):
+        raise ConstraintError(f"{kind} joins particles up to {particles.max()}: there are {n_nodes}")
+    repeated = np.sort(particles, axis=1)
+    if (repeated[:, 1:] == repeated[:, :-1]).any():
+        raise ConstraintError(f"{kind} joins a particle with itself")
+    if not (np.isfinite(parameters).all() and np.isfinite(compliance).all() and (compliance >= 0.0).all()):
+        raise ConstraintError(f"{kind} has a parameter that is not finite, or a compliance below 0")

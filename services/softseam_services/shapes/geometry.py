@@ -1,0 +1,85 @@
+"""What is known of one shape beside its signed distance: how far it reaches, where its surface is, what it looks like.
+
+All is in the shape's own frame, about the tool's position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from softseam_protocol.messages.recording import ToolSurface
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.surface_points import refine
+
+FINENESS = 16
+"""points of an outline along the longest edge of a surface's bounding box"""
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Sameness:
+    """Which turns and reflections leave a shape as it is: those that keep `pole`, and mix only axes of the same length.
+
+    A box keeps each of its axes, a cylinder along z may turn about it, a cone keeps the way it points, too.
+    """
+
+    lengths: tuple[float, float, float] = (1.0, 2.0, 3.0)
+    """of the three axes; only which are the same counts"""
+    pole: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """a direction that has two ends unlike each other; zeros for none"""
+
+    @property
+    def row(self) -> Floats:
+        """As kernels take it (6,)."""
+        return np.array([*self.lengths, *self.pole])
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """One shape as its specification has it."""
+
+    numbers: Floats
+    """what the kernel of its distance takes (w,)"""
+    outline: Floats
+    """points of the surface, and the middle, as many as tell whether it pokes into a body; none of a half-space
+    (n, 3) [m]"""
+    reach: float
+    """radius of a ball about the position that holds all of it; infinite for a half-space [m]"""
+    orientation: Floats = field(default_factory=UPRIGHT.copy)
+    """unit quaternion w, x, y, z at time 0 (4,)"""
+    extent: Callable[[Floats], float] | None = None
+    """how far it reaches along a unit direction (3,) [m]; None: as far as the outline"""
+    surface: ToolSurface | None = None
+    """triangles for recordings and viewers; None only of kinds that viewers draw by themselves"""
+    sameness: Sameness | None = None
+    """None: not known, so that the tool has no image in a plane of symmetry"""
+    core: Floats = field(default_factory=lambda: np.zeros((0, 4)))
+    """balls in the shape, centre and radius (b, 4) [m]: a step that takes one farther than its radius is told of, for
+    what was before the tool comes out behind it; none: not looked at"""
+    slack: float = 0.0
+    """depth at which the distance cannot tell touching from overlapping [m]"""
+
+    @classmethod
+    def of_surface(cls, numbers: Floats, vertices: Floats, triangles: Ints, **others: Any) -> Geometry:
+        """With the outline of a closed surface, and a reach that holds its bounding box; `others` are fields.
+
+        vertices (n, 3) [m]; triangles counter-clockwise from outside (T, 3)
+        """
+        triangles = np.ascontiguousarray(triangles, dtype=np.int32)
+        size = float(np.ptp(vertices, axis=0).max())
+        found: dict[str, Any] = {
+            "outline": refine(vertices, triangles, size / FINENESS)[0],
+            "reach": float(np.linalg.norm(np.abs(vertices).max(axis=0))),
+            "surface": ToolSurface(vertices, triangles),
+        }
+        return cls(numbers=numbers, **{**found, **others})
+
+    def reach_along(self, direction: Floats) -> float:
+        """How far it reaches along a unit direction (3,) [m]; 0 for a half-space."""
+        if self.extent is not None:
+            return self.extent(direction)
+        return float((self.outline @ direction).max(initial=0.0))

@@ -1,0 +1,133 @@
+"""A closed mesh, by its signed distance on a grid, made once for the same mesh in a process."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages.recording import ToolSurface
+from softseam_protocol.scene.tools import MeshTool
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.embed import read_solid
+from softseam_services.body.errors import MeshError
+from softseam_services.body.surface_points import refine
+from softseam_services.shapes.branches import MESH
+from softseam_services.shapes.geometry import Geometry
+from softseam_services.shapes.mesh_distance import LEAF, box_tree, fill_grid, pseudonormals
+from softseam_services.shapes.mesh_grid import SPACING, VALUES
+from softseam_services.shapes.shape import Files, Shape
+from softseam_services.shapes.turns import quaternion_turning
+
+FINENESS = 64
+"""spacings along the longest edge of the mesh's bounding box"""
+OUTLINE = 16
+"""points along the longest edge that tell whether the mesh pokes into a body"""
+RIM = 6
+"""spacings between the bounding box and the end of the grid; the outermost one is for the interpolation's sake"""
+_KEPT = 8
+_made: dict[tuple[str, bytes, float, str], ToolMesh] = {}
+
+
+class ToolMesh:
+    """A closed surface about the centre of its bounding box, and the numbers that stand for it."""
+
+    def __init__(self, vertices: Floats, triangles: Ints, notes: tuple[str, ...] = ()) -> None:
+        middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+        self.vertices: Floats = np.ascontiguousarray(vertices - middle)
+        """(n, 3) [m]"""
+        self.triangles = triangles
+        """counter-clockwise from outside (T, 3)"""
+        size = float(np.ptp(vertices, axis=0).max())
+        self.outline: Floats = refine(self.vertices, triangles, size / OUTLINE)[0]
+        """points of the surface no farther apart than size/OUTLINE (m, 3) [m]"""
+        self.notes = notes
+        self.row = _distance_row(self.vertices, triangles)
+
+
+def tool_mesh(path: str, data: bytes, scale: float, up: str) -> ToolMesh:
+    """The mesh of a file, or the one made before from the same content; raises MeshError."""
+    key = (path, hashlib.sha256(data).digest(), scale, up)
+    found = _made.pop(key, None)
+    if found is None:
+        vertices, triangles, notes = read_solid(path, data, scale, up)
+        found = ToolMesh(vertices, triangles, notes)
+        while len(_made) >= _KEPT:
+            _made.pop(next(iter(_made)))
+    _made[key] = found
+    return found
+
+
+def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
+    """Half edges of the bounding box, origin, spacing, counts and values, see `mesh_grid`."""
+    half = vertices.max(axis=0)
+    spacing = 2.0 * float(half.max()) / FINENESS
+    # The grid is centred, so that a symmetric mesh has a symmetric distance.
+    counts = 2 * (np.ceil(half / spacing - 1e-9).astype(np.int64) + RIM) + 1
+    origin = -0.5 * spacing * (counts - 1)
+    order, levels = _tree_order(vertices, triangles)
+    triangles = np.ascontiguousarray(triangles[order])
+    corners = vertices[triangles]
+    n_slots = LEAF << levels
+    low, high = np.full((n_slots, 3), np.inf), np.full((n_slots, 3), -np.inf)
+    low[: len(triangles)], high[: len(triangles)] = corners.min(axis=1), corners.max(axis=1)
+    tree = np.empty((2 << levels, 6))
+    box_tree(low, high, levels, tree)
+    normal = np.empty((len(triangles), 7, 3))
+    pseudonormals(vertices, triangles, _neighbours(triangles), normal)
+    row = np.empty(VALUES + int(counts.prod()))
+    row[:VALUES] = [*half, *origin, spacing, *counts]
+    value = np.empty(tuple(counts))
+    fill_grid(origin, spacing, vertices, triangles, normal, tree, value)
+    row[VALUES:] = value.ravel()
+    return row
+
+
+def _tree_order(vertices: Floats, triangles: Ints) -> tuple[NDArray[np.int64], int]:
+    """Triangles so that halves of halves of the order are close together, and the tree's levels.
+
+    Parts are halved at the median along their longest extent until a leaf holds them.
+    """
+    middle = vertices[triangles].mean(axis=1)
+    levels = max(0, int(np.ceil(np.log2(max(1, len(triangles)) / LEAF))))
+    order = np.arange(len(triangles))
+    for level in range(levels):
+        # Whole leaves to the left, so that a node's triangles are those of its slots.
+        width = LEAF << (levels - level)
+        for begin in range(0, len(triangles), width):
+            part = order[begin : begin + width]
+            axis = int(np.argmax(np.ptp(middle[part], axis=0)))
+            order[begin : begin + width] = part[np.argsort(middle[part, axis], kind="stable")]
+    return order, levels
+
+
+def _neighbours(triangles: Ints) -> Ints:
+    """The triangles across the edges ab, bc and ca of each (T, 3); every edge has two."""
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    pairs = np.lexsort((sides[:, 1], sides[:, 0])).reshape(-1, 2)
+    across = np.empty(len(sides), dtype=np.int32)
+    across[pairs[:, 0]], across[pairs[:, 1]] = pairs[:, 1] // 3, pairs[:, 0] // 3
+    return across.reshape(-1, 3)
+
+
+def geometry(spec: MeshTool, files: Files) -> Geometry:
+    """Numbers are the grid of distances, see `mesh_grid`, which may be wrong beside an edge by a tenth of a spacing.
+
+    Raises MeshError where the file is missing, or no solid.
+    """
+    if spec.path not in files:
+        raise MeshError(f"{spec.path}: the file is missing; give its path relative to the scene file")
+    mesh = tool_mesh(spec.path, files[spec.path], spec.scale, spec.up)
+    half = mesh.row[:3]
+    return Geometry(
+        numbers=mesh.row,
+        outline=mesh.outline,
+        reach=float(np.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2)),
+        orientation=quaternion_turning(np.array(spec.rotation)),
+        surface=ToolSurface(mesh.vertices, mesh.triangles),
+        slack=0.1 * float(mesh.row[SPACING]),
+    )
+
+
+SHAPE = Shape(geometry, inline=MESH)

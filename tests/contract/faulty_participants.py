@@ -1,0 +1,291 @@
+"""Participants with one fault each, made of the example: what the checks of the kit must see.
+
+A fault changes what the example gets, does or says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from softseam.examples.participant.requests import Participant, Seat
+from softseam_protocol.errors import Refused, SchemaMismatch
+from softseam_protocol.messages.outcomes import FailureKind
+from softseam_protocol.messages.participant import (
+    Advance,
+    Advanced,
+    Commit,
+    Configure,
+    Configured,
+    Correct,
+    Failure,
+    Release,
+    Request,
+    Restore,
+    SnapshotTaken,
+)
+from softseam_protocol.wire.codec import decode, encode
+
+
+class Faulty(Participant):
+    """The example with one fault: `asked` changes requests, `said` replies; `seat_of` finds the session's part."""
+
+    def __init__(
+        self,
+        asked: Callable[[Faulty, Any], Any] = lambda _, request: request,
+        said: Callable[[Faulty, Any, Any], Any] = lambda _, request, reply: reply,
+    ) -> None:
+        super().__init__()
+        self._asked, self._said = asked, said
+
+    def __call__(self, payload: bytes) -> bytes:
+        request = decode(payload, Request)
+        reply = decode(super().__call__(encode(self._asked(self, request))))
+        return encode(replace(self._said(self, request, reply), header=request.header))
+
+    def seat_of(self, request: Any) -> Seat:
+        return self.seats[request.header.session, request.header.part]
+
+
+class Lenient(Participant):
+    """Answers what it should refuse, or refuses it by another kind; with `acts` it does what it refuses."""
+
+    def __init__(self, kind: str, becomes: str = "internal", acts: bool = False, text: str = "") -> None:
+        super().__init__()
+        self._kind, self._becomes, self._acts, self._text = kind, becomes, acts, text
+
+    def __call__(self, payload: bytes) -> bytes:
+        try:
+            return super().__call__(payload)
+        except (Refused, SchemaMismatch) as error:
+            kind = error.failure.kind if isinstance(error, Refused) else "schema"
+            text = self._text or (error.failure.message if isinstance(error, Refused) else str(error))
+            if self._acts:
+                for seat in self.seats.values():
+                    seat.block.x = seat.block.x + 1e-3
+            raise Refused(Failure(FailureKind(self._becomes if kind == self._kind else kind), text)) from None
+        except Exception:
+            if self._kind != "garbage":
+                raise
+            raise Refused(Failure(FailureKind.INTERNAL, "")) from None
+
+
+def _anew(self: Faulty, request: Any) -> Any:
+    """Forgets what it was asked: every Advance is another one."""
+    if isinstance(request, Advance):
+        seat = self.seats.get((request.header.session, request.header.part))
+        if seat is not None:
+            seat.kept.pop(Advance, None)
+            seat.exchange = -1 if request.header.step == seat.committed else seat.exchange
+    return request
+
+
+def _goes_on(self: Faulty, request: Any) -> Any:
+    """A redone step begins where the one before ended."""
+    if isinstance(request, Advance) and request.header.exchange:
+        seat = self.seat_of(request)
+        if seat.tentative is not None and request.header.exchange > seat.exchange:
+            seat.block.x, seat.block.v = seat.tentative
+    return request
+
+
+def _forgets_commit(self: Faulty, request: Any) -> Any:
+    """A new step does not commit the one before."""
+    if isinstance(request, Advance) and request.header.step:
+        seat = self.seat_of(request)
+        if seat.tentative is not None and request.header.step == seat.committed + 1:
+            seat.tentative = seat.block.x, seat.block.v
+    return request
+
+
+def _commit_drags(self: Faulty, request: Any) -> Any:
+    """A Commit alone loses some of the velocity."""
+    if isinstance(request, Commit):
+        seat = self.seat_of(request)
+        if seat.tentative is not None:
+            seat.tentative = seat.tentative[0], 0.9999 * seat.tentative[1]
+    return request
+
+
+def _keeps(self: Faulty, request: Any) -> Any:
+    """A Commit of the tentative step keeps it."""
+    if isinstance(request, Commit):
+        seat = self.seat_of(request)
+        if seat.tentative is not None and request.header.step == seat.committed:
+            seat.block.x, seat.block.v = seat.tentative
+    return request
+
+
+def _forgets_the_tentative(self: Faulty, request: Any) -> Any:
+    """What is refused is forgotten with what came before."""
+    if isinstance(request, Advance) and request.header.step > 1:
+        seat = self.seat_of(request)
+        seat.kept.clear()
+        seat.exchange = -1
+        assert seat.tentative is not None
+        seat.block.x = seat.tentative[0]
+    return request
+
+
+def _any_epoch(self: Faulty, request: Any) -> Any:
+    """Old epochs are taken for the one that it is in."""
+    return replace(request, header=replace(request.header, epoch=1))
+
+
+def _any_state(self: Faulty, request: Any) -> Any:
+    """Whatever is restored is taken for the state that it has."""
+    return replace(request, state=self.seat_of(request).block.to_bytes()) if isinstance(request, Restore) else request
+
+
+def altered(kind: type, change: Callable[[Any], Any]) -> Callable[[Faulty, Any, Any], Any]:
+    return lambda self, request, reply: change(reply) if isinstance(reply, kind) else reply
+
+
+def _of_another(self: Faulty, request: Any, reply: Any) -> Any:
+    if isinstance(reply, SnapshotTaken):  # velocities are left out
+        block = self.seat_of(request).block
+        n = 24 * len(block.x)
+        return replace(reply, state=reply.state[:n] + bytes(n) + reply.state[2 * n :])
+    return reply
+
+
+def _keeps_session(self: Faulty, request: Any) -> Any:
+    return (
+        replace(request, header=replace(request.header, session="nobody-else"))
+        if isinstance(request, Release)
+        else request
+    )
+
+
+class AnyModel(Faulty):
+    """Builds whatever model it is asked for."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            lambda self, request: replace(request, model="block") if isinstance(request, Configure) else request
+        )
+
+
+class AnyShape(Faulty):
+    """Takes forces of any shape, as zero."""
+
+    def __init__(self) -> None:
+        def asked(self: Faulty, request: Any) -> Any:
+            if isinstance(request, Advance) and len(request.seam_force) == 4:
+                return replace(request, seam_force=np.zeros((9, 3)))
+            return request
+
+        super().__init__(asked)
+
+
+def _torque(self: Faulty, request: Any) -> Any:
+    """A spin that dies away."""
+    if isinstance(request, Advance) and request.header.step:
+        seat = self.seat_of(request)
+        if seat.tentative is not None:
+            x, v = seat.tentative
+            seat.tentative = x, 0.98 * v + 0.02 * v.mean(axis=0)
+    return request
+
+
+def _pulled(self: Faulty, request: Any) -> Any:
+    """What is turned is pulled back to where it was at rest."""
+    if isinstance(request, Configure) and request.state is not None and request.mesh is not None:
+        x, rest = request.state.x, request.mesh.x_rest
+        return replace(request, state=replace(request.state, x=x + 0.05 * (rest - rest.mean(0)) * [1, -1, 0]))
+    return request
+
+
+def _lopsided(self: Faulty, request: Any) -> Any:
+    """One node bears more than its share."""
+    if isinstance(request, Configure) and request.mesh is not None:
+        rest = request.mesh.x_rest.copy()
+        rest[22] += 1e-3
+        return replace(request, mesh=replace(request.mesh, x_rest=rest))
+    return request
+
+
+def changed(kind: type, **change: Callable[[Any], Any]) -> Callable[[], Participant]:
+    """Fields of its replies of this kind are changed."""
+    return lambda: Faulty(said=altered(kind, lambda r: replace(r, **{k: f(getattr(r, k)) for k, f in change.items()})))
+
+
+def _on_state(change: Callable[[Seat], None]) -> Callable[[Faulty, Any], Any]:
+    """What a step of the example begins with is changed."""
+
+    def asked(self: Faulty, request: Any) -> Any:
+        if isinstance(request, Advance):
+            change(self.seat_of(request))
+        return request
+
+    return asked
+
+
+def _deaf(seat: Seat) -> None:
+    """Forces on the coupling nodes do nothing."""
+    seat.block.coupling = seat.block.coupling.copy()
+    inverse = seat.block.inverse(0.002)
+    inverse[:] = 0.0
+
+
+def _push_of(change: Callable[[Any], Any]) -> Callable[[], Participant]:
+    return lambda: Faulty(lambda _, r: replace(r, push=change(r.push)) if isinstance(r, Correct) else r)
+
+
+def _yields_more() -> Participant:
+    """Tells that it yields more than it does, and corrects by what it told."""
+
+    def said(_: Faulty, request: Any, reply: Any) -> Any:
+        return replace(reply, compliance=1.1 * reply.compliance) if isinstance(request, Advance) else reply
+
+    return Faulty(lambda _, r: replace(r, push=1.1 * r.push) if isinstance(r, Correct) else r, said)
+
+
+NONE = np.zeros((0, 0))
+
+FAULTS: list[tuple[str, str, Callable[[], Participant]]] = [
+    ("repeat", "the same bytes", changed(Advanced, slip=lambda _: float(np.random.default_rng().random()))),
+    ("repeat", "Configured as before", changed(Configured, strain=lambda _: float(np.random.default_rng().random()))),
+    ("redo", "the first answer to the first force", lambda: Faulty(_goes_on)),
+    ("redo", "another answer to another force", lambda: Faulty(_on_state(_deaf))),
+    ("commit", "a second step with the momentum of the first", lambda: Faulty(_forgets_commit)),
+    ("commit", "the same step after a Commit", lambda: Faulty(_commit_drags)),
+    ("discard", "positions as at the start", lambda: Faulty(_keeps)),
+    ("restore", "the same bits from the restored session", lambda: Faulty(said=_of_another)),
+    ("release", "a Failure of kind not_configured", lambda: Faulty(_keeps_session)),
+    ("stale_step", "a Failure of kind stale", lambda: Lenient("stale")),
+    ("old_epoch", "a Failure of kind stale", lambda: Faulty(_any_epoch)),
+    ("step_ahead", "the same step as before the refusal", lambda: Lenient("", acts=True)),
+    ("step_ahead", "the same bytes for the request before the refusal", lambda: Faulty(_forgets_the_tentative)),
+    ("step_ahead", "what is wrong and the remedy", lambda: Lenient("stale", "stale", text="no")),
+    ("unknown_session", "a Failure of kind not_configured", lambda: Lenient("not_configured")),
+    ("wrong_shape", "a Failure of kind invalid", AnyShape),
+    ("not_a_number", "a Failure of kind invalid", lambda: Lenient("garbage")),
+    ("other_schema", "a Failure of kind schema", lambda: Lenient("schema", "invalid")),
+    ("unknown_model", "a Failure of kind invalid", AnyModel),
+    ("foreign_state", "a Failure of kind invalid", lambda: Faulty(_any_state)),
+    ("garbage", "a Failure of kind invalid", lambda: Lenient("garbage")),
+    ("momentum", "momentum that changes by", changed(Advanced, momentum=lambda p: 0.99 * p)),
+    ("angular_momentum", "the same angular momentum", lambda: Faulty(_torque)),
+    ("angular_momentum", "of a part that spins", changed(Advanced, angular_momentum=lambda L: 0.0 * L)),
+    ("energy", "kinetic energy of a part that flies", changed(Advanced, kinetic=lambda e: 0.9 * e)),
+    ("energy", "gravity's energy", changed(Configured, gravity=lambda e: -e)),
+    ("energy", "strain energy of a uniform stretch", changed(Configured, strain=lambda e: 2.0 * e)),
+    ("energy", "work of the coupling forces", changed(Advanced, seam_work=lambda e: 0.0)),
+    ("energy", "energy of at most that work", changed(Advanced, strain=lambda e: e + 1e-3)),
+    ("rigid_motion", "no strain energy", lambda: Faulty(_pulled)),
+    ("uniform_stress", "a force of E strain area", lambda: Faulty(_lopsided)),
+    ("uniform_stress", "a force of E strain area", lambda: Faulty(_on_state(_deaf))),
+    ("compliance_definite", "no negative eigenvalue", changed(Advanced, compliance=lambda H: -H)),
+    ("compliance_definite", "a symmetric compliance", changed(Advanced, compliance=np.triu)),
+    ("compliance_definite", "a compliance of shape (27, 27)", changed(Advanced, compliance=lambda _: NONE)),
+    ("compliance_predicts", "the move that the compliance tells", changed(Advanced, compliance=lambda H: 1.2 * H)),
+    ("compliance_predicts", "a compliance of shape (27, 27)", changed(Advanced, compliance=lambda _: NONE)),
+    ("correct", "the move that was told", _push_of(lambda push: 1.1 * push)),
+    ("correct", "what redoing the step gives", _yields_more),
+    ("correct", "a step that can be corrected", changed(Advanced, settles=lambda _: False)),
+    ("correct", "Advanced.seam_x of shape (9, 3)", changed(Advanced, seam_x=lambda x: x[:1])),
+]

@@ -1,0 +1,163 @@
+"""A material law with state from outside: a standard linear solid, whose stress relaxes at a fixed strain.
+
+P = P_e - q,  q' = (g P_e - q)/tau,  with Hooke's P_e; over a step q1 = k q0 + (1 - k) g P_e1, k = exp(-dt/tau)
+(Simo and Hughes, Computational Inelasticity, 1998, ch. 10): the share g of the stress fades.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from fem_run import FemRun
+from pydantic import Field
+
+import softseam
+from softseam_protocol.scene.materials import MATERIALS, MaterialSpec
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.spec import Positive
+from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.materials import LAWS, Law
+
+
+class Relaxing(MaterialSpec):
+    kind: Literal["relaxing"] = "relaxing"
+    fading: float = Field(ge=0.0, lt=1.0, description="share of the stress that fades [1]")
+    time: Positive = Field(description="time in which it fades to 1/e [s]")
+
+
+def respond(F, state, dt, parameters, P, A, following):  # type: ignore[no-untyped-def]
+    mu, lam, g, tau = parameters[0], parameters[1], parameters[2], parameters[3]
+    keep = np.exp(-dt / tau)
+    trace = F[0, 0] + F[1, 1] + F[2, 2] - 3.0
+    left, psi = 1.0 - (1.0 - keep) * g, 0.0
+    A[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            unit = 1.0 if i == j else 0.0
+            elastic = mu * (F[i, j] + F[j, i] - 2.0 * unit) + lam * trace * unit
+            following[3 * i + j] = keep * state[3 * i + j] + (1.0 - keep) * g * elastic
+            P[i, j] = elastic - following[3 * i + j]
+            psi += 0.5 * P[i, j] * (F[i, j] - unit)
+            A[3 * i + j, 3 * i + j] += left * mu
+            A[3 * i + j, 3 * j + i] += left * mu
+            A[4 * i, 4 * j] += left * lam
+    return psi
+
+
+def parameters(spec: Relaxing, elastic: ElasticConstants) -> tuple[float, ...]:
+    return elastic.mu, elastic.lambda_, spec.fading, spec.time
+
+
+@pytest.fixture(autouse=True)
+def rows() -> Iterator[None]:
+    MATERIALS.add("relaxing", Relaxing)
+    LAWS.add("relaxing", Law(parameters, small=True, state=9, respond=respond))
+    yield
+    MATERIALS.remove("relaxing")
+    LAWS.remove("relaxing")
+
+
+EDGE, YOUNG, FADING, TIME, STEP = 0.05, 20e3, 0.6, 0.1, 0.01
+PLATE = {"kind": "box", "size": [0.01, 0.2, 0.2], "friction": 0.0}
+SCENE: dict[str, Any] = {
+    "softseam": 1,
+    "name": "relaxing",
+    "gravity": [0, 0, 0],
+    "step": STEP,
+    "body": {
+        "shape": {"kind": "block", "size": [EDGE] * 3},
+        "cell": EDGE / 2,
+        "material": {
+            "kind": "relaxing", "young": YOUNG, "poisson": 0.3, "density": 100, "fading": FADING, "time": TIME,
+        },
+    },
+    "tools": {"left": PLATE | {"position": [-0.0301, 0, 0.025]}, "right": PLATE | {"position": [0.0301, 0, 0.025]}},
+    "motion": [{"tools": ["left", "right"], "close": 0.05, "until": {"compression": 0.02}}, {"hold": 0.5}],
+    "quantities": ["grip_force", "compression"],
+    "regions": {"default": "fem"},
+    "models": {"fem": {"tolerance": 1e-9}},
+}  # fmt: skip
+
+
+def variant(**changes: Any) -> Scene:
+    return Scene.model_validate(json.loads(json.dumps(SCENE)) | changes)
+
+
+def test_a_held_block_relaxes_as_its_closed_form() -> None:
+    """Squeezed by 2 % between smooth plates and held: F = A E e ((1 - g) + g c exp(-t/tau)), step by step."""
+    with softseam.open(variant()) as sim:
+        sim.reset(seed=0)
+        seen = []
+        while not sim.done:
+            seen.append(sim.step().quantities)
+    force, strain = (np.array([q[name] for q in seen]) for name in ("grip_force", "compression"))
+    faded, keep = 0.0, np.exp(-STEP / TIME)
+    expected = []
+    for e in np.maximum(strain, 0.0):
+        faded = keep * faded + (1.0 - keep) * FADING * e
+        expected.append(YOUNG * EDGE**2 * (e - faded))
+    held = np.flatnonzero(strain == strain[-1])[3:]
+    assert len(held) > 40
+    np.testing.assert_allclose(force[held], np.array(expected)[held], rtol=5e-3)
+    left = force[held] - YOUNG * EDGE**2 * (1.0 - FADING) * strain[-1]
+    first = left[: len(held) // 2]
+    slope = np.polyfit(STEP * np.arange(len(first)), np.log(first), 1)[0]
+    assert slope == pytest.approx(-1.0 / TIME, rel=0.01)
+    assert force[held[0]] > 1.3 * force[-1]
+
+
+def test_state_is_part_of_a_snapshot() -> None:
+    """What follows a restored snapshot follows to the last bit, and is not what follows a fresh body."""
+    with softseam.open(variant()) as sim:
+        sim.reset(seed=0)
+        for _ in range(15):
+            sim.step()
+        kept = sim.snapshot()
+        after = [sim.step() for _ in range(5)]
+        sim.restore(kept)
+        again = [sim.step() for _ in range(5)]
+    for one, other in zip(after, again, strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+        assert one.quantities == other.quantities
+        assert one.energies == other.energies
+
+
+def test_a_step_that_is_taken_again_leaves_nothing() -> None:
+    """A step that was first taken with plates that close faster, and then as it is meant: as if taken once."""
+    once, twice = FemRun(variant()), FemRun(variant())
+    push, shove = ({"left": (v, 0.0, 0.0), "right": (-v, 0.0, 0.0)} for v in (0.02, 0.05))
+    for run in (once, twice):
+        run.solver.advance(run.request(push))
+        run.solver.commit()
+        if run is twice:
+            run.solver.advance(run.request(shove))
+            run.solver.discard()
+        run.solver.snapshot()  # drops the factor, which would differ in rounding
+        run.solver.advance(run.request(push))
+    assert np.abs(once.solver.state.material).max() > 1.0
+    np.testing.assert_array_equal(once.solver.state.material, twice.solver.state.material)
+    np.testing.assert_array_equal(once.x, twice.x)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"models": {"fem": {"integrator": "bdf2"}}}, "bdf2 does not know the state of relaxing"),
+        ({"models": {"fem": {"element": "hex8_bbar"}}}, "hex8_bbar does not know the state of relaxing"),
+        ({"symmetry": ["y"]}, "images do not carry the state of relaxing"),
+        ({"regions": {"default": "pbd"}}, "pbd does not know the state of relaxing"),
+    ],
+)
+def test_what_cannot_carry_state_is_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(softseam.SceneRefused, match=words):
+        softseam.open(variant(**changes))
+
+
+def test_a_law_says_what_it_is() -> None:
+    for given in ({"state": 3}, {"respond": respond}, {"state": 9, "respond": respond, "inline": 1}):
+        with pytest.raises(ValueError, match="a law"):
+            Law(lambda spec, elastic: (), **given)
