@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Mapping, Sequence
+from typing import Protocol
 
 from pydantic_core import PydanticCustomError
 
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.quantities import QUANTITIES
-from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
+from softseam_protocol.scene.bodies import AnyBody, BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.kinds import integrator_problem
-from softseam_protocol.scene.models import DampingSpec
-from softseam_protocol.scene.motion import ClosePhase, GripPhase, ReleasePhase
+from softseam_protocol.scene.models import DampingSpec, ModelsSpec
+from softseam_protocol.scene.motion import ClosePhase, GripPhase, Phase, ReleasePhase
 from softseam_protocol.scene.particles import ParticleBodySpec, TetMeshBody
-from softseam_protocol.scene.spec import not_among, wrong
-from softseam_protocol.scene.tools import PlaneTool
+from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
+from softseam_protocol.scene.spec import Vector, not_among, wrong
+from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_protocol.tool_borders import tool_borders
 
-if TYPE_CHECKING:
-    from softseam_protocol.scene.scene import Scene
+
+class OneBody(Protocol):
+    """What is read of a scene with one body (`Scene.of`)."""
+
+    @property
+    def body(self) -> AnyBody: ...
+    @property
+    def tools(self) -> Mapping[str, ToolSpec]: ...
+    @property
+    def motion(self) -> Sequence[Phase]: ...
+    @property
+    def regions(self) -> RegionsSpec: ...
+    @property
+    def models(self) -> ModelsSpec: ...
+    @property
+    def seam(self) -> SeamSpec: ...
+    @property
+    def symmetry(self) -> Sequence[str]: ...
+    @property
+    def quantities(self) -> tuple[str, ...]: ...
+    @property
+    def probes(self) -> Mapping[str, Vector]: ...
 
 
-def check_body(scene: Scene, name: str, kinds: Collection[str]) -> None:
+def check_body(scene: OneBody, name: str, kinds: Collection[str]) -> None:
     """Raise if a scene asks something of its body that cannot be.
 
     scene  with that body alone (`Scene.of`)
@@ -47,14 +68,14 @@ def check_body(scene: Scene, name: str, kinds: Collection[str]) -> None:
         raise PydanticCustomError("scene", "{message}", context) from None
 
 
-def check_tools(scene: Scene, names: tuple[str, ...], *at: str | int) -> None:
+def check_tools(scene: OneBody, names: tuple[str, ...], *at: str | int) -> None:
     """Raise if one of the names, which stand at `at`, is not a tool."""
     for i, name in enumerate(names):
         if name not in scene.tools:
             raise not_among(f"no tool is called {name!r}", list(scene.tools), *at, i)
 
 
-def _symmetry_is_used(scene: Scene) -> None:
+def _symmetry_is_used(scene: OneBody) -> None:
     """Raise if `symmetry` names an axis twice, or asks what no solver of this scene can do."""
     if not scene.symmetry:
         return
@@ -69,7 +90,7 @@ def _symmetry_is_used(scene: Scene) -> None:
         raise wrong("symplectic_euler solves no equations: leave it out", "symmetry")
 
 
-def _check_particles(scene: Scene, body: ParticleBodySpec, beside_cells: bool) -> None:
+def _check_particles(scene: OneBody, body: ParticleBodySpec, beside_cells: bool) -> None:
     """Raise if the scene asks something of a body of particles that only one in cells can do."""
     _symmetry_is_used(scene)
     have = f"a {body.kind} is made of particles, not cells"
@@ -109,7 +130,7 @@ def _check_particles(scene: Scene, body: ParticleBodySpec, beside_cells: bool) -
             raise wrong(f"{have}: drives with a force_limit need cells", "tools", name, "force_limit")
 
 
-def _check_cells(scene: Scene, body: BodySpec, beside_particles: bool) -> None:
+def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None:
     """Raise if integrator, models, seam, symmetry and tools do not go together."""
     _symmetry_is_used(scene)
     near = scene.regions.near
@@ -189,7 +210,7 @@ def _check_cells(scene: Scene, body: BodySpec, beside_particles: bool) -> None:
         )
 
 
-def _has_goal(scene: Scene, uneven: bool) -> None:
+def _has_goal(scene: OneBody, uneven: bool) -> None:
     """Raise if the goal is nothing that this scene has, or one of cells that are no boxes of one size."""
     goal, at = scene.regions.goal, ("regions", "goal")
     if goal is None:
