@@ -48,6 +48,7 @@ def test_what_turned_round_does_not_slip_freely() -> None:
     assert np.abs(free).max() < 1e-9 * np.abs(turned).max()
 
 
+@pytest.mark.slow
 def test_a_factor_of_contacts_that_stuck_solves_for_what_slips() -> None:
     """What GMRES finds is the solution with the whole tangents, to its tolerance; that of the factor is far from it."""
     model, tree, work, tools, x, count = _problem(0.3, multiplier=(0.0, 0.0, 1e-3), start=(1e-6, 0.0, 0.0))

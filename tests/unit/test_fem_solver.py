@@ -190,6 +190,7 @@ def test_a_hopeless_step_fails_with_a_remedy_and_without_nan() -> None:
     assert run.step(force=np.zeros((1, 3))).status == "converged"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["crushed", "scrambled", "mirrored"])
 def test_crushed_starts_recover(shape: str) -> None:
     """Cells pressed flat or turned inside out come back to rest; a whole body mirrored only stays finite."""

@@ -66,6 +66,7 @@ def test_one_cell_leaps() -> None:
     assert reply.residual == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear", "corotated"])
 def test_two_graded_cells_three_steps(kind: str) -> None:
     """Blocks of any shape: forces are gradients, and a step keeps momentum."""

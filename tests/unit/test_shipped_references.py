@@ -284,6 +284,7 @@ def test_a_reference_belongs_to_what_moves(settings: tuple[str, ...], same: bool
     assert (ladder.key == ladder_of("tofu_grasp")[0].key) == same
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["dumpling", "sausage"])
 def test_a_reference_does_not_go_by_how_places_were_rounded(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another processor, or another order of a sum, puts a mesh's points elsewhere by a part in 1e16."""
