@@ -17,7 +17,7 @@ from softseam.replay.verify import verify
 from softseam.report import ReportBuilder
 from softseam_protocol.messages.participant import Advance, Reply, Request
 from softseam_protocol.messages.session import Frame, StepReport
-from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.file import bundle_scene, parse_scene
 from softseam_protocol.scene.scene import Scene, SeveralBodies
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -132,6 +132,44 @@ def test_where_one_body_cannot_take_a_step_none_has(
         np.testing.assert_allclose(sim.frames()[name].x, frames[name].x, rtol=0.0, atol=5e-6)  # the seam's own
     if part == "tofu.near":  # those without a seam begin each step anew
         assert same(sim.frames()["jelly"], frames["jelly"]) and same(sim.frames()["nori"], frames["nori"])
+
+
+BEAM = """
+  {name}:
+    shape: {{kind: block, size: [0.04, 0.02, 0.02]}}
+    cell: 0.02
+    position: [{x}, 0, 1]
+    material: {{kind: neo_hookean, young: 20000.0, poisson: 0.45, density: 1050}}
+    regions: {{default: pbd, near: {{model: fem, boxes: [{{min: [-9, -9, -9], max: [{x}, 9, 9]}}]}}}}"""
+TIED = f"""
+softseam: 1
+name: tied
+duration: 0.3
+bodies:{BEAM.format(name="first", x=0.0)}{BEAM.format(name="second", x=0.1)}
+tools: {{ground: {{kind: plane, friction: 0.5}}}}
+"""
+
+
+@pytest.mark.parametrize("subdivided", [False, True])
+def test_a_tied_body_takes_a_step_back_that_another_could_not(subdivided: bool) -> None:
+    """Two cut bodies fall; the second is lost in a step that the first has taken, whole or in parts."""
+    ends = []
+    for fails in (False, True):
+        transport = Losing()
+        sim = simulation(parse_scene(TIED), transport)
+        for n in range(30):
+            if n == 8 and subdivided:
+                coupling = sim.bodies["first"].participants._coupling
+                assert coupling is not None
+                coupling.pace.cut()
+            if n == 8 and fails:
+                transport.part, transport.at = "second.far", n
+                with pytest.raises(ParticipantLost):
+                    sim.step()
+            assert sim.step().header.step == n
+        ends.append(sim.frames())
+    for name in ("first", "second"):
+        np.testing.assert_allclose(ends[1][name].x, ends[0][name].x, rtol=0.0, atol=6e-6)  # the seam's own
 
 
 def test_what_only_one_body_has_is_refused_for_several() -> None:

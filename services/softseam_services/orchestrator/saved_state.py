@@ -36,7 +36,7 @@ class SavedBody:
     cells: dict[str, NDArray[np.generic]]
     """see `NearCells.to_arrays`"""
     seam: dict[str, Floats]
-    """see `SeamLoop.to_arrays`; empty where there is no seam"""
+    """see `Coupling.to_arrays`; empty where nothing is tied"""
     participants: dict[str, bytes]
     """state of each part, by id"""
 
