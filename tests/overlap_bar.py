@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from arlequin import Cells, overlapping, shares
 from numpy.typing import NDArray
 
-from softseam_coupling.schemes.arlequin import Cells, overlapping, shares
-from softseam_coupling.schemes.integrators import LinearSide
+from softseam_coupling.linear_study.integrators import LinearSide
 
 Floats = NDArray[np.float64]
 Share = Callable[[Floats, int], Floats]

@@ -85,8 +85,9 @@ class ConnectedBackend:
             self._bus.close()
             raise
 
-    def reset(self, seed: int) -> Observation:
-        return self._ask(Reset(self._header(), seed), Observation, SimulationFailed)
+    def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
+        refused = SimulationFailed if bundle is None else SceneRefused
+        return self._ask(Reset(self._header(), seed, bundle), Observation, refused)
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
         ways, turns, grips = {}, {}, {}

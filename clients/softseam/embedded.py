@@ -53,11 +53,15 @@ class EmbeddedBackend:
             compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
-    def reset(self, seed: int) -> Observation:
+    def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
         self._stop_recording()
-        with translated():
-            self.simulation.reset(seed)
         self._last = None
+        with translated(opening=bundle is not None):
+            if bundle is None:
+                self.simulation.reset(seed)
+            else:
+                compile_first(scene_from_bundle(bundle))
+                self.simulation, self._bundle = self.simulation.with_scene(bundle, seed), bundle
         self._events.clear()
         if self._record is not None:
             self._start_recording(self._record, seed)

@@ -37,7 +37,9 @@ class Backend(Protocol):
     unrecorded: str
     """what became of the last recording that was ended"""
 
-    def reset(self, seed: int) -> messages.Observation: ...
+    def reset(self, seed: int, bundle: Bundle | None = None) -> messages.Observation:
+        """Begin the scene anew, or another one; where that is refused, stand at the start of the one at hand."""
+        ...
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> messages.Observation:
         """Take steps with these tool velocities, or with the scene's own motion where they are None."""
@@ -82,12 +84,7 @@ def open_as_given(
     timeout: float = 120.0,
 ) -> Session:
     """A session on a scene as it is given, without a plan for its tolerance; arguments as for `softseam.open`."""
-    parsed, bundle = bundle_of(scene)
-    varied = _varied(parsed, model, settings)
-    if endless := too_many_steps(varied):
-        raise SceneRefused(located(endless, scene, settings))
-    if varied is not parsed:
-        bundle = bundle_scene(varied, bundle.files)
+    varied, bundle = _read(scene, model, settings)
     if isinstance(record, str | Path):
         for what, used in inputs_of(scene).items():
             if Path(record).resolve() == used.resolve():
@@ -96,7 +93,16 @@ def open_as_given(
         backend = _backend(bundle, connect, record, timeout)
     except SceneRefused as error:
         raise SceneRefused(located(str(error), scene, settings)) from error
-    return Session(varied, bundle, backend)
+    return Session(varied, bundle, backend, model)
+
+
+def _read(scene: str | Path | Scene, model: Model | None, settings: Sequence[str]) -> tuple[Scene, Bundle]:
+    """The scene as it is simulated, and what a participant needs for it. Raises SceneRefused and BadInput."""
+    parsed, bundle = bundle_of(scene)
+    varied = _varied(parsed, model, settings)
+    if endless := too_many_steps(varied):
+        raise SceneRefused(located(endless, scene, settings))
+    return varied, bundle if varied is parsed else bundle_scene(varied, bundle.files)
 
 
 def _varied(scene: Scene, model: Model | None, settings: Sequence[str]) -> Scene:
@@ -128,22 +134,27 @@ def _backend(bundle: Bundle, connect: str | None, record: str | Path | bool | No
 class Session:
     """One simulation of one scene. A context manager; not for use from several threads at once."""
 
-    def __init__(self, scene: Scene, bundle: Bundle, backend: Backend) -> None:
-        self.scene = scene
-        self.bundle = bundle
-        """the scene and the files that it names"""
+    def __init__(self, scene: Scene, bundle: Bundle, backend: Backend, model: Model | None = None) -> None:
+        """model: which the scene was opened with"""
         self._backend: Backend | None = backend
+        self._model = model
         self._turn = threading.RLock()
-        # the bundle's order, in which the tools' arrays come: it is not that of a scene made in a program
-        self._tools = tuple(Scene.model_validate_json(bundle.scene).tools)
         self._last: Observation | None = None
-        self._length = expected_duration(scene)
+        self._opened = scene, bundle  # what settings of `reset` are applied to
+        self._take_scene(scene, bundle)
         self.recorded: Recorded | None = None
         """after `close`: where the recording is, and what it lost; None without one"""
         self.unrecorded = ""
         """after `close`: why nothing is known of a recording that was asked for"""
         self.plan_anew: Callable[[messages.ErrorEstimate | None], Session | None] | None = None
         """of a session that was planned: another one, where this one's errors are not what the plan expected"""
+
+    def _take_scene(self, scene: Scene, bundle: Bundle) -> None:
+        """Simulate this scene from now on."""
+        self.scene, self.bundle = scene, bundle
+        # the bundle's order, in which the tools' arrays come: it is not that of a scene made in a program
+        self._tools = tuple(Scene.model_validate_json(bundle.scene).tools)
+        self._length = expected_duration(scene)
 
     @property
     def done(self) -> bool:
@@ -163,13 +174,42 @@ class Session:
         return self._last
 
     @one_thread
-    def reset(self, seed: int | None = None) -> Observation:
-        """Put the body and the tools where the scene starts; `seed` replaces the scene's."""
-        seed = self.scene.seed if seed is None else seed
+    def reset(
+        self, seed: int | None = None, *, scene: str | Path | Scene | None = None, settings: Sequence[str] | None = None
+    ) -> Observation:
+        """Put the bodies and the tools where the scene starts, or where another one does.
+
+        seed      in place of the scene's
+        scene     another scene from now on, with the model that this session was opened with; it is not planned
+        settings  "key.key=value", each in place of what the scene says, as for `softseam.open`. They do not add up:
+                  with settings the scene is as it was opened, or given here, and these. None: the scene as it is.
+
+        Participants keep what scenes share that differ only in numbers: those of materials, damping, gravity, friction,
+        motion, poses and size.
+        Raises SceneRefused for a scene that cannot be simulated; the session keeps the scene that it had.
+        """
+        backend = self._running()
+        opened = self._opened if scene is None else _read(scene, self._model, ())
+        varied, bundle = (self.scene, self.bundle) if scene is None and settings is None else opened
+        if settings:
+            varied = with_settings(varied, settings)
+            if endless := too_many_steps(varied):
+                raise SceneRefused(located(endless, varied, settings))
+            bundle = bundle_scene(varied, bundle.files)
+        seed = varied.seed if seed is None else seed
         number = whole(seed)
         if number is None or not 0 <= number < 2**31:
             raise BadInput(f"seed is {seed!r}: give a whole number from 0 to 2147483647")
-        return self._observe(self._running().reset(number))
+        if bundle.scene == self.bundle.scene and bundle.files == self.bundle.files:
+            return self._observe(backend.reset(number))
+        self._last = None
+        try:
+            message = backend.reset(number, bundle)
+        except SceneRefused as error:
+            raise SceneRefused(located(str(error), varied if scene is None else scene, settings or ())) from error
+        self._opened, self.plan_anew = opened, None
+        self._take_scene(varied, bundle)
+        return self._observe(message)
 
     @one_thread
     def step(

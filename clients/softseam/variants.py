@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 from softseam.errors import BadInput, SceneRefused
 from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.bodies import BodySpec
-from softseam_protocol.scene.file import SceneError, parse_scene, scene_json
+from softseam_protocol.scene.file import SceneError, scene_from_document, scene_json
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 
@@ -69,7 +69,7 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
             raise BadInput(f"--set {setting}: the value is not YAML: {text!r}") from None
         _assign(document, keys, value, setting)
     try:
-        return parse_scene(json.dumps(document), "--set")
+        return scene_from_document(document, "--set")
     except SceneError as error:
         hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
         allowed = f" (allowed: {error.allowed})" if error.allowed else ""

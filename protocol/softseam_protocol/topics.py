@@ -10,8 +10,8 @@
     softseam/<deployment>/@live/client/session/<session>    token   exists while the client of a session does
     softseam/@node/<name>                                   token   exists while others may reach a process directly
 
-A `service` is the name of a process (`fem`, `pbd`, `fem2`); the participant that it plays (`near`, `far`) stands in the
-header of each request.
+A `service` is the name of a process (`fem`, `pbd`, `fem2`); the part that a request is for (`body.far`) stands in its
+header.
 """
 
 from __future__ import annotations

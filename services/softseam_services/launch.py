@@ -21,7 +21,8 @@ from softseam_services.lifeline import Lifeline
 from softseam_services.recorder.whole_file import RecordError
 from softseam_services.supervisor import WRONG_SET_UP, Limits, Supervisor
 
-ROLES = ("router", "fem", "pbd", "orchestrator", "recorder")
+MODELS = ("fem", "pbd")
+ROLES = ("router", *MODELS, "orchestrator", "recorder")
 _GRACE = {"recorder": 30.0, "orchestrator": 15.0}
 RECORDINGS = Path("recordings")
 
@@ -51,10 +52,14 @@ class ServeOptions:
 
 
 def route(text: str) -> tuple[str, str]:
-    """Part and service of `--route PART=SERVICE`. Raises ValueError."""
+    """Part, or model, and service of `--route PART=SERVICE`. Raises ValueError."""
     part, equals, service = text.partition("=")
-    if not (equals and part and service):
-        raise ValueError(f"{text!r} is no route: give PART=SERVICE, such as body.far=my_solver")
+    body, dot, side = part.partition(".")
+    if not (equals and service and ((body and dot and side) or part in MODELS)):
+        raise ValueError(
+            f"{text!r} is no route: give PART=SERVICE with a part's id, such as body.far=my_solver, or a model's name, "
+            "such as pbd=my_solver"
+        )
     return part, checked("service", service)
 
 
@@ -85,7 +90,7 @@ def _serve(role: str, options: ServeOptions, life: Lifeline) -> None:
         from softseam_services.router import serve_router
 
         serve_router(options.bus.connect, life)
-    elif role in ("fem", "pbd"):
+    elif role in MODELS:
         from softseam_services.participant_service import serve_participant
         from softseam_services.tables import check_tables
 

@@ -48,7 +48,7 @@ from softseam_services.tools.build import build_tools
 from softseam_services.tools.symmetry import check_symmetry
 from softseam_services.tools.tool_set import ToolSet
 
-_BODIES_KEPT = 4
+_BUNDLES_KEPT = 4
 _SEATS_KEPT = 64
 """of sessions whose orchestrators may have died without a Release"""
 _TIMED_HERE = (Committed, Fields, SnapshotTaken, Restored)
@@ -137,13 +137,12 @@ class ParticipantServer:
 
     def __init__(self) -> None:
         self._seats: dict[tuple[str, str], _Seat] = {}
-        self._setups: dict[tuple[bytes, str], Setup] = {}  # these two in the order of their last use
+        self._setups: dict[bytes, dict[str, Setup]] = {}  # these two in the order of their last use
         self._built = Built()
 
     def adopt(self, bundle: Bundle, setups: Mapping[str, Setup]) -> None:
         """Share set-ups, by their bodies, that the same process has built already."""
-        digest = _digest(bundle)
-        self._setups.update({(digest, name): setup for name, setup in setups.items()})
+        self._setups_of(bundle).update(setups)
 
     def handle(self, request: Request) -> Reply:
         """Serve one request; every failure is a `Failure`, never an exception."""
@@ -198,11 +197,8 @@ class ParticipantServer:
 
     def _configure(self, key: tuple[str, str], request: Configure) -> Reply:
         began = perf_counter()
-        digest = _digest(request.bundle), request.body
-        setup = self._setups.pop(digest, None) or build_setup(request.bundle, request.body)
-        while len(self._setups) >= _BODIES_KEPT:
-            self._setups.pop(next(iter(self._setups)))
-        self._setups[digest] = setup
+        setups, name = self._setups_of(request.bundle), request.body
+        setup = setups[name] = setups.get(name) or build_setup(request.bundle, name)
         solver, reply = build_solver(setup, request, self._built)
         reply = replace(reply, seconds=perf_counter() - began)
         self._seats.pop(key, None)
@@ -210,6 +206,15 @@ class ParticipantServer:
             self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again
         self._seats[key] = _Seat(solver, request.header.epoch, request.header.step, -1, {Configure: (request, reply)})
         return reply
+
+    def _setups_of(self, bundle: Bundle) -> dict[str, Setup]:
+        """What is built of a bundle, by body; those of the latest bundles are kept."""
+        digest = _digest(bundle)
+        setups = self._setups.pop(digest, {})
+        while len(self._setups) >= _BUNDLES_KEPT:
+            self._setups.pop(next(iter(self._setups)))
+        self._setups[digest] = setups
+        return setups
 
     def _answer(self, seat: _Seat, request: Request) -> Reply:
         header = request.header

@@ -60,6 +60,27 @@ def test_every_step_of_a_run_is_seen(services: Services) -> None:
     assert seen[0] == seen[1]
 
 
+def test_another_scene_in_the_same_session(services: Services) -> None:
+    """Begun anew with other numbers, refused ones between: over the bus the same bits as in one process."""
+    services.wait_well()
+    seen = []
+    for endpoint in (None, services.endpoint):
+        with softseam.open(squeezed_bar(), endpoint) as sim:
+            sim.reset()
+            sim.step(SQUEEZE, count=2)
+            sim.reset(settings=["body.material.young=5e4", "tools.front.friction=0.2"])
+            softer = [bits(sim.step(SQUEEZE).report) for _ in range(4)]
+            unstable = ["regions={default: pbd}", "models.pbd.method=leapfrog", "models.pbd.substeps=1", "tools={}"]
+            with pytest.raises(softseam.SceneRefused, match="leapfrog is unstable"):
+                sim.reset(settings=[*unstable, "motion=[]", "duration=1", "quantities=[]"])
+            with pytest.raises(softseam.NotReset):
+                sim.step(SQUEEZE)
+            sim.reset(settings=())
+            seen.append((softer, [bits(sim.step(SQUEEZE).report) for _ in range(4)]))
+    assert seen[0] == seen[1]
+    assert seen[0][0] != seen[0][1]
+
+
 def test_snapshot_travels(services: Services) -> None:
     """A snapshot taken over the bus continues in this process, bit for bit, and the other way round."""
     services.wait_well()

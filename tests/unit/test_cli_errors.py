@@ -59,6 +59,7 @@ BAD_SCENES = {
 BAD_CALLS = {
     "no such scene": (["run", "tofu_gras"], ["tofu_grasp"]),
     "no route": (["up", "--route", "far"], ["'far' is no route", "PART=SERVICE"]),
+    "a route of no part": (["up", "--route", "far=mine"], ["'far=mine' is no route", "body.far=my_solver"]),
     "no router to conform": (["conform", "tcp/127.0.0.1:9", "--service", "fem"], ["no router answers"]),
     "no such check": (["conform", "tcp/127.0.0.1:9", "--check", "momentun"], ["did you mean 'momentum'"]),
     "no such file": (["run", "folder/none.yaml"], ["none.yaml"]),

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
-from softseam_coupling.schemes.integrators import LinearSide
-from softseam_coupling.schemes.position_constant import PositionConstant
-from softseam_coupling.schemes.split import Scheme, Split, run
-from softseam_coupling.schemes.velocity_constant import VelocityConstant
+from softseam_coupling.linear_study.integrators import LinearSide
+from softseam_coupling.linear_study.position_constant import PositionConstant
+from softseam_coupling.linear_study.split import Scheme, Split, run
+from softseam_coupling.linear_study.velocity_constant import VelocityConstant
 
 
 def test_balance_of_a_step() -> None:

@@ -13,12 +13,12 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from softseam_coupling.schemes.gravouil_combescure import GravouilCombescure
-from softseam_coupling.schemes.integrators import LinearSide
-from softseam_coupling.schemes.position_constant import PositionConstant
-from softseam_coupling.schemes.prakash_hjelmstad import PrakashHjelmstad
-from softseam_coupling.schemes.split import Scheme, Split, SplitState, run, spectral_radius
-from softseam_coupling.schemes.velocity_constant import VelocityConstant
+from softseam_coupling.linear_study.gravouil_combescure import GravouilCombescure
+from softseam_coupling.linear_study.integrators import LinearSide
+from softseam_coupling.linear_study.position_constant import PositionConstant
+from softseam_coupling.linear_study.prakash_hjelmstad import PrakashHjelmstad
+from softseam_coupling.linear_study.split import Scheme, Split, SplitState, run, spectral_radius
+from softseam_coupling.linear_study.velocity_constant import VelocityConstant
 
 Floats = NDArray[np.float64]
 K = 4.0 * np.pi**2

@@ -7,12 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from softseam_coupling.schemes.gravouil_combescure import GravouilCombescure
-from softseam_coupling.schemes.integrators import LinearSide
-from softseam_coupling.schemes.position_constant import PositionConstant
-from softseam_coupling.schemes.prakash_hjelmstad import PrakashHjelmstad
-from softseam_coupling.schemes.split import Scheme, Split, spectral_radius
-from softseam_coupling.schemes.velocity_constant import VelocityConstant
+from softseam_coupling.linear_study.gravouil_combescure import GravouilCombescure
+from softseam_coupling.linear_study.integrators import LinearSide
+from softseam_coupling.linear_study.position_constant import PositionConstant
+from softseam_coupling.linear_study.prakash_hjelmstad import PrakashHjelmstad
+from softseam_coupling.linear_study.split import Scheme, Split, spectral_radius
+from softseam_coupling.linear_study.velocity_constant import VelocityConstant
 
 POSITION, VELOCITY = PositionConstant(), VelocityConstant()
 PH, GC = PrakashHjelmstad(), GravouilCombescure()

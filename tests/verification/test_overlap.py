@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from arlequin import Cells, shares
 from numpy.typing import NDArray
 from overlap_bar import Share, linear, reflected, sharp_seam, sides, stepped
 
-from softseam_coupling.schemes.arlequin import Cells, shares
-from softseam_coupling.schemes.position_constant import PositionConstant
-from softseam_coupling.schemes.split import Split, amplification, run, spectral_radius
+from softseam_coupling.linear_study.position_constant import PositionConstant
+from softseam_coupling.linear_study.split import Split, amplification, run, spectral_radius
 
 Floats = NDArray[np.float64]
 

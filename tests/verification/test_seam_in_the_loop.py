@@ -8,13 +8,13 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from softseam_coupling.accelerations.memory import Acceleration
+from softseam_coupling.linear_study.constant_multiplier import answer, march
+from softseam_coupling.linear_study.integrators import LinearSide, propagate
+from softseam_coupling.linear_study.position_constant import PositionConstant
+from softseam_coupling.linear_study.split import Split, SplitState, run
 from softseam_coupling.loops.coupled_part import CoupledPart
 from softseam_coupling.loops.fixed_point import FixedPoint
 from softseam_coupling.loops.loop import largest
-from softseam_coupling.schemes.constant_multiplier import answer, march
-from softseam_coupling.schemes.integrators import LinearSide, propagate
-from softseam_coupling.schemes.position_constant import PositionConstant
-from softseam_coupling.schemes.split import Split, SplitState, run
 
 Floats = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from test_seam_in_the_loop import compliance, couple, fixed_point, grid_bar
 
-from softseam_coupling.schemes.integrators import LinearSide
-from softseam_coupling.schemes.position_constant import PositionConstant
-from softseam_coupling.schemes.split import Scheme, Split, SplitState, amplification, spectral_radius
-from softseam_coupling.schemes.staggered import Staggered
-from softseam_coupling.schemes.velocity_constant import VelocityConstant
+from softseam_coupling.linear_study.integrators import LinearSide
+from softseam_coupling.linear_study.position_constant import PositionConstant
+from softseam_coupling.linear_study.split import Scheme, Split, SplitState, amplification, spectral_radius
+from softseam_coupling.linear_study.staggered import Staggered
+from softseam_coupling.linear_study.velocity_constant import VelocityConstant
 
 Floats = NDArray[np.float64]
 MASSES = (0.01, 0.1, 1.0, 10.0, 100.0)

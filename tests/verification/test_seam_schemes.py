@@ -13,10 +13,10 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam.variants import with_settings
-from softseam_coupling.schemes.integrators import LinearSide
-from softseam_coupling.schemes.position_constant import PositionConstant
-from softseam_coupling.schemes.prakash_hjelmstad import PrakashHjelmstad
-from softseam_coupling.schemes.split import Scheme, Split, spectral_radius
+from softseam_coupling.linear_study.integrators import LinearSide
+from softseam_coupling.linear_study.position_constant import PositionConstant
+from softseam_coupling.linear_study.prakash_hjelmstad import PrakashHjelmstad
+from softseam_coupling.linear_study.split import Scheme, Split, spectral_radius
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene

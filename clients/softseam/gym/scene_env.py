@@ -78,7 +78,6 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         self._given, self._settings, self._model, self._connect = scene, tuple(settings), model, connect
         self._repeat, self._record = steps, None if record is None else Path(record)
         self._session: Session | None = None
-        self._varied: tuple[str, ...] = ()
         self.tools = moved(self.scene)
         """that actions move"""
         self._quantities = self.scene.asked
@@ -101,8 +100,7 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         return False
 
     def vary(self, random: np.random.Generator) -> Sequence[str]:
-        """Settings of the coming episode, e.g. ["body.material.young=18e3"]. Each that differs from those of the last
-        episode opens another session, in some 0.1 s."""
+        """Settings of the coming episode, e.g. ["body.material.young=18e3"], as `Session.reset` takes them."""
         return ()
 
     def act(self, action: Any) -> Mapping[str, ArrayLike]:
@@ -124,12 +122,12 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
     ) -> tuple[Numbers, dict[str, Any]]:
         """Begin an episode. The same seed gives the same episodes, with the same actions bit for bit."""
         super().reset(seed=seed)
-        varied = tuple(self.vary(self.np_random))
-        if self._session is not None and (varied != self._varied or self._record is not None):
+        varied, seed = tuple(self.vary(self.np_random)), int(self.np_random.integers(2**31))
+        if self._record is not None:
             self.close()
         if self._session is None:
-            self._session, self._varied = self._open(varied), varied
-        observation = self._session.reset(int(self.np_random.integers(2**31)))
+            self._session = self._open()
+        observation = self._session.reset(seed, settings=varied)
         self._start = {name: observation.tools[name].position for name in self.tools}
         return self.see(observation), self._told(observation)
 
@@ -164,15 +162,14 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
 
     # ----
 
-    def _open(self, varied: Sequence[str]) -> Session:
+    def _open(self) -> Session:
         record = None
         if self._record is not None:
             self._record.mkdir(parents=True, exist_ok=True)
             there = [path.stem.removeprefix("episode-") for path in self._record.glob("episode-*.mcap")]
             number = 1 + max((int(text) for text in there if text.isdecimal()), default=0)
             record = self._record / f"episode-{number:06d}.mcap"
-        settings = (*self._settings, *varied)
-        return open_session(self._given, self._connect, model=self._model, settings=settings, record=record)
+        return open_session(self._given, self._connect, model=self._model, settings=self._settings, record=record)
 
     def _told(self, observation: Observation) -> dict[str, Any]:
         """Numbers alone, which environments in other processes send to their agent."""

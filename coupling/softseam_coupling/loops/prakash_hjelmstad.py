@@ -9,7 +9,7 @@ middle). The unknown is lambda_1, and what it is to close is the gap that the st
 with r what the steps before left of it, within the tolerance, so that this does not add up
 
 (A. Prakash, K. D. Hjelmstad, Int. J. Numer. Meth. Engng 61, 2004, 2183-2204, doi:10.1002/nme.1136). Stable with every
-implicit integrator of FEM, see `softseam_coupling.schemes.prakash_hjelmstad`; positions drift by what the parts do
+implicit integrator of FEM, see `softseam_coupling.linear_study.prakash_hjelmstad`; positions drift by what the parts do
 within a step, and the gap that is reported is that of positions.
 """
 

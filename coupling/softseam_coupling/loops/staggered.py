@@ -6,7 +6,7 @@ Part b of the interface takes the step with the last multiplier. Part a is then 
 
 an iteration that asks part a alone; what holds it there is the next multiplier. Positions agree, forces lag by a step,
 so that an error of the multiplier becomes -H_a^-1 H_b times itself, in short steps minus the ratio of the masses
-(`softseam_coupling.schemes.staggered`). Where that grows it is seen and told, and the run ends.
+(`softseam_coupling.linear_study.staggered`). Where that grows it is seen and told, and the run ends.
 """
 
 from __future__ import annotations

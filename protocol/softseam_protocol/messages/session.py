@@ -199,8 +199,12 @@ class Open:
 
 @dataclass(frozen=True, slots=True)
 class Reset:
+    """Begin the scene anew, or another one in its place."""
+
     header: Header
     seed: int
+    bundle: Bundle | None = None
+    """the other scene; where it is refused, the session stands at the start of the one that it had"""
 
 
 @dataclass(frozen=True, slots=True)

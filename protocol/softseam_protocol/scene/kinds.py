@@ -13,7 +13,7 @@ SeamScheme = str
 SeamAcceleration = str
 """a row of ACCELERATIONS"""
 MaterialKind = str
-"""a row of scene_materials.MATERIALS"""
+"""a row of scene.materials.MATERIALS"""
 ElementKind = str
 """a row of ELEMENTS"""
 IntegratorKind = str

@@ -35,7 +35,7 @@ SMALLEST_BODY = 1e-4
 
 
 def wrong(message: str, *at: str | int) -> PydanticCustomError:
-    """An error about the entry `at` (a path from the spec that raises it); `scene_file` finds its line."""
+    """An error about the entry `at` (a path from the spec that raises it); `file` finds its line."""
     return PydanticCustomError("scene", "{message}", {"message": message, "at": at})
 
 

@@ -87,7 +87,6 @@ class ClientSession:
         try:
             self._simulation = Simulation(bundle, self._transport, session=self._session, emit=self._emit)
             self._seed = self._simulation.scene.seed
-            self._frame_every = max(1, round(FRAME_PERIOD / self._simulation.scene.step))
             return self._observe(fields=True)
         except BaseException:  # nothing is kept back: whatever ends this leaves no session, feed or asker behind
             self._simulation = None
@@ -96,10 +95,15 @@ class ClientSession:
             self._transport.close()
             raise
 
-    def reset(self, seed: int) -> Observation:
+    def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
+        """Begin the scene anew, or another one in its place."""
         self._feed.end("reset")
-        self.simulation.reset(seed)
-        self._seed, self._last, self._trouble, self.steps = seed, None, None, 0
+        self._last, self._trouble, self.steps = None, None, 0
+        if bundle is None:
+            self.simulation.reset(seed)
+        else:
+            self._simulation, self._bundle = self.simulation.with_scene(bundle, seed), bundle
+        self._seed = seed
         self._events.clear()
         self._feed.begin(self._begin())
         return self._observe(fields=True)
@@ -146,7 +150,7 @@ class ClientSession:
             raise Stopped("the session is being closed: the steps left were not taken")
         if commands is None and self.simulation.done:
             return False
-        due = self._record and (self.steps + 1) % self._frame_every == 0
+        due = self._record and (self.steps + 1) % max(1, round(FRAME_PERIOD / self.simulation.scene.step)) == 0
         self._last = self.simulation.step(commands, fields=due or fields)
         self.steps += 1
         self.used = time.monotonic()

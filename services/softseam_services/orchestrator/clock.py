@@ -28,6 +28,11 @@ class Clock:
         """Stand after so many steps."""
         self.step = step
 
+    def at_pace(self, dt: float) -> Clock:
+        """Itself, of steps of another length [s]."""
+        self.dt = dt
+        return self
+
     def now(self) -> Header:
         """Names the simulation as it stands."""
         return Header(SCHEMA_VERSION, self.session, "", self.epoch, self.step, 0, self.time)

@@ -51,7 +51,7 @@ DEARER: dict[ElementKind, tuple[float, float]] = {
     "tet4_fbar": (9.0, 58.0),
     "tet10": (3.2, 22.0),
 }
-"""what an iteration and a matrix of other elements cost more than hex27's (docs/elements.md), a cell [us]"""
+"""what an iteration and a matrix of other elements cost more than hex27's (docs/reference/elements.md), a cell [us]"""
 UNMEASURED = 10.3, 102.0
 """the dearest of these, for elements from outside"""
 FACTOR = 100.0 / 375.0**1.95

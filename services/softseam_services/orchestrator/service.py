@@ -186,7 +186,7 @@ class ClientHandler:
             if isinstance(request, Open):
                 return client.open(request.bundle, request.record)
             if isinstance(request, Reset):
-                return client.reset(request.seed)
+                return client.reset(request.seed, request.bundle)
             if isinstance(request, Step):
                 return client.step(request)
             if isinstance(request, Save):
@@ -197,7 +197,8 @@ class ClientHandler:
         except ParticipantLost as error:
             raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
         except ParticipantFailed as error:
-            invalid = error.failure.kind == FailureKind.INVALID and isinstance(request, Open)
+            begins = isinstance(request, Open) or (isinstance(request, Reset) and request.bundle is not None)
+            invalid = error.failure.kind == FailureKind.INVALID and begins
             kind = FailureKind.INVALID if invalid else FailureKind.INTERNAL
             raise Refused(Failure(kind, str(error))) from error
         except (StepFailed, Stopped) as error:

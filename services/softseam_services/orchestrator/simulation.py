@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from time import perf_counter
 from typing import TypeVar
@@ -57,22 +58,31 @@ class Simulation:
     transport  how to reach the participants; closed with the simulation
     session    names this simulation among others on the same bus
     emit       receives every StepReport and Event, and a Frame of each body a step where `fields` are asked for
+    seed       in place of the scene's
+    clock      of the simulation before this one in the same session, see `with_scene`
     """
 
     def __init__(
-        self, bundle: Bundle, transport: Transport, *, session: str = "local", emit: Emit | None = None
+        self,
+        bundle: Bundle,
+        transport: Transport,
+        *,
+        session: str = "local",
+        emit: Emit | None = None,
+        seed: int | None = None,
+        clock: Clock | None = None,
     ) -> None:
         self.scene = scene_from_bundle(bundle)
         setups = {name: build_setup(bundle, name) for name in self.scene.bodies}
         bodies = [setup.body for setup in setups.values()]
         self.tools = next(iter(setups.values())).tools
-        self._bundle, self._emit = bundle, emit
+        self._bundle, self._emit, self._participants = bundle, emit, transport
         if isinstance(transport, EmbeddedTransport):
             transport.adopt(bundle, setups)
         self._moving = MovingTools(self.scene, self.tools, bodies)
         self._duration = self.scene.duration
         self._notices = ToolNotices(self._event)
-        self._clock = Clock(session, self.scene.step)
+        self._clock = Clock(session, self.scene.step) if clock is None else clock.at_pace(self.scene.step)
         self._stopwatch = Stopwatch()
         recovering = RecoveringTransport(transport, on_event=self._event)
         self._transport = TimedTransport(recovering, self._stopwatch)
@@ -97,7 +107,7 @@ class Simulation:
         self._wants_fields = any(body.wants_fields for body in self.bodies.values())
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
-        self.reset(self.scene.seed)
+        self.reset(seed)
 
     # ---- state of the run
 
@@ -150,6 +160,24 @@ class Simulation:
         self.events.clear()
         for body in self.bodies.values():
             body.reset()
+
+    def with_scene(self, bundle: Bundle, seed: int | None = None) -> Simulation:
+        """A simulation of another scene in place of this one, with its participants, which keep what both scenes share.
+
+        Raises what a new simulation does; this one stands at its start then.
+        """
+        clock = self._clock
+        try:
+            other = Simulation(bundle, self._participants, emit=self._emit, seed=seed, clock=clock)
+        except BaseException:
+            clock.at_pace(self.scene.step)
+            self.reset(self._seed)
+            raise
+        taken_over = {part for body in other.bodies.values() for part in body.participants.sides.names}
+        for body in self.bodies.values():
+            with suppress(ParticipantLost, ParticipantFailed):  # who is lost holds nothing
+                body.participants.release(set(body.participants.sides.names) - taken_over)
+        return other
 
     def _forget(self) -> None:
         """The last step is another's."""

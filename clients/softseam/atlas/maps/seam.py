@@ -18,7 +18,7 @@ from softseam.atlas.verdicts import Verdict, percent
 from softseam_protocol.scene.kinds import INTEGRATORS as FACTS
 
 if TYPE_CHECKING:
-    from softseam_coupling.schemes.split import Scheme, Split, SplitState
+    from softseam_coupling.linear_study.split import Scheme, Split, SplitState
 
 Floats = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def build(ratios: tuple[float, ...] = RATIOS) -> Map:
 
 def run(what: str, ratio: float, scheme: str, integrator: str) -> Verdict:
     """One cell."""
-    from softseam_coupling.schemes.split import spectral_radius
+    from softseam_coupling.linear_study.split import spectral_radius
 
     mass, stiffness = (ratio, 1.0) if what == "mass" else (1.0, ratio)
     solver = _schemes()[scheme]
@@ -112,8 +112,8 @@ def run(what: str, ratio: float, scheme: str, integrator: str) -> Verdict:
 
 def split(mass: float, stiffness: float, near: str, step: float, substeps: int) -> Split:
     """Mass and stiffness of the near side, of the far side's 1; step in periods of the whole."""
-    from softseam_coupling.schemes.integrators import LinearSide
-    from softseam_coupling.schemes.split import Split
+    from softseam_coupling.linear_study.integrators import LinearSide
+    from softseam_coupling.linear_study.split import Split
 
     period = 2.0 * np.pi * np.sqrt((mass + 1.0) / (stiffness + 1.0))
     return Split(
@@ -128,7 +128,7 @@ def split(mass: float, stiffness: float, near: str, step: float, substeps: int) 
 
 def energy(scheme: Scheme, system: Split, n_steps: int) -> float:
     """Largest energy of a simulation, relative to the first, released from rest at 1."""
-    from softseam_coupling.schemes.split import amplification
+    from softseam_coupling.linear_study.split import amplification
 
     step, state = amplification(scheme, system), _packed(_released(system))
     first = most = _energy(system, state)
@@ -142,7 +142,7 @@ def energy(scheme: Scheme, system: Split, n_steps: int) -> float:
 
 def off(scheme: Scheme, system: Split) -> float:
     """Largest distance of either side from cos(omega t) over a period, both released from 1 [1]."""
-    from softseam_coupling.schemes.split import amplification
+    from softseam_coupling.linear_study.split import amplification
 
     step, state, worst = amplification(scheme, system), _packed(_released(system)), 0.0
     n = round(1.0 / FINE)
@@ -171,10 +171,10 @@ def _released(system: Split) -> SplitState:
 
 
 def _schemes() -> dict[str, Scheme]:
-    from softseam_coupling.schemes.gravouil_combescure import GravouilCombescure
-    from softseam_coupling.schemes.position_constant import PositionConstant
-    from softseam_coupling.schemes.prakash_hjelmstad import PrakashHjelmstad
-    from softseam_coupling.schemes.velocity_constant import VelocityConstant
+    from softseam_coupling.linear_study.gravouil_combescure import GravouilCombescure
+    from softseam_coupling.linear_study.position_constant import PositionConstant
+    from softseam_coupling.linear_study.prakash_hjelmstad import PrakashHjelmstad
+    from softseam_coupling.linear_study.velocity_constant import VelocityConstant
 
     return dict(
         zip(SCHEMES, (PositionConstant(), VelocityConstant(), PrakashHjelmstad(), GravouilCombescure()), strict=True)

@@ -34,7 +34,7 @@ LAWS: Table[Law] = Table(
         "mooney_rivlin": Law(_mooney_rivlin, inline=point.MOONEY_RIVLIN),
     },
 )
-"""the law of each specification in softseam_protocol.scene_materials.MATERIALS"""
+"""the law of each specification in softseam_protocol.scene.materials.MATERIALS"""
 
 
 def build_material(spec: MaterialSpec) -> Material:

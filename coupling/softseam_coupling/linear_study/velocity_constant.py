@@ -5,8 +5,8 @@ Looks fine on easy cases; the positions drift apart, and with substeps the seam 
 
 from __future__ import annotations
 
-from softseam_coupling.schemes.constant_multiplier import solve_step
-from softseam_coupling.schemes.split import Split, SplitState
+from softseam_coupling.linear_study.constant_multiplier import solve_step
+from softseam_coupling.linear_study.split import Split, SplitState
 
 
 class VelocityConstant:

@@ -6,8 +6,8 @@ multipliers tie the displacements of both at the near side's nodes there:
     E = sum_near alpha_e E_e + sum_far (1 - alpha_e) E_e,   L_near u_near + L_far u_far = 0                    (1)
 
 (H. Ben Dhia, G. Rateau, Int. J. Numer. Meth. Engng 62, 2005, 1442-1462, doi:10.1002/nme.1229). With sides and links of
-this form any scheme of this package couples them; position continuity with a constant multiplier does no work and does
-not drift. A study so far: the running loop has no overlap.
+this form any scheme of softseam_coupling.linear_study couples them; position continuity with a constant multiplier does
+no work and does not drift. A study so far: the running loop has no overlap.
 
 alpha is constant in each cell of the coarser side, and goes down by equal steps. Where it varies within such a cell, as
 the ramp of the textbooks does, the finer cells between two tied nodes are springs of unequal stiffness in a row: they
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.schemes.integrators import LinearSide
+from softseam_coupling.linear_study.integrators import LinearSide
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

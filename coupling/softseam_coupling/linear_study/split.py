@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.schemes.integrators import LinearSide, Propagator, propagate, start
+from softseam_coupling.linear_study.integrators import LinearSide, Propagator, propagate, start
 
 Floats = NDArray[np.float64]
 

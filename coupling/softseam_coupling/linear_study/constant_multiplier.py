@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.schemes.integrators import LinearSide, Propagator
-from softseam_coupling.schemes.split import Split, SplitState, force_of, solve
+from softseam_coupling.linear_study.integrators import LinearSide, Propagator
+from softseam_coupling.linear_study.split import Split, SplitState, force_of, solve
 
 Floats = NDArray[np.float64]
 

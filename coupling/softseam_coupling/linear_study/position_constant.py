@@ -7,8 +7,8 @@ step, the seam's work on both sides cancels exactly. Unstable with BDF2 and Newm
 
 from __future__ import annotations
 
-from softseam_coupling.schemes.constant_multiplier import solve_step
-from softseam_coupling.schemes.split import Split, SplitState
+from softseam_coupling.linear_study.constant_multiplier import solve_step
+from softseam_coupling.linear_study.split import Split, SplitState
 
 
 class PositionConstant:

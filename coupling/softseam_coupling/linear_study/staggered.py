@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_coupling.schemes.constant_multiplier import answer, march
-from softseam_coupling.schemes.split import Split, SplitState, solve
+from softseam_coupling.linear_study.constant_multiplier import answer, march
+from softseam_coupling.linear_study.split import Split, SplitState, solve
 
 
 class Staggered:

@@ -12,7 +12,7 @@ soon as m > 1, and positions drift.
 
 from __future__ import annotations
 
-from softseam_coupling.schemes.split import Split, SplitState, force_of, solve
+from softseam_coupling.linear_study.split import Split, SplitState, force_of, solve
 
 
 class GravouilCombescure:
