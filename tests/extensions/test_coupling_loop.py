@@ -47,7 +47,7 @@ class RobinNeumann:
         lambda_, parts = self.lambda_, self.parts
         for exchange in range(1, self.setup.exchanges + 1):
             replies = ask({self.b: PartRequest(parts[self.b].force(lambda_))})
-            target = self.offset - parts[self.b].image(replies[self.b].seam_x)
+            target = self.offset - parts[self.b].to_rows(replies[self.b].seam_x)
             replies |= ask({self.a: PartRequest(lambda_, target=target, impedance=spring)})
             gap = gap_of(parts, {name: reply.seam_x for name, reply in replies.items()}, self.offset)
             lambda_ = replies[self.a].seam_force
@@ -56,7 +56,7 @@ class RobinNeumann:
                 return Outcome(replies, lambda_, largest(gap), 2 * exchange)
         raise StepRefused(2 * self.setup.exchanges)
 
-    def forget_told(self) -> None: ...
+    def forget_sent(self) -> None: ...
 
     def to_arrays(self) -> dict[str, Floats]:
         return {"lambda": self.lambda_}

@@ -256,7 +256,7 @@ def test_a_loop_goes_on_from_its_arrays(before_it_begins: bool) -> None:
         for each in chain.parts.values():
             each.told = False  # as participants, which forget at a snapshot
     arrays = one.loop.to_arrays()
-    one.loop.forget_told()
+    one.loop.forget_sent()
     fresh = pair(takes_impedance=True)
     if before_it_begins:
         fresh.loop = OneWay(fresh.setup)

@@ -40,7 +40,7 @@ def couple(
     """One macro step; the new state and the exchanges it took. told: compliance, where it is asked for first."""
     lambda_ = found.begin(split.step)
     if found.asks:
-        found.hear(compliance(split) if told is None else told)
+        found.set_compliance(compliance(split) if told is None else told)
     for n in range(1, most + 1):
         flat = lambda_.ravel()
         near, work_near = march(split.near, split.near_propagator, now.near, split.substeps_near, now.lambda_, flat)
@@ -142,9 +142,9 @@ def test_a_compliance_that_says_nothing_is_asked_for_again() -> None:
     found = fixed_point(split)
     found.begin(split.step)
     for nothing in (np.full((12, 12), np.nan), np.zeros((12, 12))):
-        found.hear(nothing)
+        found.set_compliance(nothing)
         assert found.asks
-    found.hear(compliance(split))
+    found.set_compliance(compliance(split))
     assert not found.asks
     found.next(np.zeros((4, 3)), np.ones((4, 3)))
     found.next(np.zeros((4, 3)), np.full((4, 3), 0.6))  # more than half is left

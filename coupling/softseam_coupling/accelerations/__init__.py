@@ -14,7 +14,7 @@ __all__ = ["ACCELERATIONS"]
 
 
 def _exact() -> None:
-    """No acceleration: the parts tell their compliance."""
+    """No acceleration: the parts report their compliance."""
 
 
 ACCELERATIONS: Table[Callable[[], Acceleration | None]] = Table(
@@ -26,4 +26,4 @@ ACCELERATIONS: Table[Callable[[], Acceleration | None]] = Table(
         "constant": Constant,
     },
 )
-"""makes an acceleration; None: multipliers are found by what the parts tell of how they yield"""
+"""makes an acceleration; None: multipliers are found by the compliance that parts report"""

@@ -11,7 +11,7 @@ import numpy as np
 
 from softseam_coupling.kept_kernels import njit
 
-PARTS = FIRST, N_NODES, SIGN, PUSHED, RANK, ROWS_AT, YIELD_AT, IMPEDANCE_AT = tuple(range(8))
+PARTS = FIRST, N_NODES, SIGN, PUSHED, RANK, ROWS_AT, COMPLIANCE_AT, IMPEDANCE_AT = tuple(range(8))
 """columns of a table of parts: first node and how many, `CoupledPart.sign` and `pushed`, columns of its root, 0 for
 none, and where its rows, its root or compliance, and its impedance begin in their buffers"""
 
@@ -39,36 +39,36 @@ def _multiply(matrix, at, vector, n, product):
 
 
 @njit(cache=True, error_model="numpy")
-def _move(part, yields, push, moved):
+def _apply_compliance(part, compliances, push, moved):
     """H push, or Y push by its root; a part that is not pushed at all stays where it is."""
-    n, rank, at = 3 * part[N_NODES], part[RANK], part[YIELD_AT]
+    n, rank, at = 3 * part[N_NODES], part[RANK], part[COMPLIANCE_AT]
     if not push.any():
         moved[:] = 0.0
     elif rank:
         across = np.zeros(rank)
         for i in range(n):
-            row = yields[at + i * rank : at + (i + 1) * rank]
+            row = compliances[at + i * rank : at + (i + 1) * rank]
             for k in range(rank):
                 across[k] += row[k] * push[i]
-        _multiply(yields, at, across, n, moved)
+        _multiply(compliances, at, across, n, moved)
     else:
-        _multiply(yields, at, push, n, moved)
+        _multiply(compliances, at, push, n, moved)
 
 
 @njit(cache=True, error_model="numpy")
-def _add_image(part, rows, own, image):
-    """Add B_p x of vectors on a part's nodes (3n,) to all rows (3c,)."""
+def _add_to_rows(part, rows, own, of_rows):
+    """Add B_p x of vectors on a part's nodes (3n,) to what all rows have (3c,)."""
     sign, n, at = part[SIGN], part[N_NODES], part[ROWS_AT]
     if sign:
         for i in range(3 * n):
-            image[i] += sign * own[i]
+            of_rows[i] += sign * own[i]
         return
-    for row in range(len(image) // 3):
+    for row in range(len(of_rows) // 3):
         weights = rows[at + row * n : at + (row + 1) * n]
         for node in range(n):
             weight = weights[node]
             for k in range(3):
-                image[3 * row + k] += weight * own[3 * node + k]
+                of_rows[3 * row + k] += weight * own[3 * node + k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,12 +77,12 @@ def gap_at(table, rows, x, offset):
     gap = -offset
     for p in range(len(table)):
         first = 3 * table[p, FIRST]
-        _add_image(table[p], rows, x[first : first + 3 * table[p, N_NODES]], gap)
+        _add_to_rows(table[p], rows, x[first : first + 3 * table[p, N_NODES]], gap)
     return gap
 
 
 @njit(cache=True, error_model="numpy")
-def _answer(table, rows, yields, impedances, unknown, acted, multipliers, push, move, left):
+def _apply(table, rows, compliances, impedances, unknown, acted, multipliers, push, move, left):
     """What the parts do under the unknown, where these forces acted on their nodes.
 
     Fills multipliers, push and move, and left, the change of the gaps.
@@ -111,13 +111,13 @@ def _answer(table, rows, yields, impedances, unknown, acted, multipliers, push, 
                         weight = rows[at + row * (n // 3) + node]
                         for k in range(3):
                             own_push[3 * node + k] += weight * multipliers[3 * row + k]
-            _move(part, yields, own_push, own_move)
+            _apply_compliance(part, compliances, own_push, own_move)
             if pushed:
                 for i in range(n):
                     begin = part[IMPEDANCE_AT] + i * n
                     back = _dot(impedances[begin : begin + n], own_move)
                     multipliers[i] = sign * (own_push[i] - back + acted[first + i])
-            _add_image(part, rows, own_move, left)
+            _add_to_rows(part, rows, own_move, left)
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,22 +126,22 @@ def _norm(vector):
 
 
 @njit(cache=True, error_model="numpy")
-def close_gaps(table, rows, yields, impedances, inverse, gap, told, acted, tolerance):
+def close_gaps(table, rows, compliances, impedances, inverse, gap, first, acted, tolerance):
     """Multipliers (3c,) [N], pushes [N] and moves [m] of the parts' nodes (3N,), to gaps of `tolerance` [m].
 
     inverse  of W (3c * 3c) [N/m]
     gap      of all rows, where the parts went (3c,) [m]
-    told     multipliers from which the solve begins (3c,) [N]
+    first    multipliers from which the solve begins (3c,) [N]
     acted    force that acted on the parts' nodes (3N,) [N]
     """
     n_rows, n = len(gap), len(acted)
     multipliers, change, step = np.empty(n_rows), np.empty(n_rows), np.empty(n_rows)
     push, move, nothing, left = np.empty(n), np.empty(n), np.zeros(n), gap.copy()
-    unknown = told.copy()
+    unknown = first.copy()
     for p in range(len(table)):
         if table[p, PUSHED]:
             unknown[:] = 0.0
-    _answer(table, rows, yields, impedances, unknown, acted, multipliers, push, move, change)
+    _apply(table, rows, compliances, impedances, unknown, acted, multipliers, push, move, change)
     for i in range(n_rows):
         left[i] += change[i]
     goes_on = False
@@ -152,23 +152,25 @@ def close_gaps(table, rows, yields, impedances, inverse, gap, told, acted, toler
         _multiply(inverse, 0, left, n_rows, step)
         for i in range(n_rows):
             step[i] = -step[i]
-        _answer(table, rows, yields, impedances, step, nothing, multipliers, push, move, change)
+        _apply(table, rows, compliances, impedances, step, nothing, multipliers, push, move, change)
         after = 0.0
         for i in range(n_rows):
             after += (left[i] + change[i]) ** 2
         if not np.sqrt(after) < _SHRINKS * size:  # the inverse is not near enough
-            _gmres(table, rows, yields, impedances, inverse, left, tolerance, step, change, multipliers, push, move)
+            _gmres(
+                table, rows, compliances, impedances, inverse, left, tolerance, step, change, multipliers, push, move
+            )
         goes_on = True
         for i in range(n_rows):
             unknown[i] += step[i]
             left[i] += change[i]
     if goes_on:
-        _answer(table, rows, yields, impedances, unknown, acted, multipliers, push, move, change)
+        _apply(table, rows, compliances, impedances, unknown, acted, multipliers, push, move, change)
     return multipliers, push, move
 
 
 @njit(cache=True, error_model="numpy")
-def _gmres(table, rows, yields, impedances, inverse, left, tolerance, step, change, multipliers, push, move):
+def _gmres(table, rows, compliances, impedances, inverse, left, tolerance, step, change, multipliers, push, move):
     """The change of the unknown that closes the gaps left, and what it changes them by, into step and change.
 
     Preconditioned from the right by `inverse` (Saad and Schultz 1986, SIAM J. Sci. Stat. Comput. 7, 856-869), whose own
@@ -184,7 +186,7 @@ def _gmres(table, rows, yields, impedances, inverse, left, tolerance, step, chan
     for k in range(_MOST):
         if k > 0:
             _multiply(inverse, 0, basis[k], n_rows, images[k])
-            _answer(table, rows, yields, impedances, images[k], nothing, multipliers, push, move, answers[k])
+            _apply(table, rows, compliances, impedances, images[k], nothing, multipliers, push, move, answers[k])
         v = basis[k + 1]
         v[:] = answers[k]
         for j in range(k + 1):
@@ -197,7 +199,7 @@ def _gmres(table, rows, yields, impedances, inverse, left, tolerance, step, chan
             h[j, k] = turns[j, 0] * above + turns[j, 1] * below
             h[j + 1, k] = turns[j, 0] * below - turns[j, 1] * above
         whole = np.hypot(h[k, k], length)
-        if not whole > 0.0:  # nothing yields that way
+        if not whole > 0.0:  # nothing compliances that way
             break
         n_taken = k + 1
         turns[k, 0], turns[k, 1] = h[k, k] / whole, length / whole

@@ -1,4 +1,4 @@
-"""A loop of parts that tell no compliance: the step is redone under multipliers that an acceleration finds."""
+"""A loop of parts that report no compliance: the step is redone under multipliers that an acceleration finds."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Accelerated:
         self._found.commit(multipliers)
         return Outcome(replies, multipliers, gap, most, NOT_CONVERGED)
 
-    def forget_told(self) -> None:
+    def forget_sent(self) -> None:
         """Nothing that the parts keep is counted on."""
 
     def to_arrays(self) -> dict[str, Floats]:

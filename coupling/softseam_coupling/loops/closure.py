@@ -5,14 +5,14 @@ Part p went to x_p under the force f_p. By its linear answer it goes on by
     dx_p = H_p e_p,   e_p = B_p^T lambda - f_p                                                                (1)
 
 and the multipliers lambda are those for which all gaps close, sum_p B_p (x_p + dx_p) = offset. A part that was solved
-with the impedance S of the parts beyond its interfaces does not tell H but Y = (H^-1 + S)^-1, its answer with them
+with the impedance S of the parts beyond its interfaces does not report H but Y = (H^-1 + S)^-1, its answer with them
 behind it. In place of its multipliers the unknown is then the push q that moves it on in that surrounding,
 
     dx_p = Y q,   e_p = q - S Y q                                                                             (2)
 
-which is well conditioned however freely the part would move alone. Where S is the inverse of what the parts beyond it
-yield by, the system of the pushes is W = sum_p B_p H_p B_p^T over those parts alone; W's inverse preconditions GMRES,
-which takes one iteration then, and few where S is older than W.
+which is well conditioned however freely the part would move alone. Where S is the inverse of the compliance of the
+parts beyond it, the system of the pushes is W = sum_p B_p H_p B_p^T over those parts alone; W's inverse preconditions
+GMRES, which takes one iteration then, and few where S is older than W.
 """
 
 from __future__ import annotations
@@ -38,27 +38,27 @@ class Closure:
         self._inverse: Floats | None = None  # of W over the parts that are not pushed
         self._flat = _Flat(parts)
 
-    def told(self) -> None:
-        """A part told another compliance, or is pushed from now on."""
+    def compliance_changed(self) -> None:
+        """A part reported another compliance, or is pushed from now on."""
         self._inverse = None
 
-    def hold(self) -> Floats | None:
-        """What of it evolves, to `go_back` to."""
+    def save(self) -> Floats | None:
+        """What of it evolves, for `restore`."""
         return self._inverse
 
-    def go_back(self, held: Floats | None) -> None:
-        """Be as `hold` found it."""
-        self._inverse = held
+    def restore(self, saved: Floats | None) -> None:
+        """Be as `save` found it."""
+        self._inverse = saved
 
-    def taught(self, name: str, miss: Floats, force: Floats) -> None:
-        """A part's nodes moved by a miss (n, 3) [m] beyond H_p times a change of force (n, 3) [N]: H_p takes it up.
+    def update(self, name: str, miss: Floats, force: Floats) -> None:
+        """A part's nodes moved by a miss (n, 3) [m] beyond H_p times a change of force (n, 3) [N].
 
-        Broyden's update, of H_p and of W's inverse.
+        Broyden's update of H_p and of W's inverse.
         """
         part, length = self._parts[name], float(np.vdot(force, force))
         part.compliance = part.compliance + np.outer(miss.reshape(-1), force.reshape(-1) / length)
         if self._inverse is not None:
-            u, v = part.image(miss).reshape(-1), part.rows @ force if not part.sign else part.sign * force
+            u, v = part.to_rows(miss).reshape(-1), part.rows @ force if not part.sign else part.sign * force
             left, right = self._inverse @ u, v.reshape(-1) / length @ self._inverse
             below = 1.0 + float(v.reshape(-1) @ left) / length
             self._inverse = None if abs(below) < 1e-3 else self._inverse - np.outer(left / below, right)
@@ -69,8 +69,8 @@ class Closure:
         return self._inverse
 
     def _invert(self, parts: list[CoupledPart]) -> Floats:
-        """Inverse of the symmetric part of what these parts yield by (3c, 3c) [N/m]."""
-        w = np.asarray(sum(part.across() for part in parts))
+        """Inverse of the symmetric part of these parts' compliance (3c, 3c) [N/m]."""
+        w = np.asarray(sum(part.row_compliance() for part in parts))
         h = 0.5 * (w + w.T)
         h.flat[:: len(h) + 1] += HARDLY * np.trace(h) / len(h)
         inverse = np.linalg.inv(h)
@@ -87,26 +87,26 @@ class Closure:
         wanted = self._offset
         for other_name, other in self._parts.items():
             if other_name != name:
-                wanted = wanted - other.image(x[other_name])
+                wanted = wanted - other.to_rows(x[other_name])
         return np.asarray(self._parts[name].sign * wanted)
 
     def solve(
-        self, gap: Floats, acted: dict[str, Floats], told: Floats, tolerance: float
+        self, gap: Floats, acted: dict[str, Floats], first: Floats, tolerance: float
     ) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:
         """Multipliers (c, 3) [N], pushes and moves of the parts' nodes (n, 3) [N], [m], to a gap of `tolerance` [m].
 
         gap    where the nodes went (c, 3) [m]
         acted  force that acted on them (n, 3) [N]
-        told   multipliers from which the solve begins (c, 3) [N]
+        first  multipliers from which the solve begins (c, 3) [N]
         """
         if self._inverse is None:
             self._inverse = self._invert([part for part in self._parts.values() if not part.pushed])
         flat = self._flat
-        flat.take(self._parts)
+        flat.copy(self._parts)
         forces = np.concatenate([acted[name] for name in self._parts])
         multipliers, push, move = close_gaps(
-            *(flat.table, flat.rows, flat.yields, flat.impedances, self._inverse.reshape(-1)),
-            *(gap.reshape(-1), told.reshape(-1), forces.reshape(-1), tolerance),
+            *(flat.table, flat.rows, flat.compliances, flat.impedances, self._inverse.reshape(-1)),
+            *(gap.reshape(-1), first.reshape(-1), forces.reshape(-1), tolerance),
         )
         return multipliers.reshape(-1, 3), flat.by_part(push), flat.by_part(move)
 
@@ -120,26 +120,26 @@ class _Flat:
         shares = np.cumsum([0, *(part.rows.size for part in parts.values())])
         firsts = np.cumsum([0, *n_nodes])
         self.rows = np.concatenate([part.rows.ravel() for part in parts.values()])
-        self.yields, self.impedances = np.zeros(squares[-1]), np.zeros(squares[-1])
+        self.compliances, self.impedances = np.zeros(squares[-1]), np.zeros(squares[-1])
         self.table = np.zeros((len(parts), len(kernel.PARTS)), dtype=np.int64)
         self.table[:, kernel.FIRST], self.table[:, kernel.N_NODES] = firsts[:-1], n_nodes
         self.table[:, kernel.SIGN] = [int(part.sign) for part in parts.values()]
         self.table[:, kernel.ROWS_AT] = shares[:-1]
-        self.table[:, kernel.YIELD_AT] = self.table[:, kernel.IMPEDANCE_AT] = squares[:-1]
+        self.table[:, kernel.COMPLIANCE_AT] = self.table[:, kernel.IMPEDANCE_AT] = squares[:-1]
         self._own = {name: slice(*ends) for name, ends in zip(parts, pairwise(firsts.tolist()), strict=True)}
         self._squares = squares.tolist()
-        self._taken: list[Floats] = [np.zeros(0)] * (2 * len(parts))
+        self._copied: list[Floats] = [np.zeros(0)] * (2 * len(parts))
 
-    def take(self, parts: Mapping[str, CoupledPart]) -> None:
+    def copy(self, parts: Mapping[str, CoupledPart]) -> None:
         """Copy what became another array since the last time; none is written in place."""
         for place, part in enumerate(parts.values()):
-            at, yields = self._squares[place], part.root if part.root.size else part.compliance
-            if yields is not self._taken[2 * place]:
-                self._taken[2 * place] = yields
-                self.yields[at : at + yields.size] = yields.ravel()
+            at, compliance = self._squares[place], part.root if part.root.size else part.compliance
+            if compliance is not self._copied[2 * place]:
+                self._copied[2 * place] = compliance
+                self.compliances[at : at + compliance.size] = compliance.ravel()
                 self.table[place, kernel.RANK] = part.root.shape[1] if part.root.size else 0
-            if part.impedance is not self._taken[2 * place + 1]:
-                self._taken[2 * place + 1] = part.impedance
+            if part.impedance is not self._copied[2 * place + 1]:
+                self._copied[2 * place + 1] = part.impedance
                 self.impedances[at : at + part.impedance.size] = part.impedance.ravel()
             self.table[place, kernel.PUSHED] = part.pushed
 

@@ -1,4 +1,4 @@
-"""A part as a loop sees it: its coupling nodes' share in the rows of all interfaces, and how they yield.
+"""A part as a loop sees it: its coupling nodes' share in the rows of all interfaces, and their compliance.
 
 With B_p (c, n) of part p over all rows, the gap is g = sum_p B_p x_p - offset, and the multipliers lambda put the force
 B_p^T lambda on the part's nodes.
@@ -20,7 +20,7 @@ __all__ = ["HARDLY", "CoupledPart", "gap_of", "parts_of"]
 
 _NONE = np.zeros((0, 0))
 HARDLY = 1e-6
-"""added to the diagonal of a compliance that is to be inverted, of its mean: directions that do not yield [1]"""
+"""added to the diagonal of a compliance that is to be inverted, of its mean: stiff directions [1]"""
 
 
 @dataclass(slots=True)
@@ -32,30 +32,30 @@ class CoupledPart:
     sign: float
     """+1 or -1 where B_p is the identity times that, 0 where it is no such thing"""
     compliance: Floats = field(default_factory=lambda: _NONE)
-    """H_p (3n, 3n) [m/N], as told and since taught; empty: the part tells Y"""
-    told: Floats = field(default_factory=lambda: _NONE)
-    """H_p as told, by which it is moved on (3n, 3n) [m/N]; empty: not told"""
-    back: Floats = field(default_factory=lambda: _NONE)
-    """its inverse [N/m], of directions that yield; empty: not needed yet"""
+    """H_p (3n, 3n) [m/N], as reported and updated since; empty: the part reports Y"""
+    reported: Floats = field(default_factory=lambda: _NONE)
+    """H_p as the part reported it, by which it is corrected (3n, 3n) [m/N]; empty: not reported"""
+    reported_inverse: Floats = field(default_factory=lambda: _NONE)
+    """its inverse [N/m]; empty: not needed yet"""
     root: Floats = field(default_factory=lambda: _NONE)
     """R with Y = R R^T (3n, r); with an impedance of none Y is H_p"""
     impedance: Floats = field(default_factory=lambda: _NONE)
     """S (3n, 3n) [N/m]; empty: none"""
 
-    def hold(self) -> tuple[Floats, ...]:
-        """What of it evolves, to `go_back` to."""
-        return self.compliance, self.told, self.back, self.root, self.impedance
+    def save(self) -> tuple[Floats, ...]:
+        """What of it evolves, for `restore`."""
+        return self.compliance, self.reported, self.reported_inverse, self.root, self.impedance
 
-    def go_back(self, held: tuple[Floats, ...]) -> None:
-        """Be as `hold` found it."""
-        self.compliance, self.told, self.back, self.root, self.impedance = held
+    def restore(self, saved: tuple[Floats, ...]) -> None:
+        """Be as `save` found it."""
+        self.compliance, self.reported, self.reported_inverse, self.root, self.impedance = saved
 
     @property
     def pushed(self) -> bool:
         """Whether its unknown is the push of eq. (2)."""
         return self.root.size > 0 and self.impedance.size > 0
 
-    def image(self, vectors: Floats) -> Floats:
+    def to_rows(self, vectors: Floats) -> Floats:
         """B_p x (c, 3) of vectors on the part's nodes (n, 3)."""
         return self.sign * vectors if self.sign else np.asarray(self.rows @ vectors)
 
@@ -72,23 +72,23 @@ class CoupledPart:
     def push_for(self, change: Floats, move: Floats, free: bool) -> tuple[Floats, Floats | None]:
         """The push (n, 3) [N] that moves the part on by `move` (n, 3) [m], and what that is short of it (n, 3) [m].
 
-        None where it is not short: a part whose answer is `change` times what it told.
+        None where it is not short: a part whose answer is `change` times what it reported.
 
-        A part is moved on by what it told, and knows nothing of what it was taught since. Where it is free of contacts
-        the push is the change of force itself, so that it is given exactly that impulse.
+        A part is corrected by the compliance that it reported, and knows nothing of updates since. Where it is free of
+        contacts the push is the change of force itself, so that it is given exactly that impulse.
         """
-        if self.told is self.compliance or not self.told.size:
+        if self.reported is self.compliance or not self.reported.size:
             return change, None
         push = change
         if not free:
-            if not self.back.size:
-                lifted = self.told.copy()
-                lifted.flat[:: len(lifted) + 1] += HARDLY * np.trace(lifted) / len(lifted)
-                self.back = np.asarray(np.linalg.inv(lifted))
-            push = np.asarray((self.back @ move.reshape(-1)).reshape(-1, 3))
-        return push, np.asarray(move - (self.told @ push.reshape(-1)).reshape(-1, 3))
+            if not self.reported_inverse.size:
+                regularised = self.reported.copy()
+                regularised.flat[:: len(regularised) + 1] += HARDLY * np.trace(regularised) / len(regularised)
+                self.reported_inverse = np.asarray(np.linalg.inv(regularised))
+            push = np.asarray((self.reported_inverse @ move.reshape(-1)).reshape(-1, 3))
+        return push, np.asarray(move - (self.reported @ push.reshape(-1)).reshape(-1, 3))
 
-    def across(self) -> Floats:
+    def row_compliance(self) -> Floats:
         """B_p H_p B_p^T (3c, 3c) [m/N]."""
         h = self.root @ self.root.T if self.root.size else self.compliance
         if self.sign:
@@ -121,4 +121,4 @@ def _sign(rows: Floats) -> float:
 
 def gap_of(parts: Mapping[str, CoupledPart], x: Mapping[str, Floats], offset: Floats) -> Floats:
     """Of all rows, where the parts' nodes are at x (n, 3) [m] (c, 3) [m]; of velocities with no offset its rate."""
-    return sum((part.image(x[name]) for name, part in parts.items()), -offset)
+    return sum((part.to_rows(x[name]) for name, part in parts.items()), -offset)

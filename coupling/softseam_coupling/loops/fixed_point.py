@@ -1,11 +1,11 @@
 """Multipliers by a fixed-point iteration on what is left, for the loops that redo a step until it is right.
 
-A try of the multipliers lambda leaves g (the gap, or what a loop closes in its place). By a guess of how the rows yield
+A try of the multipliers lambda leaves g (the gap, or what a loop closes in its place). By a guess of the compliance
 it asks for
 
     wanted = -H_0^-1 g                                                        (1)
 
-and an acceleration proposes the next try of it. H_0 is the compliance W of all rows where the parts tell it, and what
+and an acceleration proposes the next try of it. H_0 is the compliance W of all rows where the parts report it, and what
 it errs by is found out by IQN-ILS; else it is the diagonal that the parts' masses alone would have,
 dt^2 diag(sum_p B_p M_p^-1 B_p^T).
 
@@ -44,7 +44,7 @@ class FixedPoint:
     parts         whose rows they are
     mobility      1/mass of their coupling nodes (n,) [1/kg]
     first         multipliers that belong to the parts' state (c, 3) [N]; None: zero
-    acceleration  None: the parts tell their compliance
+    acceleration  None: the parts report their compliance
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class FixedPoint:
         self._acceleration = _BY_COMPLIANCE if acceleration is None else acceleration
         by_mass = np.sum([part.rows**2 @ mobility[name] for name, part in parts.items()], axis=0)
         self._by_mass = np.repeat(by_mass, 3)
-        self._scale = by_mass[:, None] / by_mass.mean()  # in which rows yield alike, about
+        self._scale = by_mass[:, None] / by_mass.mean()  # in which rows have about the same compliance
         self._last = np.zeros((len(by_mass), 3)) if first is None else np.array(first)
         self._closing = self._last
         self._predicted = np.zeros_like(self._last)  # without the sum of eq. (2), times the scale
@@ -70,7 +70,7 @@ class FixedPoint:
         self._dt = 0.0
         self._left = np.inf  # norm of what the try before left
         self.asks = False
-        """whether the parts are to tell their compliance with the next try"""
+        """whether the parts are to report their compliance with the next try"""
 
     @property
     def last(self) -> Floats:
@@ -97,7 +97,7 @@ class FixedPoint:
         c = np.linalg.solve(square + _RIDGE * whole * np.eye(_N_MISSES), self._moments[:, _N_MISSES])
         return np.asarray((c @ self._misses).reshape(self._last.shape))
 
-    def hear(self, compliance: Floats) -> None:
+    def set_compliance(self, compliance: Floats) -> None:
         """Take W (3c, 3c) [m/N]; one that is not finite or nowhere positive is asked for again."""
         h = 0.5 * (compliance + compliance.T)
         mean = float(np.trace(h)) / max(len(h), 1)

@@ -45,7 +45,7 @@ class PartRequest:
     renew: bool = False
     """find its compliance anew; where `start` is given that of its velocities"""
     repeat: bool = False
-    """tell how it yields by the factor at hand, also if that was told before"""
+    """report the compliance of the factor at hand, also if that was reported before"""
     target: Floats | None = None
     """where the parts beyond it would have its nodes (n, 3) [m]; None: it is solved without them"""
     impedance: Floats | None = None
@@ -121,7 +121,7 @@ class LoopSetup:
     interfaces: tuple[Interface, ...]
     """in the order of their rows"""
     mobility: Mapping[str, Floats]
-    """1/mass of each part's coupling nodes (n,) [1/kg]: how a part yields of which nothing is known yet"""
+    """1/mass of each part's coupling nodes (n,) [1/kg]: a part's compliance over dt^2 as long as it reported none"""
     tolerance: float
     """largest gap [m]"""
     cell: float
@@ -131,7 +131,7 @@ class LoopSetup:
     first: Floats | None = None
     """multipliers that belong to the parts' state (c, 3) [N]; None: zero"""
     acceleration: Acceleration | None = None
-    """by which multipliers are found; None: by what parts tell of how they yield"""
+    """by which multipliers are found; None: by the compliance that parts report"""
 
 
 class Loop(Protocol):
@@ -151,11 +151,11 @@ class Loop(Protocol):
         Raises StepDiverged. A step that fails leaves the loop as it was, but for what it learned of the parts.
         """
 
-    def forget_told(self) -> None:
+    def forget_sent(self) -> None:
         """The parts took a snapshot or were restored: what they keep of one another is sent again."""
 
     def to_arrays(self) -> dict[str, Floats]:
-        """Everything that evolves, but what the parts tell anew, for a snapshot."""
+        """Everything that evolves, but what the parts report anew, for a snapshot."""
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""

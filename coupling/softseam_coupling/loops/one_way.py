@@ -1,7 +1,7 @@
 """One way to take a step: predict, advance all parts at once, solve for the multipliers, correct, or redo.
 
 All parts advance at once, each under the forces that the predicted multipliers put on its coupling nodes. What is then
-left of the gaps is closed at once over all rows of all interfaces, by what every part tells of how it yields
+left of the gaps is closed at once over all rows of all interfaces, by the compliance that every part reports
 (`closure`), and the parts are moved on by their linear answers, which are part of the state that is committed.
 
 A part's linear answer is not quite what it would do. By how much was seen when a step was redone last, as a share kappa
@@ -61,32 +61,32 @@ _EXACT = 1e-3
 
 
 @dataclass(slots=True)
-class _Trust:
-    """How far a part's linear answer is believed; all of it evolves."""
+class _Linearity:
+    """How far a part's linear answer is what it would do; all of it evolves."""
 
     kappa: float = _FIRST_DOUBT
     n_contacts: int = 0
     """at the end of the last step"""
     age: int = 0
-    """steps since it told its compliance"""
+    """steps since it reported its compliance"""
     renew: bool = True
     """whether its compliance is to be found anew"""
     repeat: bool = False
-    """whether it is to say again how it yields"""
+    """whether it is to report the compliance at hand again"""
     least_age: int = _LEAST_AGE
     """steps that its compliance serves at least; doubled where it is found anew for its age"""
 
-    def hold(self) -> tuple[float, int, int, bool, bool, int]:
+    def save(self) -> tuple[float, int, int, bool, bool, int]:
         """All of it."""
         return self.kappa, self.n_contacts, self.age, self.renew, self.repeat, self.least_age
 
     def to_array(self) -> Floats:
         """All of it."""
-        return np.array(self.hold(), dtype=np.float64)
+        return np.array(self.save(), dtype=np.float64)
 
     @classmethod
-    def of(cls, array: Floats) -> _Trust:
-        """What `to_array` told."""
+    def of(cls, array: Floats) -> _Linearity:
+        """From `to_array`."""
         kappa, n_contacts, age, renew, repeat, least_age = array.tolist()
         return cls(kappa, int(n_contacts), int(age), bool(renew), bool(repeat), int(least_age))
 
@@ -99,10 +99,10 @@ class OneWay:
         self._parts, offset = parts_of(setup.interfaces, {name: len(m) for name, m in setup.mobility.items()})
         self._closure = Closure(self._parts, offset)
         self._capabilities: Mapping[str, Capabilities] = {}
-        self._trust = {name: _Trust() for name in self._parts}
+        self._linearity = {name: _Linearity() for name in self._parts}
         first = np.zeros((len(offset), 3)) if setup.first is None else setup.first
         self._multipliers = Prediction(len(offset), first)
-        self._backed: str | None = None  # that is solved with the others behind it
+        self._impedance_part: str | None = None  # that is solved with the others behind it
         self._target = Prediction(0)  # where these are expected, on its nodes
         self._impedance = _NONE  # of the others, as it is to have it
         self._sent = False  # and whether it does
@@ -112,40 +112,40 @@ class OneWay:
         """The parts are configured. Raises ValueError where what was taken is of parts that can do other things."""
         self._capabilities = capabilities
         able = (name for name, part in self._parts.items() if part.sign and capabilities[name].impedance)
-        self._backed = next(able, None)
-        n_nodes = 0 if self._backed is None else len(self._setup.mobility[self._backed])
+        self._impedance_part = next(able, None)
+        n_nodes = 0 if self._impedance_part is None else len(self._setup.mobility[self._impedance_part])
         if not self._dt:
             self._target = Prediction(n_nodes)
             return
         if self._target.last.shape != (n_nodes, 3):
             raise ValueError(f"the saved target has {len(self._target.last)} nodes in place of {n_nodes}")
-        self.forget_told()
+        self.forget_sent()
 
     def multipliers(self) -> Floats:
         """The last committed ones (c, 3) [N]."""
         return self._multipliers.last
 
     def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
-        """A step that fails leaves everything as it was. What a part told in it may not have arrived: it is asked
-        again."""
-        held = {name: (part.hold(), self._trust[name].hold()) for name, part in self._parts.items()}
-        rest = self._closure.hold(), self._impedance, self._dt
+        """A step that fails leaves everything as it was. What a part reported in it may not have arrived: it
+        is asked again."""
+        saved = {name: (part.save(), self._linearity[name].save()) for name, part in self._parts.items()}
+        rest = self._closure.save(), self._impedance, self._dt
         try:
             return self._solve(ask, correct, dt, may_refuse)
         except BaseException:
-            for name, (part, trust) in held.items():
-                self._parts[name].go_back(part)
-                self._trust[name] = _Trust(*trust)
+            for name, (part, linearity) in saved.items():
+                self._parts[name].restore(part)
+                self._linearity[name] = _Linearity(*linearity)
             inverse, self._impedance, self._dt = rest
-            self._closure.go_back(inverse)
-            self._tell_anew()
+            self._closure.restore(inverse)
+            self._resend()
             raise
 
-    def _tell_anew(self) -> None:
-        """The part that is solved with the others behind it may lack their impedance, and is to tell how it yields."""
+    def _resend(self) -> None:
+        """The part that is solved with the others behind it may lack their impedance: it reports anew."""
         self._sent = False
-        if self._backed is not None:
-            self._trust[self._backed].repeat = True
+        if self._impedance_part is not None:
+            self._linearity[self._impedance_part].repeat = True
 
     def _solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool) -> Outcome:
         most = self._setup.exchanges
@@ -162,7 +162,7 @@ class OneWay:
             replies = ask(requests)
             x = {name: reply.seam_x for name, reply in replies.items()}
             self._measure(replies, x, before, moves, requests, asked)
-            self._hear(replies, requests)
+            self._receive(replies, requests)
             gap = self._closure.gap(x)
             size = largest(gap)
             if not math.isfinite(size):
@@ -172,7 +172,7 @@ class OneWay:
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
             found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
             if all(reply.settles for reply in replies.values()):
-                if self._sure(moves):
+                if self._is_linear_enough(moves):
                     corrections = self._corrections(replies, found, pushes, moves)
                 else:
                     corrections = None
@@ -184,31 +184,31 @@ class OneWay:
                 return self._commit(replies, multipliers, x, exchange, bool(before))
             if exchange < most:
                 multipliers = found
-                if self._backed is not None:
-                    target = self._closure.target(self._backed, {name: x[name] + moves[name] for name in x})
+                if self._impedance_part is not None:
+                    target = self._closure.target(self._impedance_part, {name: x[name] + moves[name] for name in x})
         if may_refuse:
             raise StepRefused(most)
         return self._commit(replies, multipliers, x, most, True, NOT_CONVERGED)
 
-    def forget_told(self) -> None:
-        """What parts keep of one another is sent again; one that was solved with an impedance tells anew how it
-        yields."""
-        self._tell_anew()
-        if self._backed is not None:
-            part = self._parts[self._backed]
+    def forget_sent(self) -> None:
+        """What parts keep of one another is sent again; one that was solved with an impedance reports its
+        compliance anew."""
+        self._resend()
+        if self._impedance_part is not None:
+            part = self._parts[self._impedance_part]
             part.root = part.impedance = _NONE
-            part.compliance = np.diag(self._dt**2 * np.repeat(self._setup.mobility[self._backed], 3))
-        self._closure.told()
+            part.compliance = np.diag(self._dt**2 * np.repeat(self._setup.mobility[self._impedance_part], 3))
+        self._closure.compliance_changed()
 
     def to_arrays(self) -> dict[str, Floats]:
-        """Everything that evolves, but what the parts tell anew, for a snapshot."""
+        """Everything that evolves, but what the parts report anew, for a snapshot."""
         arrays = {f"multipliers_{key}": array for key, array in self._multipliers.to_arrays().items()}
         arrays |= {f"target_{key}": array for key, array in self._target.to_arrays().items()}
         arrays |= {"impedance": self._impedance, "dt": np.array([self._dt])}
-        for name, trust in self._trust.items():
-            arrays[f"trust_{name}"] = trust.to_array()
+        for name, linearity in self._linearity.items():
+            arrays[f"linearity_{name}"] = linearity.to_array()
             arrays[f"compliance_{name}"] = self._parts[name].compliance
-            arrays[f"told_{name}"] = self._parts[name].told
+            arrays[f"reported_{name}"] = self._parts[name].reported
         return arrays
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
@@ -218,37 +218,37 @@ class OneWay:
             prediction.take({key: arrays[prefix + key] for key in ("kept", "numbers")})
         self._impedance, self._dt = np.array(arrays["impedance"]), float(arrays["dt"][0])
         for name in self._parts:
-            self._trust[name] = _Trust.of(arrays[f"trust_{name}"])
-            compliance, told = (np.array(arrays[f"{kind}_{name}"]) for kind in ("compliance", "told"))
-            self._parts[name].told = told  # the same as long as the part was taught nothing
-            self._parts[name].compliance = told if np.array_equal(told, compliance) else compliance
+            self._linearity[name] = _Linearity.of(arrays[f"linearity_{name}"])
+            compliance, reported = (np.array(arrays[f"{kind}_{name}"]) for kind in ("compliance", "reported"))
+            self._parts[name].reported = reported  # the same as long as it was not updated
+            self._parts[name].compliance = reported if np.array_equal(reported, compliance) else compliance
         if self._capabilities:
-            self.forget_told()
+            self.forget_sent()
 
     def _change(self, dt: float) -> None:
-        """Steps are of another length from now on, and so is what every part yields in one."""
-        for name, trust in self._trust.items():
-            trust.renew = not self._capabilities[name].impedance
+        """Steps are of another length from now on, and so is every part's compliance."""
+        for name, linearity in self._linearity.items():
+            linearity.renew = not self._capabilities[name].impedance
             self._parts[name].root = _NONE
             self._parts[name].compliance = np.diag(dt * dt * np.repeat(self._setup.mobility[name], 3))
-            self._parts[name].told = _NONE
-        self._closure.told()
-        self._back(False)
+            self._parts[name].reported = _NONE
+        self._closure.compliance_changed()
+        self._use_impedance(False)
         self._dt = dt
 
-    def _back(self, on: bool) -> None:
-        """Let the part that can be solved with the others behind it, as they yield now; or without, until they told."""
-        if self._backed is not None:
-            self._impedance = self._closure.impedance(self._backed) if on else _NONE
+    def _use_impedance(self, on: bool) -> None:
+        """Let the part that can be solved with the others behind it; or without, until they report their compliance."""
+        if self._impedance_part is not None:
+            self._impedance = self._closure.impedance(self._impedance_part) if on else _NONE
             self._sent = False
 
     def _request(self, name: str, multipliers: Floats, target: Floats | None) -> PartRequest:
-        force, trust = self._parts[name].force(multipliers), self._trust[name]
-        if name != self._backed or target is None or not self._impedance.size:
-            return PartRequest(force, trust.renew, trust.repeat, last=False)
+        force, linearity = self._parts[name].force(multipliers), self._linearity[name]
+        if name != self._impedance_part or target is None or not self._impedance.size:
+            return PartRequest(force, linearity.renew, linearity.repeat, last=False)
         impedance = None if self._sent else self._impedance
         self._sent = True
-        return PartRequest(force, trust.renew, trust.repeat, target, impedance, last=False)
+        return PartRequest(force, linearity.renew, linearity.repeat, target, impedance, last=False)
 
     def _measure(
         self,
@@ -259,52 +259,52 @@ class OneWay:
         requests: Mapping[str, PartRequest],
         asked: Mapping[str, PartRequest],
     ) -> None:
-        """A step was redone: compare where parts went with their linear answers, and teach those that can be taught."""
+        """A step was redone: compare where parts went with their linear answers, and update their compliances."""
         if not before:
             return
         for name, part in self._parts.items():
             went = largest(moves[name])
             if went > _SEEN * self._setup.tolerance:
                 miss = x[name] - before[name] - moves[name]
-                trust = self._trust[name]
-                trust.kappa = largest(miss) / went
-                # the factor that it tells of is not that of the end of the step
-                trust.renew = trust.renew or (self._tells(name) and trust.kappa > _STALE)
+                linearity = self._linearity[name]
+                linearity.kappa = largest(miss) / went
+                # the factor that it reported is not that of the end of the step
+                linearity.renew = linearity.renew or (self._reports_every_factor(name) and linearity.kappa > _STALE)
                 change = requests[name].force - asked[name].force
                 if part.compliance.size and replies[name].settles and np.any(change):
-                    self._closure.taught(name, miss, change)
+                    self._closure.update(name, miss, change)
 
-    def _hear(self, replies: Mapping[str, Advanced], requests: Mapping[str, PartRequest]) -> None:
-        """Take what parts tell of how they yield."""
+    def _receive(self, replies: Mapping[str, Advanced], requests: Mapping[str, PartRequest]) -> None:
+        """Take the compliances that parts report."""
         news = False
         for name, part in self._parts.items():
-            reply, trust = replies[name], self._trust[name]
-            root, told = reply.seam_yield_root, reply.compliance
-            if not (root.size or told.size) or not np.isfinite(root).all() or not np.isfinite(told).all():
+            reply, linearity = replies[name], self._linearity[name]
+            root, compliance = reply.seam_yield_root, reply.compliance
+            if not (root.size or compliance.size) or not np.isfinite(root).all() or not np.isfinite(compliance).all():
                 continue
-            if name == self._backed:
+            if name == self._impedance_part:
                 part.impedance = _NONE if requests[name].target is None else self._impedance
-                part.root, part.compliance = (root, _NONE) if root.size else (_NONE, told)
+                part.root, part.compliance = (root, _NONE) if root.size else (_NONE, compliance)
             else:
-                part.root, part.compliance = _NONE, root @ root.T if root.size else told
-                part.told, part.back = part.compliance, _NONE
-                news = news or trust.renew or not self._impedance.size
-            trust.renew = trust.repeat = False
-            trust.age = trust.age if name == self._backed else 0
-            if name != self._backed or not part.pushed:
-                self._closure.told()
+                part.root, part.compliance = _NONE, root @ root.T if root.size else compliance
+                part.reported, part.reported_inverse = part.compliance, _NONE
+                news = news or linearity.renew or not self._impedance.size
+            linearity.renew = linearity.repeat = False
+            linearity.age = linearity.age if name == self._impedance_part else 0
+            if name != self._impedance_part or not part.pushed:
+                self._closure.compliance_changed()
         if news:
-            self._back(True)
+            self._use_impedance(True)
 
-    def _tells(self, name: str) -> bool:
-        """Whether a part tells of every new factor, without others behind it."""
-        return name != self._backed and self._capabilities[name].impedance
+    def _reports_every_factor(self, name: str) -> bool:
+        """Whether a part reports the compliance of every new factor, without others behind it."""
+        return name != self._impedance_part and self._capabilities[name].impedance
 
-    def _sure(self, moves: Mapping[str, Floats]) -> bool:
+    def _is_linear_enough(self, moves: Mapping[str, Floats]) -> bool:
         """Whether linear answers of this size are what the parts would do, to the tolerance."""
         for name, move in moves.items():
             length = largest(move)
-            if length > _SMALL * self._setup.cell or self._trust[name].kappa * length > self._setup.tolerance:
+            if length > _SMALL * self._setup.cell or self._linearity[name].kappa * length > self._setup.tolerance:
                 return False
         return True
 
@@ -329,19 +329,19 @@ class OneWay:
         measured: bool,
         note: str = "",
     ) -> Outcome:
-        for name, trust in self._trust.items():
+        for name, linearity in self._linearity.items():
             n_contacts = replies[name].n_contacts
-            touches = (n_contacts > 0) != (trust.n_contacts > 0)
-            old = exchanges > 1 and trust.age >= trust.least_age and trust.kappa > _STALE
-            if name != self._backed and not self._tells(name):
-                trust.renew = trust.renew or touches or old
-                trust.least_age *= 2 if old else 1
+            touches = (n_contacts > 0) != (linearity.n_contacts > 0)
+            old = exchanges > 1 and linearity.age >= linearity.least_age and linearity.kappa > _STALE
+            if name != self._impedance_part and not self._reports_every_factor(name):
+                linearity.renew = linearity.renew or touches or old
+                linearity.least_age *= 2 if old else 1
             if not measured:
-                trust.kappa = min(1.0, _DOUBT * trust.kappa)
-            trust.n_contacts, trust.age = n_contacts, trust.age + 1
+                linearity.kappa = min(1.0, _DOUBT * linearity.kappa)
+            linearity.n_contacts, linearity.age = n_contacts, linearity.age + 1
         self._multipliers.commit(multipliers, self._dt)
-        if self._backed is not None:
-            self._target.commit(self._closure.target(self._backed, x), self._dt)
+        if self._impedance_part is not None:
+            self._target.commit(self._closure.target(self._impedance_part, x), self._dt)
         return Outcome(replies, multipliers, largest(self._closure.gap(x)), exchanges, note)
 
 

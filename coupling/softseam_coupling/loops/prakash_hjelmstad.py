@@ -81,12 +81,12 @@ class PrakashHjelmstad:
         return self._commit(replies, multipliers, left, most, NOT_CONVERGED)
 
     def _hear(self, replies: Mapping[str, Advanced], dt: float) -> None:
-        """Take the compliances, where they were asked for and all parts tell theirs."""
+        """Take the compliances, where they were asked for and all parts report theirs."""
         if not self._found.asks or not all(reply.compliance.size for reply in replies.values()):
             return
         for name, part in self._parts.items():
             part.compliance = dt * replies[name].compliance
-        self._found.hear(np.sum([part.across() for part in self._parts.values()], axis=0))
+        self._found.set_compliance(np.sum([part.row_compliance() for part in self._parts.values()], axis=0))
 
     def _commit(
         self, replies: dict[str, Advanced], multipliers: Floats, left: Floats, exchanges: int, note: str
@@ -96,7 +96,7 @@ class PrakashHjelmstad:
         gap = largest(gap_of(self._parts, {name: reply.seam_x for name, reply in replies.items()}, self._offset))
         return Outcome(replies, multipliers, gap, exchanges, note)
 
-    def forget_told(self) -> None:
+    def forget_sent(self) -> None:
         """Nothing that the parts keep is counted on."""
 
     def to_arrays(self) -> dict[str, Floats]:

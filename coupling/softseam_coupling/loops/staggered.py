@@ -6,7 +6,7 @@ Part b of the interface takes the step with the last multiplier. Part a is then 
 
 an iteration that asks part a alone; what holds it there is the next multiplier. Positions agree, forces lag by a step,
 so that an error of the multiplier becomes -H_a^-1 H_b times itself, in short steps minus the ratio of the masses
-(`softseam_coupling.linear_study.staggered`). Where that grows it is seen and told, and the run ends.
+(`softseam_coupling.linear_study.staggered`). Where that grows the run ends with an error.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Staggered:
             asked = self._found.asks
             reply = ask({self._put: PartRequest(put.force(multipliers), asked)})[self._put]
             if asked and reply.compliance.size:
-                self._found.hear(reply.compliance)
+                self._found.set_compliance(reply.compliance)
             left = gap_of(self._parts, {self._put: reply.seam_x, self._free: other.seam_x}, self._offset)
             gap = largest(left)
             if not math.isfinite(gap):
@@ -112,7 +112,7 @@ class Staggered:
                 f"{_REMEDY}"
             )
 
-    def forget_told(self) -> None:
+    def forget_sent(self) -> None:
         """Nothing that the parts keep is counted on."""
 
     def to_arrays(self) -> dict[str, Floats]:

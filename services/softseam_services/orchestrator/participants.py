@@ -213,7 +213,7 @@ class Participants:
         if self._coupling is not None:
             self._coupling.take(before)
             self._coupling.loop.begin(self._able)
-            self._coupling.loop.forget_told()
+            self._coupling.loop.forget_sent()
 
     def _tell_cuts(self, solution: Outcome) -> None:
         """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
@@ -337,7 +337,7 @@ class Participants:
         """Each side's state, which the transport keeps to recover a participant with."""
         self._discard_failed()
         if self._coupling is not None:
-            self._coupling.loop.forget_told()
+            self._coupling.loop.forget_sent()
         replies = self._transport.exchange(
             {name: Snapshot(self._header(name, self._n_asked + 1)) for name in self.sides.names}
         )
