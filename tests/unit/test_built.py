@@ -17,8 +17,8 @@ from softseam_services.body.region import build_region
 from softseam_services.built import Built
 from softseam_services.fem import region_tables, symmetry
 from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.model import Tables, build_model
 from softseam_services.fem.region_tables import RegionTables
+from softseam_services.fem.structures import Tables, build_tables
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.server import build_setup
@@ -51,7 +51,7 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
     copies: list[dict[str, NDArray[np.generic]]] = []
 
     def counted(*arguments: object, **named: object) -> Tables:
-        built.append(build_model(*arguments, **named))  # type: ignore[arg-type]
+        built.append(build_tables(*arguments, **named))  # type: ignore[arg-type]
         copies.append({name: array.copy() for name, array in arrays(built[-1]).items()})
         return built[-1]
 
@@ -60,7 +60,7 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
         return indicators[-1]
 
     for module in (region_tables, symmetry):
-        monkeypatch.setattr(module, "build_model", counted)
+        monkeypatch.setattr(module, "build_tables", counted)
     monkeypatch.setattr(region_tables, "MeshError", measured)
     scene = with_settings(
         load_scene(SCENES / "tofu_grasp.yaml").scene, [*BEFORE, f"regions.near.split={split}", "symmetry=[y]"]
