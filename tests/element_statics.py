@@ -21,7 +21,7 @@ from softseam_services.fem.kernels.elements import add_cell_tangents, strain_ene
 from softseam_services.fem.kernels.point_volumes import loses_volume
 from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
 from softseam_services.fem.kernels.viscous_start import resist
-from softseam_services.fem.model import build_model
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
 
 Floats = NDArray[np.float64]
@@ -53,8 +53,10 @@ class Statics:
         cells = np.arange(body.n_cells, dtype=np.int32)
         region = build_region(body, cells, np.zeros(0, dtype=np.int32))
         self.body = body
-        self.model, self.tree = build_model(body, region, spec=FemSpec.model_validate({"element": element}))
-        self.work = build_work(self.model, self.tree, 0)
+        spec = FemSpec.model_validate({"element": element})
+        self.model, self.parameters = build_tables(body, region, spec=spec)
+        self.tree = self.model.tree
+        self.work = build_work(self.model, self.parameters, 0)
         if loses_volume(self.model):
             self.work.watched[:], self.work.watches[0] = self.model.whole, int(self.model.whole.sum())
         rows, columns, places = [], [], []
@@ -70,39 +72,39 @@ class Statics:
 
     @property
     def x_rest(self) -> Floats:
-        return self.model.x_rest
+        return self.parameters.x_rest
 
     def forces(self, x: Floats) -> Floats:
         """f(x) = dU/dx (n, 3)."""
         r = np.zeros_like(self.work.r)
-        subtract_forces(x, self.model, self.work, r)
+        subtract_forces(x, self.model, self.parameters, self.work, r)
         return -r.reshape(-1, 3)[self.model.order]
 
     def energy(self, x: Floats) -> float:
-        return float(strain_energy(x, self.model, self.work))
+        return float(strain_energy(x, self.model, self.parameters, self.work))
 
     def stiffness(self, x: Floats, definite: bool = False) -> csc_array:
         """K(x) with 3 node + axis as rows and columns."""
         self.work.values[:] = 0.0
-        add_cell_tangents(x, self.model, self.tree, self.work, definite)
+        add_cell_tangents(x, self.model, self.parameters, self.tree, self.work, definite)
         return self._matrix()
 
     def start(self, x0: Floats, dt: float) -> float:
         """A step of implicit Euler begins at x0: returns what viscosity multiplies forces with."""
-        resist(Scheme(IMPLICIT_EULER, np.ones(1), 0, self.body.material.retardation_time), dt, 1.0, x0, self.model,
-               self.work)  # fmt: skip
+        scheme = Scheme(IMPLICIT_EULER, np.ones(1), 0, self.body.material.retardation_time)
+        resist(scheme, dt, 1.0, x0, self.model, self.parameters, self.work)
         return float(self.work.viscous[0])
 
     def viscous_forces(self, x0: Floats, x: Floats) -> Floats:
         """Of viscosity at x, in the step that `start` began at x0 (n, 3)."""
         r = np.zeros_like(self.work.r)
-        subtract_viscous(x, x0, self.model, self.work, r)
+        subtract_viscous(x, x0, self.model, self.parameters, self.work, r)
         return -r.reshape(-1, 3)[self.model.order]
 
     def viscous_stiffness(self, x0: Floats, x: Floats, definite: bool = False) -> csc_array:
         """Their derivative by x."""
         self.work.values[:] = 0.0
-        add_viscous_tangents(x, x0, self.model, self.tree, self.work, definite)
+        add_viscous_tangents(x, x0, self.model, self.parameters, self.tree, self.work, definite)
         return self._matrix()
 
     def _matrix(self) -> csc_array:

@@ -112,7 +112,7 @@ def bonded(n: int, element: str = "hex27") -> Found:
         found[f"force at {percent} %"] = float(-4.0 * case.forces(x)[top, 2].sum())
     found["energy at 15 %"] = 8.0 * case.energy(x)
     stress = np.empty((case.body.n_cells, 8, 6))
-    cauchy_stress(x, case.model, case.work, stress)
+    cauchy_stress(x, case.model, case.parameters, case.work, stress)
     sample = np.full(case.body.n_cells, FEM_SAMPLE)
     at_nodes = von_mises(nodal_recovery(case.body, sample) @ stress.reshape(-1, 6))
     for name in ("centre", "middle of a side", "half way up"):

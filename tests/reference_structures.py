@@ -80,6 +80,6 @@ def frequencies(element: ElementKind, n: int) -> Floats:
     case = Statics(lattice((0.1, 0.02, 0.02), (4 * n, n, n), young=1e5, poisson=0.3, density=1000.0), element)
     free = np.flatnonzero(np.repeat(case.x_rest[:, 0] > 1e-9, 3))
     stiffness = case.stiffness(case.x_rest)[free][:, free]
-    mass = diags_array(np.repeat(case.model.mass, 3)[free])
+    mass = diags_array(np.repeat(case.parameters.mass, 3)[free])
     values = eigsh(stiffness, k=6, M=mass, sigma=0.0, return_eigenvectors=False)
     return np.asarray(np.sqrt(np.sort(values)) / (2.0 * np.pi))

@@ -1,20 +1,23 @@
 """What FEM's regions were computed with last, kept for the next that is the same one.
 
 An episode is begun anew, a switch comes in every episode, a state that is put back is of a cut that was: each asks for
-a region that was there before, and its tables take many times as long to build as what a solver writes to.
+a region that was there before, and its tables take many times as long to build as what a solver writes to. A scene that
+differs in numbers alone, be it a modulus, a coefficient of friction or a size, makes another body with other tables,
+but what is joined to what in its regions, and the order of elimination, are those that were found before.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from softseam_protocol.messages.participant import Configure
 from softseam_services.body.body import Body
+from softseam_services.jit import n_bytes
 
 if TYPE_CHECKING:  # a participant of PBD does not load FEM
     from softseam_services.fem.region_tables import RegionTables
+    from softseam_services.fem.structures import Structures
 
 _REGIONS = 4
 _BYTES = 200_000_000
@@ -27,6 +30,13 @@ class Built:
     def __init__(self) -> None:
         self._kept: dict[tuple[int, bytes, bytes, bool], tuple[Body, RegionTables]] = {}
 
+    @cached_property
+    def structures(self) -> Structures:
+        """Those of the regions, whatever the numbers of their bodies."""
+        from softseam_services.fem.structures import Structures
+
+        return Structures()
+
     def find(self, body: Body, request: Configure) -> RegionTables | None:
         """The tables of the region of this body that a Configure asks for; None where they are not kept."""
         kept = self._kept.get(_region(body, request))
@@ -37,15 +47,8 @@ class Built:
         region, kept = _region(body, request), self._kept
         kept.pop(region, None)
         kept[region] = body, tables
-        while len(kept) > _REGIONS or sum(_size(table) for _, tables in kept.values() for table in tables) > _BYTES:
+        while len(kept) > _REGIONS or sum(n_bytes(table) for _, tables in kept.values() for table in tables) > _BYTES:
             kept.pop(next(iter(kept)))
-
-
-def _size(table: object) -> int:
-    """Bytes of the arrays of a table, and of those in it."""
-    parts = vars(table).values()
-    arrays = sum(part.nbytes for part in parts if isinstance(part, np.ndarray))
-    return arrays + sum(_size(part) for part in parts if hasattr(part, "_declared"))
 
 
 def _region(body: Body, request: Configure) -> tuple[int, bytes, bytes, bool]:

@@ -88,9 +88,11 @@ def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver
     solver: Solver
     moving, substeps = (0.0, 0.0), 1
     if request.model == "fem":
+        from softseam_services.fem.region_tables import RegionTables
         from softseam_services.fem.solver import FemSolver
 
         tables = built.find(setup.body, request)
+        tables = tables or RegionTables(setup.body, region, setup.tools, setup.scene, built.structures)
         fem = FemSolver(setup.scene, setup.body, region, setup.tools, request.state, tables)
         built.keep(setup.body, request, fem.tables)
         solver, moving = fem, fem.moving

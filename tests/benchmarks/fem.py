@@ -78,17 +78,18 @@ def measure(counts: tuple[int, int, int]) -> Row:
     run = FemRun(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2])))
     build = time.process_time() - began
     solver, stepper = run.solver, run.solver._stepper
-    model, tree, work, memo = solver._model, stepper._tree, stepper.work, stepper.memo
+    model, parameters, work = solver._model, solver._parameters, stepper.work
+    tree = model.tree
     tools = moved(solver._tools, run.request().tools)
-    x = model.x_rest.copy()
+    x = parameters.x_rest.copy()
     n = 3 * int(np.count_nonzero(tree.position >= 0))
     contact = solver._committed.contact
-    reach = 0.25 * model.edge
+    reach = 0.25 * parameters.edge
 
     def assemble() -> None:
         work.values[:] = 0.0
-        add_diagonal(tree, work.values, model.mass, 1.0 / STEP**2)
-        add_cell_tangents(x, model, tree, work, False)
+        add_diagonal(tree, work.values, parameters.mass, 1.0 / STEP**2)
+        add_cell_tangents(x, model, parameters, tree, work, False)
 
     def ready() -> None:
         assert factor(tree, work.values, work.factoring) == 0
@@ -98,9 +99,9 @@ def measure(counts: tuple[int, int, int]) -> Row:
         ready()
 
     def touch() -> None:
-        count = find_candidates(x, model, tools, contact, reach, 1.0, 1.0, work)
-        evaluate_contacts(x, model, tools, count, work)
-        add_contact_forces(model, count, work, work.r)
+        count = find_candidates(x, model, parameters, tools, contact, reach, 1.0, 1.0, work)
+        evaluate_contacts(x, model, parameters, tools, count, work)
+        add_contact_forces(model, parameters, count, work, work.r)
 
     b = np.random.default_rng(1).standard_normal(n)
 
@@ -130,9 +131,9 @@ def measure(counts: tuple[int, int, int]) -> Row:
         matrix[:] = work.values
         alone = least(by(one), clock=time.perf_counter)
         row.pair = alone / least(by(work.factoring), clock=time.perf_counter)
-    row.residual = least(lambda: residual(x, x, model, tools, 0, 1.0 / STEP**2, 1.0, work, memo))
+    row.residual = least(lambda: residual(x, x, model, parameters, tools, 0, 1.0 / STEP**2, 1.0, work))
     row.contact = least(touch)
-    row.megabytes = 1e-6 * _size((model, tree, work))
+    row.megabytes = 1e-6 * _size((model, parameters, work))
     row.cells = len(model.cell_nodes)
     if n < 20_000:
         row.newton = steps(run)

@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENES = ("tofu_slab", "tofu_grasp", "cantilever")
 RUNS = 3
 PARTS: tuple[tuple[str, Any, str], ...] = (
-    ("FEM: steps", fem_step.Stepper, "take"),
+    ("FEM: steps", fem_step.Stepper, "step"),
     ("FEM: yield of the seam", fem_step.Stepper, "news_of_yield"),
     ("FEM: corrections", fem.FemSolver, "correct"),
     ("FEM: Python", fem.FemSolver, "advance"),

@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 
 from softseam.variants import with_settings
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.participant import Configure
+from softseam_protocol.messages.participant import Advance, Configure, ToolMotion
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_services.body.body import Body
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
-from softseam_services.fem import region_tables, symmetry
+from softseam_services.fem import model, region_tables, symmetry
+from softseam_services.fem.dissection import dissect
 from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.model import Tables, build_model
 from softseam_services.fem.region_tables import RegionTables
+from softseam_services.fem.structures import Tables, build_tables
+from softseam_services.fem.tree import Tree
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_services.server import build_setup
+from softseam_services.server import build_setup, build_solver
 
 SCENES = Path(__file__).parents[2] / "scenes"
 BEFORE = ["motion.0.hold=0.02"]
@@ -51,7 +53,7 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
     copies: list[dict[str, NDArray[np.generic]]] = []
 
     def counted(*arguments: object, **named: object) -> Tables:
-        built.append(build_model(*arguments, **named))  # type: ignore[arg-type]
+        built.append(build_tables(*arguments, **named))  # type: ignore[arg-type]
         copies.append({name: array.copy() for name, array in arrays(built[-1]).items()})
         return built[-1]
 
@@ -60,7 +62,7 @@ def test_an_episode_builds_no_region_that_was_there_before(split: str, monkeypat
         return indicators[-1]
 
     for module in (region_tables, symmetry):
-        monkeypatch.setattr(module, "build_model", counted)
+        monkeypatch.setattr(module, "build_tables", counted)
     monkeypatch.setattr(region_tables, "MeshError", measured)
     scene = with_settings(
         load_scene(SCENES / "tofu_grasp.yaml").scene, [*BEFORE, f"regions.near.split={split}", "symmetry=[y]"]
@@ -101,3 +103,32 @@ def test_four_regions_are_kept_each_of_its_body() -> None:
     assert [kept.find(setup.body, asked(n)) is tables for n in range(1, 6)] == [False, True, True, True, True]
     assert kept.find(other.body, asked(5)) is None
     assert not any(kept.find(each, asked(6)) for each in (setup.body, other.body))
+
+
+@pytest.mark.parametrize("symmetry", ["[]", "[y]"])
+def test_a_scene_of_other_numbers_orders_no_unknowns_anew(symmetry: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another modulus, friction and density of the same cube: the server finds its structure, whole or halved, and
+    solves as one that has seen no other scene."""
+    ordered: list[int] = []
+
+    def counted(cell_nodes: NDArray[np.int32], *others: NDArray[np.int32]) -> Tree:
+        ordered.append(len(cell_nodes))
+        return dissect(cell_nodes, *others)
+
+    monkeypatch.setattr(model, "dissect", counted)
+    scene, none = load_scene(SCENES / "tofu_grasp.yaml").scene, np.zeros(0, dtype=np.int32)
+    changes = ["body.material.young=33e3", "tools.left.friction=0.3", "body.material.density=900"]
+    built, forces = Built(), []
+    for settings, kept in (([], built), (changes, built), (changes, Built())):
+        bundle = bundle_scene(with_settings(scene, [f"symmetry={symmetry}", *settings]), {})
+        setup = build_setup(bundle)
+        assert isinstance(setup.body, Body)
+        cells = np.arange(setup.body.n_cells, dtype=np.int32)
+        header = Header(SCHEMA_VERSION, "s", "near", 0, 0, 0, 0.0)
+        solver, _ = build_solver(setup, Configure(header, bundle, "fem", cells, none, None, True), kept)
+        tools = ToolMotion(*(pose.copy() for pose in (setup.tools.position, setup.tools.orientation) * 2))
+        reply = solver.advance(Advance(header, 0.005, np.zeros((0, 3)), tools))
+        forces.append(reply.wrench)
+    assert len(ordered) == 2
+    np.testing.assert_array_equal(forces[1], forces[2])
+    assert not np.array_equal(forces[0], forces[1])

@@ -111,7 +111,9 @@ def test_what_sticks_comes_back_to_where_it_stuck_before_a_settled_step() -> Non
         run.n_steps += 1
         run.solver.advance(_coupled(run, still, 0, {}))
     held = (np.abs(run.solver.state.contact[:, :, :3]).sum(axis=2) > 0.0).sum(axis=1)
-    back = point_positions(run.solver._model, run.x) - point_positions(run.solver._model, before)
+    back = point_positions(run.solver._model, run.solver._parameters, run.x) - point_positions(
+        run.solver._model, run.solver._parameters, before
+    )
     assert (held == 1).sum() >= 30
     assert np.abs(back[held == 1]).max() < 1e-4 * moved
 

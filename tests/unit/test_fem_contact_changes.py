@@ -10,7 +10,7 @@ from test_fem_contact import _force, _problem
 from softseam_services.fem.kernels.contact import SLIP, STICK
 from softseam_services.fem.kernels.contact_changes import apply_changes, find_changes, solve_with_changes
 from softseam_services.fem.kernels.fronts import solve
-from softseam_services.fem.kernels.newton import N_MEMO, refactor
+from softseam_services.fem.kernels.newton import refactor
 
 Floats = NDArray[np.float64]
 
@@ -18,49 +18,52 @@ Floats = NDArray[np.float64]
 @pytest.mark.parametrize(("friction", "state"), [(5.0, STICK), (0.3, SLIP)])
 def test_the_whole_tangent_is_the_gradient_of_the_force(friction: float, state: int) -> None:
     """Central differences along every direction, those that change the pressure included."""
-    model, _, work, tools, x, count = _problem(friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0))
+    model, parameters, _, work, tools, x, count = _problem(
+        friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0)
+    )
     for _ in range(2):  # it slips the same way twice
-        _force(x, model, tools, count, work)
+        _force(x, model, parameters, tools, count, work)
     assert (work.state[:count] == state).all()
-    find_changes(tools, count, work)
+    find_changes(parameters, count, work)
     way, e = np.random.default_rng(0).standard_normal(x.shape), 1e-9
     ordered, product = np.zeros_like(work.r), np.empty_like(work.r)
     ordered.reshape(-1, 3)[model.order] = way
-    apply_changes(model, count, ordered, work, product)
-    difference = _force(x - e * way, model, tools, count, work) - _force(x + e * way, model, tools, count, work)
+    apply_changes(model, parameters, count, ordered, work, product)
+    difference = _force(x - e * way, model, parameters, tools, count, work) - _force(
+        x + e * way, model, parameters, tools, count, work
+    )
     np.testing.assert_allclose(product, difference / (2.0 * e), atol=1e-5 * np.abs(product).max())
 
 
 def test_what_turned_round_does_not_slip_freely() -> None:
     """Along the way of a slip nothing resists; where that has just turned round, it is taken to."""
-    model, _, work, tools, x, count = _problem(0.3, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 0.0, 0.0))
+    model, parameters, _, work, tools, x, count = _problem(0.3, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 0.0, 0.0))
     along, free, turned = np.zeros_like(work.r), np.empty_like(work.r), np.empty_like(work.r)
     along.reshape(-1, 3)[:, 0] = 1.0
     for _ in range(2):
-        _force(x, model, tools, count, work)
+        _force(x, model, parameters, tools, count, work)
     assert work.turned[0] == 0
-    find_changes(tools, count, work)
-    apply_changes(model, count, along, work, free)
-    _force(x - np.array([6e-5, 0.0, 0.0]), model, tools, count, work)
+    find_changes(parameters, count, work)
+    apply_changes(model, parameters, count, along, work, free)
+    _force(x - np.array([6e-5, 0.0, 0.0]), model, parameters, tools, count, work)
     assert (work.state[:count] == SLIP).all() and work.turned[0] == count
-    find_changes(tools, count, work)
-    apply_changes(model, count, along, work, turned)
+    find_changes(parameters, count, work)
+    apply_changes(model, parameters, count, along, work, turned)
     assert np.abs(free).max() < 1e-9 * np.abs(turned).max()
 
 
 @pytest.mark.slow
 def test_a_factor_of_contacts_that_stuck_solves_for_what_slips() -> None:
     """What GMRES finds is the solution with the whole tangents, to its tolerance; that of the factor is far from it."""
-    model, tree, work, tools, x, count = _problem(0.3, multiplier=(0.0, 0.0, 1e-3), start=(1e-6, 0.0, 0.0))
-    memo = np.zeros(N_MEMO)
-    _force(x, model, tools, count, work)
+    model, parameters, tree, work, tools, x, count = _problem(0.3, multiplier=(0.0, 0.0, 1e-3), start=(1e-6, 0.0, 0.0))
+    _force(x, model, parameters, tools, count, work)
     assert (work.state[:count] == STICK).all()
-    assert refactor(x, x, model, tree, tools, count, 1e4, 1.0, False, -np.inf, False, work, memo)
+    assert refactor(x, x, model, parameters, tree, tools, count, 1e4, 1.0, False, -np.inf, False, work)
     work.begun[:count, 0] -= 3e-5
     for _ in range(2):
-        _force(x, model, tools, count, work)
+        _force(x, model, parameters, tools, count, work)
     assert (work.state[:count] == SLIP).all()
-    low = model.x_rest[:, 2] == model.x_rest[:, 2].min()
+    low = parameters.x_rest[:, 2] == parameters.x_rest[:, 2].min()
     work.d[:] = 0.0
     work.d.reshape(-1, 3)[model.order[low], 0] = 1e-3  # a push along the way they slip
     solve(tree, work.values, work.d, work.factoring)
@@ -69,10 +72,10 @@ def test_a_factor_of_contacts_that_stuck_solves_for_what_slips() -> None:
     def left(d: Floats) -> float:
         """Of eq. (1), relative."""
         change = np.empty_like(d)
-        apply_changes(model, count, d, work, change)
+        apply_changes(model, parameters, count, d, work, change)
         solve(tree, work.values, change, work.factoring)
         return float(np.linalg.norm(d + change - plain) / np.linalg.norm(plain))
 
-    solve_with_changes(model, tree, tools, count, work)
+    solve_with_changes(model, parameters, tree, count, work)
     assert left(work.d.copy()) < 0.05
     assert left(plain) > 0.2

@@ -129,7 +129,7 @@ def test_volume_is_exact_and_shared_by_octants(element: ElementKind) -> None:
     octants = np.einsum("bq,bqo->o", table.weight[0], table.share)
     np.testing.assert_allclose(octants, EDGE**3 / 8.0, rtol=1e-13)
     case = bent(element, partial=False)
-    np.testing.assert_allclose(case.model.mass.sum(), 1050.0 * 2.0 * EDGE**3, rtol=1e-13)
+    np.testing.assert_allclose(case.parameters.mass.sum(), 1050.0 * 2.0 * EDGE**3, rtol=1e-13)
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
@@ -137,7 +137,7 @@ def test_rotation_costs_nothing(element: ElementKind) -> None:
     case = bent(element)
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     f = case.forces(case.x_rest @ turn.T + np.array([0.3, -0.2, 0.1]))
-    assert np.abs(f).max() < 1e-11 * case.model.mu.max() * EDGE**2
+    assert np.abs(f).max() < 1e-11 * case.parameters.mu.max() * EDGE**2
     f = case.forces(moved(case.x_rest))
     np.testing.assert_allclose(f.sum(axis=0), 0.0, atol=1e-13 * np.abs(f).sum())
 
@@ -156,9 +156,9 @@ def test_a_body_that_is_all_inclusion_is_of_that_material(element: ElementKind) 
     np.testing.assert_allclose(whole.forces(x), f, atol=1e-13 * np.abs(f).max())
     np.testing.assert_allclose(whole.stiffness(x).toarray(), K, atol=1e-13 * np.abs(K).max())
     assert whole.energy(x) == pytest.approx(plain.energy(x), rel=1e-13)
-    np.testing.assert_allclose(whole.model.mass, plain.model.mass, rtol=1e-13)
-    np.testing.assert_allclose(whole.model.swiftness, plain.model.swiftness, rtol=1e-13)
-    np.testing.assert_allclose(whole.model.point_stiffness, plain.model.point_stiffness, rtol=1e-13)
+    np.testing.assert_allclose(whole.parameters.mass, plain.parameters.mass, rtol=1e-13)
+    np.testing.assert_allclose(whole.parameters.swiftness, plain.parameters.swiftness, rtol=1e-13)
+    np.testing.assert_allclose(whole.parameters.point_stiffness, plain.parameters.point_stiffness, rtol=1e-13)
 
 
 def unsplit(body: Body) -> Body:
@@ -188,7 +188,7 @@ def test_the_fast_path_is_the_general_one(element: ElementKind, kind: MaterialKi
         assert other.energy(x) == pytest.approx(one.energy(x), rel=off)
         stress = np.empty((2, cells, 8, 6))
         for out, case in zip(stress, (one, other), strict=True):
-            cauchy_stress(x, case.model, case.work, out)
+            cauchy_stress(x, case.model, case.parameters, case.work, out)
         np.testing.assert_allclose(stress[0], stress[1], atol=off * np.abs(stress[0]).max())
 
 
@@ -199,7 +199,7 @@ def test_one_graded_cell_has_its_own_volume(element: ElementKind) -> None:
     shape = {"kind": "block", "size": size, "grading": 2.0}
     body = build_body(block(size, size, body={"shape": shape}), {})
     assert body.n_cells == 1
-    assert Statics(body, element).model.weight.sum() == pytest.approx(5.4e-5, rel=1e-12)
+    assert Statics(body, element).parameters.weight.sum() == pytest.approx(5.4e-5, rel=1e-12)
 
 
 @pytest.mark.parametrize("element", ELEMENTS)

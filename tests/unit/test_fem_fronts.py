@@ -13,7 +13,9 @@ from softseam_services.fem import dissection
 from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal, seam_inverse, solve
 from softseam_services.fem.kernels.pair import factor
-from softseam_services.fem.model import FemModel, build_model
+from softseam_services.fem.model import FemModel
+from softseam_services.fem.parameters import FemParameters
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work, build_work
 
@@ -21,7 +23,7 @@ CASES = ["one_cell", "clamped", "two_columns", "ring", "wide", "slab"]
 """wide and slab: panels beyond NARROW columns, and a seam as wide"""
 
 
-def _problem(case: str) -> tuple[FemModel, Tree, Work, NDArray[np.float64]]:
+def _problem(case: str) -> tuple[FemModel, FemParameters, Work, NDArray[np.float64]]:
     """Model, tree, work with the matrix assembled, and the same matrix dense in elimination order."""
     counts = {
         "one_cell": (1, 1, 1),
@@ -43,13 +45,14 @@ def _problem(case: str) -> tuple[FemModel, Tree, Work, NDArray[np.float64]]:
         cells = cells[body.cell_grid[:, 2] == 0]
     others = np.setdiff1d(np.arange(body.n_cells, dtype=np.int32), cells)
     region = build_region(body, cells, shared_nodes(body, cells, others))
-    model, tree = build_model(body, region)
-    work = build_work(model, tree, 0)
+    model, parameters = build_tables(body, region)
+    tree = model.tree
+    work = build_work(model, parameters, 0)
     rng = np.random.default_rng(4)
-    x = model.x_rest @ (np.eye(3) + 0.05 * rng.standard_normal((3, 3)))
-    add_diagonal(tree, work.values, model.mass, 1e7)
-    add_cell_tangents(x, model, tree, work, False)
-    return model, tree, work, _dense(model, tree, work)
+    x = parameters.x_rest @ (np.eye(3) + 0.05 * rng.standard_normal((3, 3)))
+    add_diagonal(tree, work.values, parameters.mass, 1e7)
+    add_cell_tangents(x, model, parameters, tree, work, False)
+    return model, parameters, work, _dense(model, tree, work)
 
 
 def _dense(model: FemModel, tree: Tree, work: Work) -> NDArray[np.float64]:
@@ -66,7 +69,8 @@ def _dense(model: FemModel, tree: Tree, work: Work) -> NDArray[np.float64]:
 @pytest.mark.parametrize("case", CASES)
 def test_solve_equals_dense(case: str) -> None:
     """Residual of the factored solve at rounding, relative to the matrix."""
-    _, tree, work, dense = _problem(case)
+    model, _, work, dense = _problem(case)
+    tree = model.tree
     assert factor(tree, work.values, work.factoring) == 0
     b = np.random.default_rng(0).standard_normal(len(dense))
     x = b.copy()
@@ -77,7 +81,8 @@ def test_solve_equals_dense(case: str) -> None:
 @pytest.mark.parametrize("case", ["two_columns", "ring", "slab"])
 def test_last_fronts_hold_the_seam(case: str) -> None:
     """The last front is the seam's Schur complement, also of two components."""
-    model, tree, work, dense = _problem(case)
+    model, _, work, dense = _problem(case)
+    tree = model.tree
     n = 3 * len(model.seam)
     assert n > 0
     assert factor(tree, work.values, work.factoring) == 0
@@ -89,7 +94,7 @@ def test_last_fronts_hold_the_seam(case: str) -> None:
 
 
 def test_every_free_node_is_eliminated_once() -> None:
-    _, tree, _, _ = _problem("clamped")
+    tree = _problem("clamped")[0].tree
     free = tree.position[tree.position >= 0]
     assert sorted(free) == list(range(len(free)))
     assert np.count_nonzero(tree.position < 0) == 25
@@ -98,20 +103,22 @@ def test_every_free_node_is_eliminated_once() -> None:
 def test_components_without_a_seam_have_trees_of_their_own() -> None:
     body = build_body(block((0.03, 0.01, 0.02), 0.01), {})
     cells = np.flatnonzero(body.cell_grid[:, 0] != 1).astype(np.int32)
-    _, tree = build_model(body, build_region(body, cells, np.zeros(0, dtype=np.int32)))
+    tree = build_tables(body, build_region(body, cells, np.zeros(0, dtype=np.int32))).model.tree
     assert np.count_nonzero(tree.meta[:, 3] < 0) == 2
 
 
 def test_an_indefinite_matrix_is_reported() -> None:
-    model, tree, work, _ = _problem("clamped")
-    add_diagonal(tree, work.values, model.mass, -1e10)
+    model, parameters, work, _ = _problem("clamped")
+    tree = model.tree
+    add_diagonal(tree, work.values, parameters.mass, -1e10)
     assert factor(tree, work.values, work.factoring) > 0
 
 
 def test_two_threads_factor_as_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the bit, and again; the second branch is about as large as the first."""
     monkeypatch.setattr(dissection, "PAIR_FLOPS", 0.0)
-    _, tree, work, _ = _problem("wide")
+    model, _, work, _ = _problem("wide")
+    tree = model.tree
     middle, end = tree.second
     assert 0 < middle < end < len(tree.meta)
     assert 0.5 < middle / (end - middle) < 2.0

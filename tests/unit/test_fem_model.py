@@ -12,14 +12,14 @@ from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.region import build_region
-from softseam_services.fem.model import build_model
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
 from softseam_services.server import build_setup
 from softseam_services.warm_up import warm_scene
 
 
 def types(element: str, grading: float) -> tuple[Any, ...]:
-    """Of model, tree and scratch, for cells that grow by `grading`."""
+    """Of model, parameters and scratch, for cells that grow by `grading`."""
     scene = warm_scene("fem").model_dump()
     scene["models"]["fem"]["element"] = element
     scene["body"]["shape"] |= {"size": (0.08, 0.02, 0.02), "grading": grading}
@@ -29,9 +29,10 @@ def types(element: str, grading: float) -> tuple[Any, ...]:
     assert isinstance(setup.body, Body)
     cells, no_seam = np.arange(setup.body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32)
     region = build_region(setup.body, cells, no_seam, True)
-    model, tree = build_model(setup.body, region, setup.tools, setup.scene.models.fem)
+    model, parameters = build_tables(setup.body, region, setup.tools, setup.scene.models.fem)
     return tuple(
-        vars(record)["_numba_type_"] for record in (model, tree, build_work(model, tree, len(setup.tools.names)))
+        vars(record)["_numba_type_"]
+        for record in (model, parameters, build_work(model, parameters, len(setup.tools.names)))
     )
 
 

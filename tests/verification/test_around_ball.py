@@ -130,7 +130,7 @@ def test_patch(element: ElementKind) -> None:
     assert not case.body.boxes and inside.sum() > 400
     assert np.abs(forces[inside]).max() < 1e-11 * np.abs(forces).max()
     stress = np.zeros((case.body.n_cells, 8, 6))
-    cauchy_stress(x, case.model, case.work, stress)
+    cauchy_stress(x, case.model, case.parameters, case.work, stress)
     assert np.abs(stress - stress[0, 0]).max() < 1e-10 * np.abs(stress).max()
 
 
@@ -192,7 +192,7 @@ def off(cell: float, borders: str) -> tuple[float, float]:
     held[surface_nodes(case.body)] = True
     x = case.solve(case.x_rest + exact, held)
     stress = np.zeros((case.body.n_cells, 8, 6))
-    cauchy_stress(x, case.model, case.work, stress)
+    cauchy_stress(x, case.model, case.parameters, case.work, stress)
     mu, bulk = moduli(STIFFER * YOUNG, OWN_POISSON)
     mean = np.trace(inside) / 3.0
     wanted = 3.0 * bulk * mean * np.eye(3) + 2.0 * mu * (inside - mean * np.eye(3))

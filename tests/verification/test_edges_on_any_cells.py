@@ -15,7 +15,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
-from softseam_services.fem.face_points import FacePoints, face_points
+from softseam_services.fem.face_points import FacePoints, face_points, touched_faces
 from softseam_services.tools.build import build_tools
 
 CUBE = (0.05, 0.05, 0.05)
@@ -50,7 +50,7 @@ def distorted(cells: int, nodes: int, edge: float = 0.03, friction: float = 20.0
 
 def points_of(scene: Scene, body: Body) -> FacePoints:
     region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
-    return face_points(body, region, build_tools(scene), "hex27")
+    return face_points(body, region, touched_faces(body, region, build_tools(scene))[2], "hex27")
 
 
 @pytest.mark.parametrize(("nodes", "within"), [(8, 1e-12), (27, 1e-3)])

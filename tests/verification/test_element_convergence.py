@@ -35,7 +35,7 @@ def test_patch(element: str) -> None:
     x = case.solve(start, held, tolerance=1e-13)
     np.testing.assert_allclose(x, exact, atol=1e-10 * np.abs(exact - case.x_rest).max())
     stress, sigma = np.empty((8, 8, 6)), np.empty((3, 3))
-    cauchy_stress(x, case.model, case.work, stress)
+    cauchy_stress(x, case.model, case.parameters, case.work, stress)
     point.cauchy(case.model.kind, case.body.material.parameters, F, sigma)
     voigt = sigma[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
     np.testing.assert_allclose(stress, np.broadcast_to(voigt, stress.shape), atol=1e-8 * np.abs(voigt).max())
@@ -134,7 +134,7 @@ def _sag(element: str, n: int, poisson: float = 0.3) -> float:
     x = case.x_rest
     held = np.repeat((x[:, 0] < 1e-9)[:, None], 3, axis=1)
     load = np.zeros(x.shape)
-    load[:, 2] = -9.81 * case.model.mass
+    load[:, 2] = -9.81 * case.parameters.mass
     end = x[:, 0] > 0.06 - 1e-9
     return float((x - case.solve(x, held, load))[end, 2].mean())
 
@@ -158,6 +158,6 @@ def test_mass_is_density_times_volume(element: str) -> None:
         return np.where(inside[:, None], rng.uniform(-3e-4, 3e-4, x.shape), 0.0)
 
     case = Statics(lattice((SIDE, SIDE, SIDE), (2, 2, 2), shift, density=1100.0), element)
-    assert case.model.mass.sum() == pytest.approx(1100.0 * SIDE**3, rel=1e-12)
-    assert (case.model.mass > 0.0).all()
-    assert case.model.rule.weight.sum() == pytest.approx(SIDE**3, rel=1e-12) or not case.model.general
+    assert case.parameters.mass.sum() == pytest.approx(1100.0 * SIDE**3, rel=1e-12)
+    assert (case.parameters.mass > 0.0).all()
+    assert case.parameters.rule.weight.sum() == pytest.approx(SIDE**3, rel=1e-12) or not case.model.general

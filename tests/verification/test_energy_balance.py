@@ -33,9 +33,9 @@ def energy(reply: Advanced) -> float:
 
 def fem_work(run: FemRun, moved: Floats) -> float:
     """f(x_1) . dx [J], on the free nodes."""
-    model = run.solver._model
+    model, parameters = run.solver._model, run.solver._parameters
     r = np.zeros(3 * (int(model.cell_order.max()) + 1))
-    subtract_forces(run.x, model, run.solver._stepper.work, r)
+    subtract_forces(run.x, model, parameters, run.solver._stepper.work, r)
     order = np.full(len(run.x), -1)
     order[model.cell_nodes] = model.cell_order
     free = order >= 0

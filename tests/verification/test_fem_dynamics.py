@@ -58,7 +58,7 @@ def test_a_spinning_body_keeps_its_momentum() -> None:
     run = FemRun(
         block(gravity=(0.0, 0.0, 0.0), step=0.002, body={"spin": (3.0, -2.0, 5.0), "velocity": (0.3, 0.1, -0.2)})
     )
-    mass = run.solver._model.mass[:, None]
+    mass = run.solver._parameters.mass[:, None]
     momentum = (mass * run.body.v_initial).sum(axis=0)
     turning = (mass * np.cross(run.body.x_rest, run.body.v_initial)).sum(axis=0)
     for _ in range(200):
@@ -96,7 +96,7 @@ def test_the_seam_does_the_work_it_reports() -> None:
         reply = run.step(force=force)
         moved = run.x[run.region.seam] - old_x[run.region.seam]
         np.testing.assert_allclose(reply.seam_work, (force * moved).sum(), rtol=1e-12)
-        jump = 0.5 * (run.solver._model.mass[:, None] * (run.solver.state.v - old_v) ** 2).sum()
+        jump = 0.5 * (run.solver._parameters.mass[:, None] * (run.solver.state.v - old_v) ** 2).sum()
         gain = reply.kinetic + reply.strain - energy
         assert gain <= reply.seam_work - jump + 1e-12
         energy += gain

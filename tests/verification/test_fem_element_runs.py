@@ -72,7 +72,7 @@ def test_crushed_cells_stay_definite(element: ElementKind) -> None:
     for stretch in (0.6, 0.5, 0.4, 0.3):
         x = _uniaxial(case, stretch)
         split = case.stiffness(x)[free][:, free].toarray()
-        share_cells(x, case.model, case.work)
+        share_cells(x, case.model, case.parameters, case.work)
         mixed = case.stiffness(x)[free][:, free].toarray()
         case.work.part[:], case.work.full[:], case.work.mixed[0] = 1.0, 0.0, 0
         assert (np.linalg.eigvalsh(split)[0] > 0.0) == (stretch > 0.45)

@@ -46,8 +46,8 @@ def kicked(kind: IntegratorKind, radius: float | None = None) -> FemRun:
 def energies(run: FemRun, time: float, dt: float) -> NDArray[np.float64]:
     """Kinetic + strain energy after each step, over the initial one."""
     v = run.solver.state.v
-    kinetic = 0.5 * float((run.solver._model.mass[:, None] * v**2).sum())
-    start = kinetic + float(strain_energy(run.x, run.solver._model, run.solver._stepper.work))
+    kinetic = 0.5 * float((run.solver._parameters.mass[:, None] * v**2).sum())
+    start = kinetic + float(strain_energy(run.x, run.solver._model, run.solver._parameters, run.solver._stepper.work))
     return np.array([r.kinetic + r.strain for r in run.run(time, dt=dt)]) / start
 
 

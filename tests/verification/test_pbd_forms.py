@@ -19,7 +19,7 @@ from softseam_services.body.lattice import LOCAL
 from softseam_services.body.materials import point
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.model import build_model
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
 from softseam_services.orchestrator.sides import cut
 from softseam_services.orchestrator.tie import tie_sides
@@ -338,10 +338,10 @@ def test_a_seam_between_graded_cells_passes_the_patch_test() -> None:
     nu = 0.45  # the sides of the body feel no traction
     x = body.x_rest * (1.0 + 0.05 * np.array([-nu, -nu, 1.0]))
     region = build_region(body, sides.cells[sides.near], sides.seam)
-    model, tree = build_model(body, region)
-    work = build_work(model, tree, 0)
+    model, parameters = build_tables(body, region)
+    work = build_work(model, parameters, 0)
     r = np.zeros_like(work.r)
-    subtract_forces(x[region.nodes], model, work, r)
+    subtract_forces(x[region.nodes], model, parameters, work, r)
     near = np.ascontiguousarray(r.reshape(-1, 3)[model.order])[region.seam]
     run = PbdRun(scene, cells=sides.cells[sides.far], seam=sides.seam)
     far = Energy(run).force(x[run.region.nodes])[run.region.seam]

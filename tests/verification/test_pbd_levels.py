@@ -19,7 +19,7 @@ from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.calibration.measure import Bench
 from softseam_services.calibration.modes import CELL_REACH
 from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.model import build_model
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.sides import cut
@@ -197,10 +197,10 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
             across -= (mu * (across - 1 / across) + lam * np.log(stretch * across**2) / across) / slope
     x = body.x_rest * np.array([across, across, stretch])
     region = build_region(body, sides.cells[sides.near], sides.seam)
-    model, tree = build_model(body, region)
-    work = build_work(model, tree, 0)
+    model, parameters = build_tables(body, region)
+    work = build_work(model, parameters, 0)
     r = np.zeros_like(work.r)
-    subtract_forces(x[region.nodes], model, work, r)
+    subtract_forces(x[region.nodes], model, parameters, work, r)
     near = np.ascontiguousarray(r.reshape(-1, 3)[model.order])[region.seam]
     run = PbdRun(scene, cells=sides.cells[sides.far], seam=sides.seam)
     ours = run.solver.model

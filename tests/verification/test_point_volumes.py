@@ -38,13 +38,13 @@ def _pressed(case: Statics, by: float) -> Floats:
 def _watch(case: Statics, x: Floats) -> None:
     """As a step that begins at x does."""
     case.work.watched[:], case.work.watches[0] = False, 0
-    watch_cells(WATCHED, x, case.model, case.work)
+    watch_cells(WATCHED, x, case.model, case.parameters, case.work)
 
 
 def _added(case: Statics, x: Floats) -> float:
     """What it adds to the energy at x [J]."""
     case.energy(x)
-    return float(strain_energy(x, case.model, case.work))
+    return float(strain_energy(x, case.model, case.parameters, case.work))
 
 
 @pytest.mark.parametrize("element", SHARES)
@@ -65,9 +65,9 @@ def test_forces_and_stiffness_are_those_of_an_energy(element: ElementKind, stiff
     """An edge pressed in, some cells full quadrature in part, at last points inside out; in one case two materials."""
     case = _case(element, stiff)
     x = _pressed(case, by)
-    share_cells(x, case.model, case.work)
+    share_cells(x, case.model, case.parameters, case.work)
     _watch(case, x)
-    mu = case.model.full.parameters[case.model.full.blend[case.work.watched], :, 0]
+    mu = case.parameters.full.parameters[case.parameters.full.blend[case.work.watched], :, 0]
     assert (np.ptp(mu, axis=1) > 0.0).any() == stiff
     assert 0 < case.work.watches[0] < 8 and _added(case, x) > 1e-3 * case.energy(x)
     along, step = np.random.default_rng(2).standard_normal(x.shape), 1e-8
@@ -109,9 +109,9 @@ def test_a_cell_that_got_there_within_a_step_is_counted(element: ElementKind) ->
     _watch(case, case.x_rest)
     assert case.work.watches[0] == 0 and case.energy(x) == energy
     assert np.abs(case.forces(x) - forces).max() > 0.01 * np.abs(forces).max()
-    assert 0 < watch_cells(FIRST, x, case.model, case.work) == case.work.watches[0] <= watches
+    assert 0 < watch_cells(FIRST, x, case.model, case.parameters, case.work) == case.work.watches[0] <= watches
     np.testing.assert_array_equal(case.forces(x), forces)
-    assert watch_cells(FIRST, x, case.model, case.work) == 0
+    assert watch_cells(FIRST, x, case.model, case.parameters, case.work) == 0
 
 
 @pytest.mark.parametrize("element", SHARES)
@@ -149,12 +149,12 @@ def test_a_march_counts_it_in_every_substep() -> None:
     ends, added = [], 0.0
     for n_steps in (1, 4):
         run = FemRun(scene, state=state)
-        model, work = run.solver._model, run.solver._stepper.work
-        substep = longest_substep(model, work)
+        model, parameters, work = run.solver._model, run.solver._parameters, run.solver._stepper.work
+        substep = longest_substep(model, parameters, work)
         run.run(4 * substep, dt=4 * substep / n_steps)
         ends.append(run.x)
         run.solver.strain  # noqa: B018 - deformation gradients at the end
-        added = float(strain_energy(run.x, model, work))
+        added = float(strain_energy(run.x, model, parameters, work))
     assert added > 0.0
     np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-9 * 0.02)
 

@@ -278,7 +278,7 @@ def test_a_state_that_is_taken_over_keeps_its_momentum() -> None:
     noise = np.random.default_rng(5).standard_normal((2, *state.v.shape))
     x, v = state.x + 1e-5 * noise[0], state.v + 1e-3 * noise[1]
     other = FemRun(fine(run.scene, "xy"), state=BodyState(x, v, state.contact_force, state.contact_tool))
-    found, mass = other.solver.state, run.solver.tables.whole[0].mass
+    found, mass = other.solver.state, run.solver.tables.whole.parameters.mass
     assert mass @ found.v[:, 2] == pytest.approx(mass @ v[:, 2], rel=1e-12)
     assert abs(mass @ found.v[:, 0]) < 1e-12 and abs(mass @ found.v[:, 1]) < 1e-12
     assert mass @ found.x[:, 2] == pytest.approx(mass @ x[:, 2], rel=1e-12)

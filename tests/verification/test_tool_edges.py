@@ -16,7 +16,7 @@ from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem.face_forces import spread_over_faces, surface_point_of_node
-from softseam_services.fem.face_points import PATCHES, face_points
+from softseam_services.fem.face_points import PATCHES, touched_faces
 from softseam_services.fem.kernels.cover import covered, pressed_side, see
 from softseam_services.fem.kernels.fields import gather_forces
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -247,15 +247,15 @@ def test_forces_at_nodes_and_inside_faces_have_the_same_sums() -> None:
     """Told as forces of nodes, and taken over from them, by another solver in the middle of a squeeze."""
     run = pads(3)
     press(run, [0.05], 5)
-    model, n_surface = run.solver._model, len(run.region.points)
+    model, parameters, n_surface = run.solver._model, run.solver._parameters, len(run.region.points)
     inside = run.solver.state.contact
     told = np.empty((n_surface, inside.shape[1], 3))
-    gather_forces(inside, model, surface_point_of_node(model, n_surface), told)
+    gather_forces(inside, model, parameters, surface_point_of_node(model, n_surface), told)
     np.testing.assert_allclose(told.sum(axis=0), inside[:, :, :3].sum(axis=0), atol=1e-12)
     assert np.abs(told.sum(axis=(0, 1))).max() < 1e-6 < np.abs(told[:, 0].sum(axis=0)).max()
     given = np.zeros_like(inside)
     given[:n_surface, :, :3] = told
-    spread_over_faces(model, given)
+    spread_over_faces(model, parameters, given)
     np.testing.assert_allclose(given[:, :, :3].sum(axis=0), told.sum(axis=0), atol=1e-12)
     assert not given[:n_surface].any()
     fields = run.solver.fields(Header(1, "test", "near", 0, 0, 0, 0.0))
@@ -279,8 +279,8 @@ def test_the_side_that_owns_the_seam_has_the_points_in_faces(near: list[int]) ->
     others = np.setdiff1d(np.arange(whole.body.n_cells), cells).astype(np.int32)
     seam = shared_nodes(whole.body, cells, others)
     mine, far = build_region(whole.body, cells, seam), build_region(whole.body, others, seam, owns_seam_points=False)
-    assert face_points(whole.body, mine, whole.tools, "hex27").edged.all()
-    assert not face_points(whole.body, far, whole.tools, "hex27").edged.any()
+    assert touched_faces(whole.body, mine, whole.tools)[0].all()
+    assert not touched_faces(whole.body, far, whole.tools)[0].any()
 
 
 def test_a_face_that_passes_by_an_edge_is_not_pressed_by_the_side_round_the_corner() -> None:

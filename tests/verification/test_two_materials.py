@@ -24,7 +24,7 @@ from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.model import build_model
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
 from softseam_services.pbd.blocks import build_blocks
 from softseam_services.pbd.model_error import ModelError
@@ -146,8 +146,8 @@ def test_error_indicators_see_no_error_where_there_is_none() -> None:
         mesh = MeshError(body, run.region, "hex27")
         stress = np.empty((body.n_cells, 8, 6))
         region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
-        model, tree = build_model(run.body, region)
-        cauchy_stress(x, model, build_work(model, tree, 0), stress)
+        model, parameters = build_tables(run.body, region)
+        cauchy_stress(x, model, parameters, build_work(model, parameters, 0), stress)
         assert low <= mesh.measure(x, stress).sum() < high
         blocks = build_blocks(run.body, run.region, "physical")
         found = ModelError(body, run.region, "physical", blocks).measure(x, np.zeros((len(run.region.points), 3)))

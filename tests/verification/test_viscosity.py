@@ -57,22 +57,23 @@ def clamped(time: float, integrator: IntegratorKind = "implicit_euler") -> Scene
 def modes() -> tuple[Floats, Floats]:
     """Frequencies [rad/s], ascending, and modes (k, n, 3) of the clamped cube of one cell, by differences of forces."""
     run = FemRun(clamped(0.0))
-    model, work, h = run.solver._model, run.solver._stepper.work, 1e-7
+    model, parameters = run.solver._model, run.solver._parameters
+    work, h = run.solver._stepper.work, 1e-7
     free = np.flatnonzero(model.order >= 0)
     places = (3 * model.order[free][:, None] + np.arange(3)).ravel()
     K = np.zeros((len(places), len(places)))
     for node in free:
         for i in range(3):
             for sign in (1.0, -1.0):
-                x = model.x_rest.copy()
+                x = parameters.x_rest.copy()
                 x[node, i] += sign * h
                 r = np.zeros(len(places))
-                subtract_forces(x, model, work, r)
+                subtract_forces(x, model, parameters, work, r)
                 K[:, 3 * model.order[node] + i] -= sign * r / (2.0 * h)
     root = np.zeros(len(places))
-    root[places] = 1.0 / np.sqrt(np.repeat(model.mass[free], 3))
+    root[places] = 1.0 / np.sqrt(np.repeat(parameters.mass[free], 3))
     squares, vectors = np.linalg.eigh(root[:, None] * 0.5 * (K + K.T) * root)
-    shapes = np.zeros((len(places), len(model.mass), 3))
+    shapes = np.zeros((len(places), len(parameters.mass), 3))
     shapes[:, free] = (root[:, None] * vectors)[places].T.reshape(len(places), -1, 3)
     return np.sqrt(squares), shapes
 
@@ -86,7 +87,7 @@ def ratio(integrator: IntegratorKind, time: float, which: int, steps: int) -> fl
     run, dt, q = begun(scene, rest + mode, np.zeros_like(mode)), 2.0 * np.pi / frequencies[which] / steps, []
     for _ in range(steps + 4):
         run.step(dt=dt)
-        q.append(float((run.solver._model.mass[:, None] * mode * (run.x - rest)).sum()))
+        q.append(float((run.solver._parameters.mass[:, None] * mode * (run.x - rest)).sum()))
     swing, decay = oscillation(np.array(q[2:]), dt)
     return decay / float(np.hypot(swing, decay))
 

@@ -13,7 +13,7 @@ from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.lattice import LOCAL
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.model import build_model
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
 from softseam_services.pbd.kernels.block import N_STRESS, new_workspace
 from softseam_services.pbd.kernels.sweep import block_forces, exact_stress
@@ -64,12 +64,12 @@ def block_force(solver: PbdSolver) -> Force:
 def cell_force(body: Body) -> Force:
     """Forces of the whole body's hex27 cells."""
     everything = np.arange(body.n_cells, dtype=np.int32)
-    model, tree = build_model(body, build_region(body, everything, np.zeros(0, dtype=np.int32)))
-    work = build_work(model, tree, 0)
+    model, parameters = build_tables(body, build_region(body, everything, np.zeros(0, dtype=np.int32)))
+    work = build_work(model, parameters, 0)
 
     def force(x: Floats) -> Floats:
         r = np.zeros_like(work.r)
-        subtract_forces(x, model, work, r)
+        subtract_forces(x, model, parameters, work, r)
         return np.ascontiguousarray(r.reshape(-1, 3)[model.order])
 
     return force

@@ -22,6 +22,8 @@ from softseam_services.body.region import node_of_point
 from softseam_services.tools.edged import edged_tools
 from softseam_services.tools.tool_set import ToolSet
 
+Mask = NDArray[np.bool_]
+
 PATCHES = 4
 """along each edge of a face"""
 SOFT = 8.0
@@ -53,10 +55,6 @@ _MIDDLES, _SLOPES, _PATCHES = _middles()
 class FacePoints:
     """q points on f faces."""
 
-    edged: NDArray[np.bool_]
-    """tools that touch here (t,)"""
-    alone: NDArray[np.bool_]
-    """surface points of the region that no face here holds: they touch every tool (p,)"""
     cell: Ints
     """(q,)"""
     local: Floats
@@ -77,10 +75,11 @@ class FacePoints:
     """as of `point_weights`"""
 
 
-def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Functions) -> FacePoints:
-    """Points on the block's surface; none where no tool has an edge that presses into it, or another side owns it.
+def touched_faces(body: Body, region: Region, tools: ToolSet | None) -> tuple[Mask, Mask, Ints]:
+    """Tools that touch at points inside faces (t,), surface points of the region that no such face holds, so that they
+    touch every tool (p,), and these faces as of `outer_faces` (f, 2).
 
-    functions: what the region's element interpolates with
+    No tools and no faces where no tool has an edge that presses into the block, or another side owns its surface.
     """
     n_tools = 0 if tools is None else len(tools.names)
     edged = np.zeros(n_tools, dtype=np.bool_)
@@ -89,18 +88,21 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
     if tools is not None and owns:
         edged = edged_tools(tools, body)
     outer = outer_faces(body, region) if edged.any() else np.zeros((0, 2), dtype=np.int32)
-    carrier, side = outer.T
-    nodes = region.cell_nodes[carrier[:, None], FACE_NODES[side]]
-    area = _areas(body, region, outer)
+    held = np.isin(own, region.nodes[np.unique(_nodes(region, outer))])
+    return edged, ~held, outer
+
+
+def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -> FacePoints:
+    """Points on the faces of `touched_faces` (f, 2); functions: what the region's element interpolates with."""
+    carrier, side = faces.T
+    nodes = _nodes(region, faces)
+    area = _areas(body, region, faces)
     patch = _PATCHES[side].reshape(-1, 2)
     cell, local = np.repeat(carrier, PATCHES**2), _MIDDLES[side].reshape(-1, 3)
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))
     count = fill_weights(local, cell, region.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
-    held = np.isin(own, region.nodes[np.unique(node[:count])])
     return FacePoints(
-        edged=edged,
-        alone=~held,
         cell=cell,
         local=local,
         face=np.repeat(np.arange(len(nodes), dtype=np.int32), PATCHES**2),
@@ -112,6 +114,11 @@ def face_points(body: Body, region: Region, tools: ToolSet | None, functions: Fu
         node=node[:count].copy(),
         weight=weight[:count].copy(),
     )
+
+
+def _nodes(region: Region, faces: Ints) -> Ints:
+    """Of faces (f, 2), in the order of `FACE_NODES` (f, 9)."""
+    return region.cell_nodes[faces[:, 0][:, None], FACE_NODES[faces[:, 1]]]
 
 
 def _areas(body: Body, region: Region, outer: Ints) -> Floats:

@@ -22,18 +22,18 @@ class FieldReader:
 
     def __init__(self, body: Body, region: Region, tables: RegionTables, hourglass: str) -> None:
         self._body, self._region, self._tables, self._hourglass = body, region, tables, hourglass
-        self._model = tables.whole[0]
+        self._model, self._parameters = tables.whole
         self._point_of_node = surface_point_of_node(self._model, len(region.points))
         self._other: ModelError | None = None
 
     def read(self, header: Header, state: FemState, energy: Floats, work: Work, indicators: bool, own: bool) -> Fields:
         """All fields, with each cell's energy (c,) [J]; work: scratch; indicators: with the errors of the mesh and,
         unless `own`, of what PBD would be off by."""
-        region, model = self._region, self._model
+        region, model, parameters = self._region, self._model, self._parameters
         cauchy, n_points = np.empty((len(region.cells), 8, 6)), len(region.points)
         place, force = np.empty((n_points, 3)), np.empty((n_points, 3))
         touched = np.empty(n_points, dtype=np.int32)
-        read_fields(state.x, state.contact, model, self._point_of_node, work, cauchy, place, force, touched)
+        read_fields(state.x, state.contact, model, parameters, self._point_of_node, work, cauchy, place, force, touched)
         return Fields(
             header=header,
             nodes=region.nodes,

@@ -12,7 +12,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Region
 from softseam_services.body.errors import SettingError
 from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.model import Tables, build_model
+from softseam_services.fem.structures import Structures, Tables, build_tables
 from softseam_services.fem.symmetry import PointImages, Reduction, reduce
 from softseam_services.tools.symmetry import symmetry_axes
 from softseam_services.tools.tool_set import ToolSet
@@ -21,14 +21,18 @@ from softseam_services.tools.tool_set import ToolSet
 class RegionTables:
     """Of one region; no step writes to any, so that solvers of one region may share them."""
 
-    def __init__(self, body: Body, region: Region, tools: ToolSet, scene: Scene) -> None:
+    def __init__(
+        self, body: Body, region: Region, tools: ToolSet, scene: Scene, structures: Structures | None = None
+    ) -> None:
+        """structures: those that are known, which gain this region's."""
+        self._structures = structures
         self._body, self._region, self._tools, self._spec = body, region, tools, scene.models.fem
         is_all = len(region.cells) == body.n_cells and not len(region.seam)
         self._axes = symmetry_axes(scene) if is_all else ()
 
     @cached_property
     def whole(self) -> Tables:
-        return build_model(self._body, self._region, self._tools, self._spec)
+        return build_tables(self._body, self._region, self._tools, self._spec, structures=self._structures)
 
     @cached_property
     def reduction(self) -> Reduction | None:
@@ -38,14 +42,16 @@ class RegionTables:
         """
         if self._axes and self._body.material.n_state:
             raise SettingError(f"symmetry: images do not carry the state of {self._body.material.kind}: leave it out")
-        return reduce(self._body, self._tools, self._spec, self._axes) if self._axes else None
+        if not self._axes:
+            return None
+        return reduce(self._body, self._tools, self._spec, self._axes, self._structures)
 
     @cached_property
     def images(self) -> PointImages:
         """Of the points of what is solved for. Raises ValueError where that is the whole."""
         if self.reduction is None:
             raise ValueError("this region has no plane of symmetry")
-        return PointImages(self.reduction, self.whole[0], len(self._tools.names))
+        return PointImages(self.reduction, self.whole, len(self._tools.names))
 
     @cached_property
     def mesh_error(self) -> MeshError:

@@ -19,11 +19,11 @@ from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.contact import N_STATE
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED
-from softseam_services.fem.model import FemModel
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
-from softseam_services.fem.step import Stepper
+from softseam_services.fem.step import AT_ONCE, StepInputs, Stepper, StepResult
+from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
 from softseam_services.request_check import problem_of, problem_of_anchor, problem_of_correction
@@ -52,31 +52,32 @@ class FemSolver:
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
         self._body, self._region, self._n_tools = body, region, len(tools.names)
-        self._models, self._retardation_time = scene.models, body.material.retardation_time
+        self._models = scene.models
         self.tables = tables or RegionTables(body, region, tools, scene)
         self._reduction = reduction = self.tables.reduction
         self._solved = region if reduction is None else reduction.region
-        self._model, tree = self.tables.whole if reduction is None else reduction.tables
-        self._stepper = Stepper(scene.models.fem, self._model, tree, self._n_tools, self._retardation_time)
+        solved = self.tables.whole if reduction is None else reduction.tables
+        self._model, self._parameters = solved
+        self._stepper = Stepper(scene.models.fem, *solved, self._n_tools)
         self._tentative = False
         self._step: tuple[int, int] | None = None
         self._request: Advance  # the last
+        self._result: StepResult  # of that
         self._tools = at_rest(tools)
         if state is None:
             nodes, n_points = self._solved.nodes, len(self._solved.points)
             force, tool = np.zeros((n_points, 3)), np.full(n_points, -1, dtype=np.int32)
-            self._go_on(self._start(self._model, body.x_rest[nodes], body.v_initial[nodes], force, tool))
+            self._go_on(self._start(solved, body.x_rest[nodes], body.v_initial[nodes], force, tool))
         else:
             force, tool = state.contact_force[region.points], state.contact_tool[region.points]
-            whole = self.tables.whole[0]
-            self._take_over(self._start(whole, state.x[region.nodes], state.v[region.nodes], force, tool))
+            self._take_over(self._start(self.tables.whole, state.x[region.nodes], state.v[region.nodes], force, tool))
 
-    def _start(self, model: FemModel, x: Floats, v: Floats, force: Floats, tool: Ints) -> FemState:
+    def _start(self, tables: Tables, x: Floats, v: Floats, force: Floats, tool: Ints) -> FemState:
         """A state without history, of the whole region or of what is solved for."""
         return FemState(
             np.ascontiguousarray(x, dtype=np.float64),
             np.ascontiguousarray(v, dtype=np.float64),
-            taken_over(model, x, force, tool, self._n_tools),
+            taken_over(tables.model, tables.parameters, x, force, tool, self._n_tools),
             np.zeros((self._stepper.scheme.n_history, len(x), 3)),
             material=np.zeros(self._remembered),
         )
@@ -127,7 +128,7 @@ class FemSolver:
     def strain(self) -> float:
         """Strain energy of the last advanced step [J]."""
         self._look()
-        return self.times * float(strain_energy(self._now.x, self._model, self._stepper.work))
+        return self.times * float(strain_energy(self._now.x, self._model, self._parameters, self._stepper.work))
 
     def _look(self) -> None:
         """Have kernels see the material as it is now."""
@@ -137,10 +138,10 @@ class FemSolver:
     @property
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last advanced step [J]."""
-        model, state = self._model, self._now
-        sunk = (state.x - model.x_rest) @ model.acceleration
-        kinetic = 0.5 * float(model.mass @ (state.v * state.v).sum(axis=1))
-        return self.times * kinetic, -self.times * float(model.mass @ sunk)
+        parameters, state = self._parameters, self._now
+        sunk = (state.x - parameters.x_rest) @ parameters.acceleration
+        kinetic = 0.5 * float(parameters.mass @ (state.v * state.v).sum(axis=1))
+        return self.times * kinetic, -self.times * float(parameters.mass @ sunk)
 
     def advance(self, request: Advance) -> Advanced:
         """Advance tentatively by request.dt; a new step number commits the tentative step before it.
@@ -164,10 +165,11 @@ class FemSolver:
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
-        stepper.couple(request.seam_anchor, request.seam_stiffness)
-        status = stepper.take(now, end, request, tools)
+        inputs = StepInputs.of(request, tools)
+        end, self._result = stepper.step(self._model, self._parameters, now, inputs, request.dt, end)
+        status = self._result.status
         if status == CONVERGED and request.compliance and not stepper.by_error:
-            status = stepper.derive(now, end, request, tools)
+            status = stepper.derive(now, end, inputs, request.dt)
         if status != CONVERGED:
             return self._failed(request, STATUS[status], stepper.why(status, self._solved.cells), began)
         self._tentative = True
@@ -185,8 +187,8 @@ class FemSolver:
 
     def _stand(self, now: FemState) -> None:
         """What a step that failed reports: the whole region where it stands."""
-        whole, model, out = self._unfolded(now), self.tables.whole[0], self._stepper.out
-        standing = Standing.of(whole.x, whole.v, model.mass)
+        whole, out = self._unfolded(now), self._stepper.result.out
+        standing = Standing.of(whole.x, whole.v, self.tables.whole.parameters.mass)
         out[kernel.KINETIC], out[kernel.STRAIN] = standing.kinetic, self.strain
         out[kernel.GRAVITY] = self.moving[1]
         out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = standing.momentum
@@ -198,7 +200,8 @@ class FemSolver:
     ) -> Advanced:
         """What became of a request, or of its correction."""
         stepper, reduction = self._stepper, self._reduction
-        out, wrench, taken = stepper.out.copy(), stepper.wrench.copy(), stepper.taken
+        told, taken = stepper.result, self._result.substeps if status is Status.CONVERGED else AT_ONCE
+        out, wrench = told.out.copy(), told.wrench.copy()
         converged = status is Status.CONVERGED
         if reduction is not None and converged:
             reduction.add_up(self._next, self._tools, out, wrench)
@@ -209,8 +212,8 @@ class FemSolver:
         return Advanced(
             (correction or request).header,
             status,
-            stepper.seam_x.copy(),
-            stepper.compliance.copy() if whole else _NONE,
+            told.seam_x.copy(),
+            told.compliance.copy() if whole else _NONE,
             wrench,
             numbers[kernel.KINETIC],
             numbers[kernel.STRAIN],
@@ -224,7 +227,7 @@ class FemSolver:
             int(numbers[kernel.N_CONTACTS]),
             int(numbers[kernel.N_ITERATIONS]),
             time.perf_counter() - began,
-            stepper.distance.copy() if reduction is None else stepper.distance[reduction.cell],
+            told.distance.copy() if reduction is None else told.distance[reduction.cell],
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
             n_crushed=self.times * int(stepper.work.mixed[0]),
@@ -270,7 +273,7 @@ class FemSolver:
         """Fields of the last advanced step."""
         work = self._stepper.work
         self._look()
-        strain_energy(self._now.x, self._model, work)
+        strain_energy(self._now.x, self._model, self._parameters, work)
         energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
         return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
 
@@ -295,7 +298,7 @@ class FemSolver:
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
-        n_history, n_points = self._committed.history.shape[0], len(self.tables.whole[0].point_face)
+        n_history, n_points = self._committed.history.shape[0], len(self.tables.whole.model.point_face)
         place, contact_shape = (self.n_nodes, 3), (n_points, self._n_tools, N_STATE)
         shapes = [place, place, contact_shape, (n_history, *place), (2,)]
         shapes += [self._remembered] if self._model.n_state else []

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from softseam_services.body.body import Floats
+from softseam_services.jit import record
+
+
+@record
+class StateArrays(NamedTuple):
+    """Those of a `FemState` that kernels step, by reference."""
+
+    x: Floats
+    v: Floats
+    contact: Floats
+    history: Floats
 
 
 @dataclass
 class FemState:
-    """Everything of a region that evolves (n nodes, p surface points, t tools)."""
+    """Everything of a region that evolves (n nodes, p surface points, t tools). Its arrays are filled in place."""
 
     x: Floats
     """(n, 3) [m]"""
@@ -27,6 +39,11 @@ class FemState:
     """substeps by error begin with 2^-level of the step"""
     material: Floats = field(default_factory=lambda: np.zeros((0, 8, 0)))
     """what a material with state remembers, of each octant (c, 8, n); (0, 8, 0) of others"""
+    arrays: StateArrays = field(init=False, repr=False)
+    """x, v, contact and history for the kernels"""
+
+    def __post_init__(self) -> None:
+        self.arrays = StateArrays(self.x, self.v, self.contact, self.history)
 
     def copy(self) -> FemState:
         arrays = self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy()

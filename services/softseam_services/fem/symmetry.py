@@ -18,8 +18,8 @@ from softseam_services.body.symmetry import SAME, SymmetryPlane, asymmetric, mat
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.kernels.contact import FORCE
 from softseam_services.fem.kernels.symmetry import add_images, unfold_contact, unfold_nodes
-from softseam_services.fem.model import FemModel, Tables, build_model
 from softseam_services.fem.state import FemState
+from softseam_services.fem.structures import Structures, Tables, build_tables
 from softseam_services.fem.tool_motion import Tools
 from softseam_services.tools.kernels.symmetry import tool_astray
 from softseam_services.tools.symmetry import images_of_tools
@@ -95,7 +95,7 @@ class Reduction:
     def fold(self, state: FemState, points: PointImages) -> FemState:
         """The part's of a state of the whole: the mean of a node's images, which keeps momentum where another solver
         led to the state and is symmetric up to its own errors; contact as on the side that is kept."""
-        model = self.tables[0]
+        model, parameters = self.tables
         history, of_place = state.history.copy(), self.keeps_places and state.past > 0.0
         if of_place:
             history[0] -= self.shift
@@ -104,7 +104,7 @@ class Reduction:
         for values in (v, *before):
             values[node, axis] = 0.0
         for values in (x, *before[:of_place]):
-            values[node, axis] = model.x_rest[node, axis]
+            values[node, axis] = parameters.x_rest[node, axis]
         contact = np.ascontiguousarray(state.contact[points.of_image[0]])
         contact[..., FORCE : FORCE + 3] /= 2.0 ** self.on.sum(axis=0)[:, None, None]
         return FemState(x, v, contact, np.array(before).reshape(len(before), *x.shape), state.past, state.level)
@@ -119,12 +119,11 @@ class Reduction:
 class PointImages:
     """Which of the whole's points are images of each of the part's."""
 
-    def __init__(self, reduction: Reduction, whole: FemModel, n_tools: int) -> None:
+    def __init__(self, reduction: Reduction, whole: Tables, n_tools: int) -> None:
         """Raises ValueError where an image is no point of the whole."""
-        part = reduction.tables[0]
-        at, images = point_positions(whole, whole.x_rest), []
+        at, images = _points_at_rest(whole), []
         for combination in range(reduction.times):
-            places = point_positions(part, part.x_rest)
+            places = _points_at_rest(reduction.tables)
             for m, plane in enumerate(reduction.planes):
                 if combination >> m & 1:
                     places = mirrored(places, plane.axis, plane.place)
@@ -136,9 +135,13 @@ class PointImages:
             raise ValueError("a body's points are no images of each other")
 
 
-def reduce(body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...]) -> Reduction:
-    """What FEM solves for of a body that is symmetric across these axes. Raises SettingError where it is not, or its
-    tools are not."""
+def reduce(
+    body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...], structures: Structures | None = None
+) -> Reduction:
+    """What FEM solves for of a body that is symmetric across these axes; structures: those that are known.
+
+    Raises SettingError where the body is not symmetric, or its tools are not.
+    """
     planes = tuple(symmetry_plane(body, axis) for axis in axes)
     images = [images_of_tools(plane, tools, SAME * body.resolution) for plane in planes]
     x, near = body.x_rest, SAME * body.resolution
@@ -155,8 +158,8 @@ def reduce(body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...]) -> 
     place = np.array([plane.place for plane in planes])
     across = [np.flatnonzero(np.abs(x[part.nodes, e] - c) <= near) for e, c in zip(axis, place, strict=True)]
     rollers = [np.stack([nodes, np.full_like(nodes, e)], axis=1) for e, nodes in zip(axis, across, strict=True)]
-    model, tree = build_model(halved, part, tools, spec, rollers=np.concatenate(rollers).astype(np.int32))
-    points = point_positions(model, model.x_rest)
+    tables = build_tables(halved, part, tools, spec, np.concatenate(rollers).astype(np.int32), structures)
+    points = _points_at_rest(tables)
     return Reduction(
         planes=planes,
         keeps_places=spec.integrator == "bdf2",
@@ -166,7 +169,7 @@ def reduce(body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...]) -> 
         names=tools.names,
         sameness=tools.sameness,
         region=part,
-        tables=(model, tree),
+        tables=tables,
         node=np.searchsorted(part.nodes, node).astype(np.int32),
         cell=np.searchsorted(part.cells, cell).astype(np.int32),
         sign=sign,
@@ -174,6 +177,11 @@ def reduce(body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...]) -> 
         on=np.array([np.abs(points[:, e] - c) <= near for e, c in zip(axis, place, strict=True)]),
         edge=body.resolution,
     )
+
+
+def _points_at_rest(tables: Tables) -> Floats:
+    """Places of the points (p, 3) [m]."""
+    return point_positions(tables.model, tables.parameters, tables.parameters.x_rest)
 
 
 def _with_points_of(body: Body, planes: tuple[SymmetryPlane, ...], near: float) -> Body:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import N_COLUMNS
+from softseam_services.fem.kernels.newton import N_MEMO
 from softseam_services.fem.model import FemModel
-from softseam_services.fem.tree import Factoring, Tree, scratch
+from softseam_services.fem.parameters import FemParameters
+from softseam_services.fem.tree import Factoring, scratch
 from softseam_services.jit import record
 
 MEMORY = 12
@@ -51,6 +53,8 @@ class Work(NamedTuple):
     values: Floats
     """the panels: matrix, then its factor"""
     factoring: Factoring
+    memo: Floats
+    """what is known of that factor, see kernels/newton.py (N_MEMO,)"""
     r: Floats
     d: Floats
     d_last: Floats
@@ -114,13 +118,14 @@ class Work(NamedTuple):
     """length of that step (1,) [s]"""
 
 
-def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
+def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work:
     """Scratch arrays of the right sizes."""
-    n_cells, n_nodes = model.cell_nodes.shape[0], len(model.mass)
+    tree = model.tree
+    n_cells, n_nodes = model.cell_nodes.shape[0], len(model.order)
     n_free = int(np.count_nonzero(tree.position >= 0))
-    n_pairs = int(np.count_nonzero(model.point_stiffness)) * n_tools
-    n_viscous = n_cells if model.resists else 0
-    n_elements, n_points, _, n_places = model.viscous.gradient.shape[1:]
+    n_pairs = int(np.count_nonzero(parameters.point_stiffness)) * n_tools
+    n_viscous = n_cells if parameters.retardation_time > 0.0 else 0
+    n_elements, n_points, _, n_places = parameters.viscous.gradient.shape[1:]
     basis = np.zeros((2 * MEMORY, 3 * n_free))
     return Work(
         part=np.ones(n_cells),
@@ -141,6 +146,7 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         ints=np.zeros(8, dtype=np.int32),
         values=np.zeros(tree.n_values),
         factoring=scratch(tree),
+        memo=np.zeros(N_MEMO),
         r=np.zeros(3 * n_free),
         d=np.zeros(3 * n_free),
         d_last=np.zeros(3 * n_free),
@@ -158,8 +164,8 @@ def build_work(model: FemModel, tree: Tree, n_tools: int) -> Work:
         hold=np.zeros((n_pairs, 4)),
         side=np.zeros(n_pairs, dtype=np.int8),
         state=np.zeros(n_pairs, dtype=np.int8),
-        factored_state=np.zeros((len(model.point_stiffness), n_tools), dtype=np.int8),
-        factored=np.zeros((len(model.point_stiffness), n_tools, 3, 3)),
+        factored_state=np.zeros((len(model.point_face), n_tools), dtype=np.int8),
+        factored=np.zeros((len(model.point_face), n_tools, 3, 3)),
         change=np.zeros((n_pairs, 3, 3)),
         turned=np.zeros(1, dtype=np.int32),
         gone=np.zeros(1, dtype=np.int32),

@@ -6,6 +6,6 @@
 
 from softseam_services.jit.linking import njit
 from softseam_services.jit.pointer import Prototype, PrototypeError
-from softseam_services.jit.records import record
+from softseam_services.jit.records import n_bytes, record
 
-__all__ = ["Prototype", "PrototypeError", "njit", "record"]
+__all__ = ["Prototype", "PrototypeError", "n_bytes", "njit", "record"]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -50,14 +51,14 @@ class _Record:
         words: list[int] = []
         fields = []
         for name, value in zip(values._fields, values, strict=True):
-            fields.append((name, len(words), typeof(value)))
+            fields.append((name, len(words), _type_of(value)))
             words += _words(name, value)
         block = np.array(words, dtype=np.int64)
         vars(self).update(
             values._asdict(),
             _block=block,
             _address=block.ctypes.data,
-            _numba_type_=RecordType(self._declared.__name__, tuple(fields)),
+            _numba_type_=_record_type(self._declared.__name__, tuple(fields)),
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -66,6 +67,13 @@ class _Record:
     def _replace(self, **named: Any) -> Any:
         """Another record that differs in the fields named."""
         return type(self)(**{name: getattr(self, name) for name in self._declared._fields} | named)
+
+
+def n_bytes(record: object) -> int:
+    """Of the arrays of a record, and of those of records in it."""
+    parts = vars(record).values()
+    arrays = sum(part.nbytes for part in parts if isinstance(part, np.ndarray))
+    return arrays + sum(n_bytes(part) for part in parts if isinstance(part, _Record))
 
 
 def _words(name: str, value: Any) -> list[int]:
@@ -79,6 +87,25 @@ def _words(name: str, value: Any) -> list[int]:
     if isinstance(value, float):
         return [struct.unpack("q", struct.pack("d", value))[0]]
     raise TypeError(f"{name} is {type(value).__name__}: records for kernels hold arrays, numbers and records")
+
+
+_ARRAY_TYPES: dict[tuple[np.dtype[Any], int, int], types.Type] = {}
+
+
+def _type_of(value: Any) -> types.Type:
+    """Numba's type of a value: numba itself takes longer for an array than a step may for a record of its inputs."""
+    if type(value) is not np.ndarray:
+        kind: types.Type = typeof(value)
+        return kind
+    key = value.dtype, value.ndim, value.flags.num
+    if key not in _ARRAY_TYPES:
+        _ARRAY_TYPES[key] = typeof(value)
+    return _ARRAY_TYPES[key]
+
+
+@cache
+def _record_type(title: str, fields: tuple[tuple[str, int, types.Type], ...]) -> RecordType:
+    return RecordType(title, fields)
 
 
 class RecordType(types.Type):

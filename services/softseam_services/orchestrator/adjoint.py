@@ -21,13 +21,17 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.region import build_region
 from softseam_services.fem.face_forces import taken_over
+from softseam_services.fem.inputs import Inputs, NewtonSettings, build_result
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.kernels.fronts import solve
-from softseam_services.fem.kernels.newton import CONVERGED, N_MEMO
-from softseam_services.fem.model import FemModel, build_model
+from softseam_services.fem.kernels.newton import CONVERGED
+from softseam_services.fem.model import FemModel
+from softseam_services.fem.parameters import FemParameters
+from softseam_services.fem.state import FemState
+from softseam_services.fem.structures import build_tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
 from softseam_services.tools.tool_set import ToolSet
@@ -44,30 +48,31 @@ class Adjoint:
         everything = np.arange(body.n_cells, dtype=np.int32)
         self.region: Region = build_region(body, everything, np.zeros(0, dtype=np.int32))
         self.model: FemModel
-        self.model, self._tree = build_model(body, self.region, tools, scene.models.fem)
-        self.work: Work = build_work(self.model, self._tree, len(tools.names))
+        self.parameters: FemParameters
+        self.model, self.parameters = build_tables(body, self.region, tools, scene.models.fem)
+        self.work: Work = build_work(self.model, self.parameters, len(tools.names))
         self._scheme = Scheme(IMPLICIT_EULER, np.ones(1), 0)
-        self._memo = np.zeros(N_MEMO)
         self._whole, self._friction = at_rest(tools), tools.friction
         self._dt = _CROSSINGS * float(np.linalg.norm(np.ptp(body.x_rest, axis=0))) / body.wave_speed
-        n_nodes, n_tools = body.n_nodes, len(tools.names)
-        self._history = np.zeros((0, n_nodes, 3))
-        self._unused = np.zeros((n_tools, 6)), np.zeros(kernel.N_OUT), np.zeros(body.n_cells)
+        self._history, n_tools = np.zeros((0, body.n_nodes, 3)), len(tools.names)
+        self._settings = NewtonSettings(1.0, 0, False)
+        self._unused = build_result(body.n_cells, 0, n_tools, kernel.N_OUT)
 
     def factor(self, state: BodyState, position: Floats, orientation: Floats) -> bool:
         """Make A at a state of the body between tools at (t, 3) [m], (t, 4); False where A is not positive definite."""
         work = self.work
-        contact = taken_over(self.model, state.x, state.contact_force, state.contact_tool, len(self._friction))
+        force, tool = state.contact_force, state.contact_tool
+        contact = taken_over(self.model, self.parameters, state.x, force, tool, len(self._friction))
         work.state[:] = OPEN
         work.factored_state[:] = OPEN
         tools = moved(self._whole, ToolMotion(position, orientation, position, orientation))
-        x, still = np.ascontiguousarray(state.x), np.zeros_like(state.x)
-        wrench, out, distance = self._unused
+        still = np.zeros_like(state.x)
+        at = FemState(np.ascontiguousarray(state.x), still, contact, self._history).arrays
+        inputs = Inputs(self._dt, tools, _NONE, 0.0)
         status = kernel.advance(
-            self._scheme, x, still, 0.0, self._history, contact, self._dt, 1.0, _NONE, self.model, self._tree, tools,
-            1.0, 0, False, work, self._memo,
-            x, still, self._history, contact, wrench, out, _NONE, distance, kernel.DERIVE, _NONE, np.zeros((0, 0)),
-        )  # fmt: skip
+            *(self._scheme, self.model, self.parameters, at, at, inputs, self._settings, work, self._unused),
+            kernel.DERIVE,
+        )
         return bool(status == CONVERGED)
 
     def solve(self, g: Floats) -> Floats:
@@ -76,14 +81,14 @@ class Adjoint:
         b = np.zeros((len(free), 3))
         b[self.model.order[free]] = g[free]
         flat = b.reshape(-1)
-        solve(self._tree, self.work.values, flat, self.work.factoring)
+        solve(self.model.tree, self.work.values, flat, self.work.factoring)
         z = np.zeros_like(g)
         z[free] = b[self.model.order[free]]
         return z
 
     def push(self, direction: Floats) -> Floats:
         """g (N, 3) [N/m] of J = sum over tools of direction (t, 3) . force of the body on the tool."""
-        model, work = self.model, self.work
+        model, parameters, work = self.model, self.parameters, self.work
         pairs = np.flatnonzero(work.state != OPEN)
         points, tools = work.pair[pairs].T
         row, hold, d = work.contact[pairs], work.hold[pairs], direction[tools]
@@ -96,10 +101,10 @@ class Adjoint:
         sliding = across - np.einsum("pi,pi->p", way, across)[:, None] * way
         sliding *= (bound / np.maximum(row[:, TRIAL], bound))[:, None]
         force = hold[:, :1] * (along + np.where(slips[:, None], sliding, across))
-        g = np.zeros((len(model.mass), 3))
+        g = np.zeros((len(model.order), 3))
         count = np.diff(model.point_ptr)[points]
         entry = np.repeat(model.point_ptr[points] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        np.add.at(g, model.point_node[entry], model.point_weight[entry][:, None] * np.repeat(force, count, axis=0))
+        np.add.at(g, model.point_node[entry], parameters.point_weight[entry][:, None] * np.repeat(force, count, axis=0))
         return g
 
     def forces(self) -> Floats:
@@ -109,5 +114,5 @@ class Adjoint:
     def stress(self, x: Floats) -> Floats:
         """Cauchy stress of all octants at x (N, 3), xx yy zz yz xz xy (C, 8, 6) [Pa]."""
         cauchy = np.zeros((len(self.model.cell_nodes), 8, 6))
-        cauchy_stress(x, self.model, self.work, cauchy)
+        cauchy_stress(x, self.model, self.parameters, self.work, cauchy)
         return cauchy

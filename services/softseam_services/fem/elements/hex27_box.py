@@ -59,41 +59,52 @@ def cell_tables(edges: Floats, share: float = 1.0) -> CellTables:
 
 
 class Patterns(NamedTuple):
-    """What differs from cell to cell (c cells, k patterns, u of them of cells that are cut)."""
+    """What differs from cell to cell (k patterns, u of them of cells that are cut)."""
 
     laplacian: Floats
     """L of eq. (1) (k, 27, 27) [N/m]"""
-    pattern: Ints
-    """of each cell (c,)"""
-    cut: Ints
-    """place of each cell in the tables below, -1 for full boxes (c,)"""
     gradient_t: Floats
     """row 3 q + axis (u, 24, 27) [1/m]"""
     stabilisation: Floats
     """with the octants' fill and mu (u, 27, 27) [N/m]"""
 
 
-def patterns(tables: CellTables, edges: Floats, mu: Floats, moments: Floats, share: float = 1.0) -> Patterns:
-    """Tables of boxes with shear moduli mu (c, 8) [Pa] of octants and moments (c, 8, 27) of their filled parts."""
-    fill = moments[:, :, 0]
-    cut = np.full(len(mu), -1, dtype=np.int32)
-    part = np.flatnonzero((fill < 1.0).any(axis=1))
+def number_patterns(material: Ints, moments: Floats) -> tuple[Ints, Ints]:
+    """Of boxes with the materials' numbers (c, 8) of octants and moments (c, 8, 27) of their filled parts.
+
+    Returns the pattern of each cell (c,), full boxes of like octants having one, and the place of each cell among those
+    that are cut, -1 for full boxes (c,).
+    """
+    cut, pattern = np.full((2, len(material)), -1, dtype=np.int32)
+    part = np.flatnonzero((moments[:, :, 0] < 1.0).any(axis=1))
     cut[part] = np.arange(len(part))
-    kinds, pattern = np.unique(mu[cut < 0], axis=0, return_inverse=True)
-    number = np.empty(len(mu), dtype=np.int32)
-    number[cut < 0], number[part] = pattern.reshape(-1), len(kinds) + np.arange(len(part))
+    kinds, found = np.unique(material[cut < 0], axis=0, return_inverse=True)
+    pattern[cut < 0], pattern[part] = found.reshape(-1), len(kinds) + np.arange(len(part))
+    return pattern, cut
+
+
+def patterns(
+    tables: CellTables, edges: Floats, mu: Floats, moments: Floats, numbers: tuple[Ints, Ints], share: float = 1.0
+) -> Patterns:
+    """Tables of boxes with shear moduli mu (c, 8) [Pa] of octants and moments (c, 8, 27) of their filled parts.
+
+    numbers: of `number_patterns`
+    """
+    pattern, cut = numbers
+    full, part = np.flatnonzero(cut < 0), np.flatnonzero(cut >= 0)
+    kinds = mu[full[np.unique(pattern[full], return_index=True)[1]]]
     whole = tables.gradient.reshape(27, 8, 3)
     squares = np.einsum("aqi,bqi->qab", whole, whole) * (tables.volume / 8.0)
     laplacian = np.einsum("kq,qab->kab", kinds, squares)
     laplacian += kinds.mean(axis=1)[:, None, None] * tables.stabilisation
     if not len(part):
-        return Patterns(np.ascontiguousarray(laplacian), number, cut, np.zeros((0, 24, 27)), np.zeros((0, 27, 27)))
+        return Patterns(np.ascontiguousarray(laplacian), np.zeros((0, 24, 27)), np.zeros((0, 27, 27)))
     gradient = mean_gradients(moments[part], edges).reshape(-1, 24, 27)
-    stiff = (fill * mu)[part]
+    stiff = (moments[:, :, 0] * mu)[part]
     stabilisation = share * np.tensordot(stiff, octant_stabilisation(edges), axes=1)
     weighted = np.repeat(stiff * (tables.volume / 8.0), 3, axis=1)[:, :, None] * gradient
     own = np.swapaxes(gradient, 1, 2) @ weighted + stabilisation
-    return Patterns(np.concatenate([laplacian, own]), number, cut, gradient, stabilisation)
+    return Patterns(np.concatenate([laplacian, own]), gradient, stabilisation)
 
 
 def own_patterns(table: Table, mu: Floats, fill: Floats) -> Patterns:
@@ -102,5 +113,4 @@ def own_patterns(table: Table, mu: Floats, fill: Floats) -> Patterns:
     gradient = table.gradient[:, 0].reshape(n_cells, 24, 27)
     stabilisation = (fill * mu).mean(axis=1)[:, None, None] * table.stabilisation[:, 0]
     weighted = np.repeat(table.weight[:, 0] * fill * mu, 3, axis=1)[:, :, None] * gradient
-    number = np.arange(n_cells, dtype=np.int32)
-    return Patterns(np.swapaxes(gradient, 1, 2) @ weighted + stabilisation, number, number, gradient, stabilisation)
+    return Patterns(np.swapaxes(gradient, 1, 2) @ weighted + stabilisation, gradient, stabilisation)

@@ -21,7 +21,7 @@ _SHAKE = 1e-6
 
 
 @njit(cache=True, error_model="numpy")
-def highest_frequency(model, work):
+def highest_frequency(model, parameters, work):
     """w = sqrt of the largest eigenvalue of M^-1 K at rest [1/s], by power iteration from a fixed start.
 
     It converges from below, by then to a few percent; work.r, work.dx and work.inside are overwritten.
@@ -34,14 +34,14 @@ def highest_frequency(model, work):
         largest = 0.0
         for i in range(len(shape)):
             largest = max(largest, abs(shape[i]))
-        scale = _SHAKE * model.edge / largest
-        _displace(model, shape, scale, work.inside)
+        scale = _SHAKE * parameters.edge / largest
+        _displace(model, parameters, shape, scale, work.inside)
         r[:] = 0.0
-        subtract_forces(work.inside, model, work, r)
-        _displace(model, shape, -scale, work.inside)
+        subtract_forces(work.inside, model, parameters, work, r)
+        _displace(model, parameters, shape, -scale, work.inside)
         for i in range(len(r)):
             r[i] = -r[i]
-        subtract_forces(work.inside, model, work, r)
+        subtract_forces(work.inside, model, parameters, work, r)
         # r = 2 scale K shape to second order
         above = below = 0.0
         for node in range(len(model.order)):
@@ -50,23 +50,23 @@ def highest_frequency(model, work):
                 for i in range(3):
                     force, was = 0.5 * r[3 * place + i], scale * shape[3 * place + i]
                     above += was * force
-                    below += was * model.mass[node] * was
-                    shape[3 * place + i] = force / model.mass[node]
+                    below += was * parameters.mass[node] * was
+                    shape[3 * place + i] = force / parameters.mass[node]
         square = above / below
     return np.sqrt(square)
 
 
 @njit(cache=True, error_model="numpy")
-def _displace(model, shape, scale, x):
+def _displace(model, parameters, shape, scale, x):
     """x (n, 3) <- rest + scale * shape, in place."""
     for node in range(len(model.order)):
         place = model.order[node]
         for i in range(3):
-            x[node, i] = model.x_rest[node, i] + (scale * shape[3 * place + i] if place >= 0 else 0.0)
+            x[node, i] = parameters.x_rest[node, i] + (scale * shape[3 * place + i] if place >= 0 else 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def march(longest, x0, v0, dt, model, work, memo, x, v):
+def march(longest, x0, v0, dt, model, parameters, work, x, v):
     """Eq. (1) over dt from x0, v0 into x, v (n, 3), under the forces work.force; returns a status and the substeps."""
     n_substeps = int(np.ceil(dt / longest * (1.0 - 1e-12)))
     h = dt / n_substeps
@@ -80,13 +80,13 @@ def march(longest, x0, v0, dt, model, work, memo, x, v):
             if place >= 0:
                 for i in range(3):
                     r[3 * place + i] = work.force[node, i]
-        memo[LEAST_J], memo[WORST_CELL] = subtract_forces(x, model, work, r)
+        work.memo[LEAST_J], work.memo[WORST_CELL] = subtract_forces(x, model, parameters, work, r)
         largest = 0.0
         for node in range(len(x0)):
             place = model.order[node]
             if place >= 0:
                 for i in range(3):
-                    v[node, i] += h * r[3 * place + i] / model.mass[node]
+                    v[node, i] += h * r[3 * place + i] / parameters.mass[node]
                     x[node, i] += h * v[node, i]
                     size = abs(v[node, i])
                     if not size <= largest:

@@ -26,6 +26,7 @@ from softseam_services.fem.integrators.scheme import (
 )
 from softseam_services.fem.integrators.symplectic_euler import SAFETY, highest_frequency
 from softseam_services.fem.model import FemModel
+from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.work import Work
 
 
@@ -33,13 +34,17 @@ class Setting(NamedTuple):
     """What an integrator's coefficients may depend on."""
 
     model: FemModel
+    parameters: FemParameters
     work: Work
     radius: float | None
     """share of the fastest oscillations that the scene wants kept each step [1]"""
     touched: bool
     """there are tools"""
-    retardation_time: float
-    """of the material [s]"""
+
+    @property
+    def retardation_time(self) -> float:
+        """Of the material [s]."""
+        return self.parameters.retardation_time
 
     def kept(self, free: float, touched: float) -> float:
         """The scene's radius, or the one for a free body and the one for a touched body: where tools touch,
@@ -74,7 +79,8 @@ def _generalised_alpha(setting: Setting) -> Scheme:
 
 
 def _symplectic_euler(setting: Setting) -> Scheme:
-    return Scheme(SYMPLECTIC_EULER, np.array([1.0, longest_substep(setting.model, setting.work)]), 0)
+    longest = longest_substep(setting.model, setting.parameters, setting.work)
+    return Scheme(SYMPLECTIC_EULER, np.array([1.0, longest]), 0)
 
 
 def _static(setting: Setting) -> Scheme:
@@ -95,20 +101,20 @@ INTEGRATORS: Table[Callable[[Setting], Scheme]] = Table(
 )
 
 
-def build_scheme(spec: FemSpec, model: FemModel, work: Work, touched: bool, retardation_time: float = 0.0) -> Scheme:
-    """The kernels' view of a scene's integrator; touched: there are tools; retardation_time of the material [s].
+def build_scheme(spec: FemSpec, model: FemModel, parameters: FemParameters, work: Work, touched: bool) -> Scheme:
+    """The kernels' view of a scene's integrator; touched: there are tools.
 
     Raises ValueError where a row names no stepper.
     """
-    scheme = INTEGRATORS[spec.integrator](Setting(model, work, spec.radius, touched, retardation_time))
+    scheme = INTEGRATORS[spec.integrator](Setting(model, parameters, work, spec.radius, touched))
     if scheme.kind not in STEPPERS:
         raise ValueError(f"{spec.integrator} is stepped by number {scheme.kind}, and integrators.scheme has no such")
     return scheme
 
 
-def longest_substep(model: FemModel, work: Work) -> float:
+def longest_substep(model: FemModel, parameters: FemParameters, work: Work) -> float:
     """Of symplectic Euler: SAFETY 2/w [s]."""
-    frequency: float = highest_frequency(model, work)
+    frequency: float = highest_frequency(model, parameters, work)
     return SAFETY * 2.0 / frequency
 
 

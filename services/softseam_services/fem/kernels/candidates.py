@@ -17,9 +17,9 @@ _NOBODY, _SEVERAL = -1, -2
 
 
 @njit(cache=True, error_model="numpy")
-def firmness(model, point, inertia):
+def firmness(model, parameters, point, inertia):
     """Factor on a point's stiffness that keeps r at FIRM times the inertia of what the point stands for [1]."""
-    return max(1.0, model.swiftness[point] * inertia)
+    return max(1.0, parameters.swiftness[point] * inertia)
 
 
 @njit(cache=True, error_model="numpy")
@@ -69,7 +69,7 @@ def _turn_force(tools, tool, side, xp, force):
 def _holders(model, multiplier, n_nodes):
     """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `_SEVERAL`."""
     holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
-    for point in range(len(model.point_stiffness)):
+    for point in range(len(model.point_face)):
         for tool in range(multiplier.shape[1]):
             # number by number, because a view of a row costs as much as all the rest
             f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
@@ -85,7 +85,7 @@ def _holders(model, multiplier, n_nodes):
 
 
 @njit(cache=True, error_model="numpy")
-def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
+def find_candidates(x, model, parameters, tools, multiplier, reach, inertia, pace, work):
     """Pairs whose gap to the tool at the end of the step is below `reach`, that carry a force, or that the factor has.
 
     x (n, 3) positions at the start, multiplier (p, t, 9) contact state at the start, inertia: of `firmness`, pace:
@@ -102,10 +102,10 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
     seen, from_start, from_end = np.full(n_tools, -1), np.empty((n_tools, 9, 3)), np.empty((n_tools, 9, 3))
     pressed = np.empty(n_tools, dtype=np.int64)
     holder = _holders(model, multiplier, len(x))
-    for point in range(len(model.point_stiffness)):
-        if model.point_stiffness[point] == 0.0:
+    for point in range(len(model.point_face)):
+        if parameters.point_stiffness[point] == 0.0:
             continue
-        point_position(x, model, point, xp)
+        point_position(x, model, parameters, point, xp)
         face = model.point_face[point]
         alone = True
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
@@ -127,7 +127,7 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                     see(x, nodes, tools.position[tool], tools.orientation[tool], from_start[tool])
                     see(x, nodes, position, turn, from_end[tool])
                     pressed[tool] = -1
-                    if tools.friction[tool] < 1.0:
+                    if parameters.friction[tool] < 1.0:
                         pressed[tool] = pressed_side(model.point_face, point, multiplier, tool, tools.orientation[tool])
                 share, whole, side = covered(
                     from_start[tool], xp, patches, patch, shape, tools.position[tool], tools.orientation[tool],
@@ -136,13 +136,14 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                 if side < 0:
                     share, whole, side = entered(
                         x, nodes, from_end[tool], xp, patches, patch, shape,
-                        tools.position[tool], tools.orientation[tool], position, turn, _BESIDE * model.face_edge[face],
+                        tools.position[tool], tools.orientation[tool], position, turn,
+                        _BESIDE * parameters.face_edge[face],
                     )  # fmt: skip
                 carry = whole**CARRY_POWER
                 if side >= 0:
                     gap = side_gap(side, shape, position, turn, xp)[0]
                     before = side_gap(side, shape, tools.position[tool], tools.orientation[tool], xp)[0]
-                if side < 0 or (max(gap, before) < -_BESIDE * model.face_edge[face] and not touched):
+                if side < 0 or (max(gap, before) < -_BESIDE * parameters.face_edge[face] and not touched):
                     work.factored_state[point, tool] = OPEN
                     continue
             else:
@@ -167,7 +168,7 @@ def find_candidates(x, model, tools, multiplier, reach, inertia, pace, work):
                     _turn_force(tools, tool, side, xp, work.multiplier[count])
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
-                firm, stiffness = firmness(model, point, inertia), share * model.point_stiffness[point]
+                firm, stiffness = firmness(model, parameters, point, inertia), share * parameters.point_stiffness[point]
                 if carry < 1.0:
                     firm = min(firm, 1.0 / (1.0 - carry))
                     carry = 1.0 - firm * (1.0 - carry)

@@ -40,22 +40,22 @@ def gather(x, cell_nodes, xe):
 
 
 @njit(cache=True, error_model="numpy")
-def deformation(x, model, work):
+def deformation(x, model, parameters, work):
     """Fill work.xe and work.F: deformation gradients at the octants' points, F[c, i, 3 q + j] (c, 3, 24)."""
     gather(x, model.cell_nodes, work.xe)
-    _multiply_full(model, work.xe, model.gradient, work.F, 24, 27, False, work.ints)
-    if len(model.cut_force) > 0:
+    _multiply_full(model, parameters, work.xe, parameters.gradient, work.F, 24, 27, False, work.ints)
+    if len(parameters.cut_force) > 0:
         for cell in range(len(model.cell_nodes)):
             cut = model.cut[cell]
             if cut >= 0:
-                multiply(work.xe[cell], model.cut_gradient[cut], work.F[cell], 3, 24, 27, False, work.ints)
+                multiply(work.xe[cell], parameters.cut_gradient[cut], work.F[cell], 3, 24, 27, False, work.ints)
 
 
 @njit(cache=True, error_model="numpy")
-def _multiply_full(model, a, b, c, n, k, add, ints):
+def _multiply_full(model, parameters, a, b, c, n, k, add, ints):
     """c (c, 3, n) <- a (c, 3, k) b (k, n) [+ c where add] of full cells, as many in a row as there are."""
     n_cells = len(model.cell_nodes)
-    if len(model.cut_force) == 0:
+    if len(parameters.cut_force) == 0:
         multiply(a, b, c, 3 * n_cells, n, k, add, ints)
         return
     first = 0
@@ -97,23 +97,23 @@ def point_stress(F, at, linear, mu, lam, weight, P):
 
 
 @njit(cache=True, error_model="numpy")
-def subtract_forces(x, model, work, r):
+def subtract_forces(x, model, parameters, work, r):
     """r <- r - f(x), eqs. (1) and (3), in elimination order; returns the least J and the cell where it occurs.
 
     x (n, 3), r (3 n_free,) updated in place; work.xe, work.F, work.P are overwritten
     """
-    deformation(x, model, work)
+    deformation(x, model, parameters, work)
     least, worst = np.inf, -1
     n_cells = len(model.cell_nodes)
     for cell in range(n_cells):
         part = work.part[cell]
         for q in range(8):
-            mu, lam, weight = model.mu[cell, q], model.lambda_[cell, q], part * model.weight[cell, q]
+            mu, lam, weight = parameters.mu[cell, q], parameters.lambda_[cell, q], part * parameters.weight[cell, q]
             J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, weight, work.P[cell])
             if not least <= J:
                 least, worst = J, cell
-    _multiply_full(model, work.P, model.gradient_t, work.fe, 27, 24, False, work.ints)
-    if len(model.cut_force) > 0:
+    _multiply_full(model, parameters, work.P, parameters.gradient_t, work.fe, 27, 24, False, work.ints)
+    if len(parameters.cut_force) > 0:
         both = work.both
         for cell in range(n_cells):
             cut = model.cut[cell]
@@ -122,14 +122,14 @@ def subtract_forces(x, model, work, r):
                     both[i, :24] = work.P[cell, i]
                     for a in range(27):
                         both[i, 24 + a] = work.part[cell] * work.xe[cell, i, a]
-                multiply(both, model.cut_force[cut], work.fe[cell], 3, 27, 51, False, work.ints)
-    if model.uneven or work.mixed[0] > 0:
+                multiply(both, parameters.cut_force[cut], work.fe[cell], 3, 27, 51, False, work.ints)
+    if parameters.uneven or work.mixed[0] > 0:
         for cell in range(n_cells):
-            scale = work.part[cell] * model.mean_mu[cell]
+            scale = work.part[cell] * parameters.mean_mu[cell]
             for i in range(3):
                 for a in range(27):
                     work.xe[cell, i, a] *= scale
-    _multiply_full(model, work.xe, model.stabilisation, work.fe, 27, 27, True, work.ints)
+    _multiply_full(model, parameters, work.xe, parameters.stabilisation, work.fe, 27, 27, True, work.ints)
     for cell in range(n_cells):
         for a in range(27):
             place = model.cell_order[cell, a]
@@ -224,17 +224,21 @@ def _block_row(a, h, A, B, row):
 
 
 @njit(cache=True, error_model="numpy")
-def add_cell_tangents(x, model, tree, work, safe):
+def add_cell_tangents(x, model, parameters, tree, work, safe):
     """Add K of eq. (2) at x to the fronts in work.values, updated in place; nodes of a cell in elimination order."""
-    deformation(x, model, work)
+    deformation(x, model, parameters, work)
     h, row = work.h, work.row
     A, B, H = np.empty(8), np.empty(8), np.empty((3, 3))
     for cell in range(len(model.cell_nodes)):
         n_free = tree.cell_free[cell]
         local = tree.cell_local[cell]
-        gradient = model.gradient if model.cut[cell] < 0 else model.cut_gradient[model.cut[cell]]
+        gradient = parameters.gradient if model.cut[cell] < 0 else parameters.cut_gradient[model.cut[cell]]
         for q in range(8):
-            mu, lam, weight = model.mu[cell, q], model.lambda_[cell, q], work.part[cell] * model.weight[cell, q]
+            mu, lam, weight = (
+                parameters.mu[cell, q],
+                parameters.lambda_[cell, q],
+                work.part[cell] * parameters.weight[cell, q],
+            )
             A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, mu, lam, weight, safe, H)
             at = 3 * q * LANES
             for b in range(n_free):
@@ -243,7 +247,7 @@ def add_cell_tangents(x, model, tree, work, safe):
                 h[at + b] = H[0, 0] * g0 + H[0, 1] * g1 + H[0, 2] * g2
                 h[at + LANES + b] = H[1, 0] * g0 + H[1, 1] * g1 + H[1, 2] * g2
                 h[at + 2 * LANES + b] = H[2, 0] * g0 + H[2, 1] * g1 + H[2, 2] * g2
-        L = model.laplacian[model.pattern[cell]]
+        L = parameters.laplacian[model.pattern[cell]]
         for a in range(n_free):
             _block_row(a, h, A, B, row)
             for b in range(a, n_free):
@@ -255,21 +259,21 @@ def add_cell_tangents(x, model, tree, work, safe):
 
 
 @njit(cache=True, error_model="numpy")
-def strain_energy(x, model, work):
+def strain_energy(x, model, parameters, work):
     """Energy [J] whose gradient is f: sum_q w_q psi(F) + mean(mu)/2 sum_ab S_ab x_a . x_b.
 
     work.energy (c,) += each cell's
     """
-    deformation(x, model, work)
+    deformation(x, model, parameters, work)
     n_cells = len(model.cell_nodes)
-    _multiply_full(model, work.xe, model.stabilisation, work.fe, 27, 27, False, work.ints)
+    _multiply_full(model, parameters, work.xe, parameters.stabilisation, work.fe, 27, 27, False, work.ints)
     total = 0.0
     for cell in range(n_cells):
         F = work.F[cell]
         own = 0.0
         for q in range(8):
             at = 3 * q
-            mu, lam = model.mu[cell, q], model.lambda_[cell, q]
+            mu, lam = parameters.mu[cell, q], parameters.lambda_[cell, q]
             square = cross = 0.0
             for i in range(3):
                 for j in range(3):
@@ -285,10 +289,10 @@ def strain_energy(x, model, work):
                 J += F[0, at + 1] * (F[1, at + 2] * F[2, at] - F[1, at] * F[2, at + 2])
                 J += F[0, at + 2] * (F[1, at] * F[2, at + 1] - F[1, at + 1] * F[2, at])
                 density = 0.5 * mu * (square + 2.0 * trace) + volumetric(J, mu, lam)[0]
-            own += model.weight[cell, q] * density
+            own += parameters.weight[cell, q] * density
         quadratic = 0.0
         if model.cut[cell] >= 0:
-            S = model.cut_force[model.cut[cell], 24:]
+            S = parameters.cut_force[model.cut[cell], 24:]
             for i in range(3):
                 for a in range(27):
                     pull = 0.0
@@ -299,7 +303,7 @@ def strain_energy(x, model, work):
             for i in range(3):
                 for a in range(27):
                     quadratic += work.xe[cell, i, a] * work.fe[cell, i, a]
-            quadratic *= model.mean_mu[cell]
+            quadratic *= parameters.mean_mu[cell]
         own = work.part[cell] * (own + 0.5 * quadratic)
         work.energy[cell] += own
         total += own
@@ -307,18 +311,18 @@ def strain_energy(x, model, work):
 
 
 @njit(cache=True, error_model="numpy")
-def cauchy_stress(x, model, work, out):
+def cauchy_stress(x, model, parameters, work, out):
     """Cauchy stress xx yy zz yz xz xy at the 8 octants' Gauss points; out (c, 8, 6) [Pa] updated in place.
 
     P F^T / J; zero in an empty octant.
     """
-    deformation(x, model, work)
+    deformation(x, model, parameters, work)
     P = np.zeros((3, 24))
     for cell in range(len(model.cell_nodes)):
         F = work.F[cell]
         for q in range(8):
             at = 3 * q
-            J = point_stress(F, at, model.linear, model.mu[cell, q], model.lambda_[cell, q], 1.0, P)
+            J = point_stress(F, at, model.linear, parameters.mu[cell, q], parameters.lambda_[cell, q], 1.0, P)
             for n in range(6):
                 i, j = (0, 1, 2, 1, 0, 0)[n], (0, 1, 2, 2, 2, 1)[n]
                 if model.linear:

@@ -60,18 +60,18 @@ N_STATE = 9
 
 
 @njit(cache=True, error_model="numpy")
-def point_position(x, model, point, out):
+def point_position(x, model, parameters, point, out):
     """out (3,) <- position of a surface point, the weighted sum of its nodes."""
     out[0] = out[1] = out[2] = 0.0
     for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        node, weight = model.point_node[entry], model.point_weight[entry]
+        node, weight = model.point_node[entry], parameters.point_weight[entry]
         out[0] += weight * x[node, 0]
         out[1] += weight * x[node, 1]
         out[2] += weight * x[node, 2]
 
 
 @njit(cache=True, error_model="numpy")
-def evaluate_contacts(x, model, tools, count, work):
+def evaluate_contacts(x, model, parameters, tools, count, work):
     """Eq. (1) for every candidate: fills work.contact, work.state, work.turned and work.gone.
 
     Returns how many candidates touch whose stiffness the factor does not have.
@@ -81,7 +81,7 @@ def evaluate_contacts(x, model, tools, count, work):
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
         row = work.contact[c]
-        point_position(x, model, point, xp)
+        point_position(x, model, parameters, point, xp)
         orientation = tools.orientation_next[tool]
         if work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
@@ -108,11 +108,11 @@ def evaluate_contacts(x, model, tools, count, work):
         ty = f[1] - along * ny - stiffness * (dy + pace * (offset[1] - across * ny))
         tz = f[2] - along * nz - stiffness * (dz + pace * (offset[2] - across * nz))
         size = np.sqrt(tx * tx + ty * ty + tz * tz)
-        bound = tools.friction[tool] * pressure
+        bound = parameters.friction[tool] * pressure
         sticks = size <= bound
         held = was == TO_HOLD and not sticks and along > 0.0
         if held:
-            least = _STUCK * tools.friction[tool] * along
+            least = _STUCK * parameters.friction[tool] * along
             held = least > 0.0 and f[0] * f[0] + f[1] * f[1] + f[2] * f[2] - along * along < least * least
         scale = 1.0 if sticks or held else bound / size
         same_way = row[TRACTION] * tx + row[TRACTION + 1] * ty + row[TRACTION + 2] * tz > 0.0
@@ -150,7 +150,7 @@ def any_held(count, work):
 
 
 @njit(cache=True, error_model="numpy")
-def lets_go(tools, count, work):
+def lets_go(parameters, tools, count, work):
     """Whether most points that carried a force of a near tool when the step began are open, or slip though they stuck.
 
     The ground does not count: what is pushed over it and begins to slide shall slide.
@@ -164,7 +164,7 @@ def lets_go(tools, count, work):
         carried += 1
         if work.state[c] == SLIP:
             along = f[0] * row[NORMAL] + f[1] * row[NORMAL + 1] + f[2] * row[NORMAL + 2]
-            least = _STUCK * tools.friction[tool] * along
+            least = _STUCK * parameters.friction[tool] * along
             lost += least > 0.0 and square - along * along < least * least
         else:
             lost += work.state[c] == OPEN
@@ -172,7 +172,7 @@ def lets_go(tools, count, work):
 
 
 @njit(cache=True, error_model="numpy")
-def add_contact_forces(model, count, work, r):
+def add_contact_forces(model, parameters, count, work, r):
     """r <- r + p n + tau on the nodes of each touching point, in elimination order; r updated in place."""
     for c in range(count):
         if work.state[c] == OPEN:
@@ -185,14 +185,14 @@ def add_contact_forces(model, count, work, r):
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
             place = model.point_place[entry]
             if place >= 0:
-                weight = model.point_weight[entry]
+                weight = parameters.point_weight[entry]
                 r[3 * place] += weight * fx
                 r[3 * place + 1] += weight * fy
                 r[3 * place + 2] += weight * fz
 
 
 @njit(cache=True, error_model="numpy")
-def add_contact_tangents(model, tools, tree, count, ahead, work):
+def add_contact_tangents(model, parameters, tree, count, ahead, work):
     """Add eq. (2) for every touching candidate to work.values, updated in place; returns for how many.
 
     ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch;
@@ -214,8 +214,8 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
         stiffness = tangential = work.hold[c, 0]
         relaxed = 0.0
         if work.state[c] == SLIP:
-            tangential *= tools.friction[tool] * row[PRESSURE] / row[TRIAL]
-            traction = tools.friction[tool] * row[PRESSURE]
+            tangential *= parameters.friction[tool] * row[PRESSURE] / row[TRIAL]
+            traction = parameters.friction[tool] * row[PRESSURE]
             relaxed = tangential * row[RELAXED] / (traction * traction) if traction > 0.0 else 0.0
         for i in range(3):
             for j in range(3):
@@ -232,7 +232,7 @@ def add_contact_tangents(model, tools, tree, count, ahead, work):
             for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
                 rank_b = tree.cell_rank[cell, model.point_local[b]]
                 if rank_a <= rank_b < tree.cell_free[cell]:
-                    weight = model.point_weight[a] * model.point_weight[b]
+                    weight = parameters.point_weight[a] * parameters.point_weight[b]
                     add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
     return added
 

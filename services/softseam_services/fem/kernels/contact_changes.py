@@ -26,13 +26,13 @@ _TOLERANCE = 0.05
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def find_changes(tools, count, work):
+def find_changes(parameters, count, work):
     """work.change (c, 3, 3) <- what the factor lacks of the whole tangent of every candidate [N/m]."""
     for c in range(count):
         point, tool, row, change = work.pair[c, 0], work.pair[c, 1], work.contact[c], work.change[c]
         touches, slips = work.state[c] != OPEN, work.state[c] == SLIP
         stiffness = work.hold[c, 0] if touches else 0.0
-        friction = tools.friction[tool] if slips else 0.0
+        friction = parameters.friction[tool] if slips else 0.0
         bound = friction * row[PRESSURE]
         tangential = stiffness * bound / row[TRIAL] if slips else stiffness
         along = 1.0 / bound if bound > 0.0 else 0.0
@@ -47,7 +47,7 @@ def find_changes(tools, count, work):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def apply_changes(model, count, v, work, out):
+def apply_changes(model, parameters, count, v, work, out):
     """out (3 n_free,) <- C v in elimination order, of work.change."""
     for i in range(len(out)):
         out[i] = 0.0
@@ -55,7 +55,7 @@ def apply_changes(model, count, v, work, out):
         point, change = work.pair[c, 0], work.change[c]
         vx = vy = vz = 0.0
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            place, weight = 3 * model.point_place[entry], model.point_weight[entry]
+            place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
             if place >= 0:
                 vx += weight * v[place]
                 vy += weight * v[place + 1]
@@ -64,7 +64,7 @@ def apply_changes(model, count, v, work, out):
         fy = change[1, 0] * vx + change[1, 1] * vy + change[1, 2] * vz
         fz = change[2, 0] * vx + change[2, 1] * vy + change[2, 2] * vz
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            place, weight = 3 * model.point_place[entry], model.point_weight[entry]
+            place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
             if place >= 0:
                 out[place] += weight * fx
                 out[place + 1] += weight * fy
@@ -72,20 +72,20 @@ def apply_changes(model, count, v, work, out):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def solve_with_changes(model, tree, tools, count, work):
+def solve_with_changes(model, parameters, tree, count, work):
     """work.d (3 n_free,) <- the solution of eq. (1), or what comes nearest in work.basis; A^-1 r on entry.
 
     work.d_last, q and s of Anderson's method are lost.
     """
     basis, h, d, w = work.basis, work.hessenberg, work.d, work.d_last
     most, first = len(basis) - 1, np.sqrt(dot(d, d))
-    find_changes(tools, count, work)
+    find_changes(parameters, count, work)
     left = last = first
     n = 0
     for i in range(len(d)):
         basis[0, i] = d[i] / first
     while n < most and left > _TOLERANCE * first:
-        apply_changes(model, count, basis[n], work, w)
+        apply_changes(model, parameters, count, basis[n], work, w)
         solve(tree, work.values, w, work.factoring)
         add_scaled(w, 1.0, basis[n])
         for k in range(n + 1):

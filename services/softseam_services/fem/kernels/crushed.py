@@ -17,14 +17,14 @@ FIRST, LAST = 0.55, 0.45
 
 
 @njit(cache=True, error_model="numpy")
-def share_cells(x, model, work):
+def share_cells(x, model, parameters, work):
     """Set work.part, work.full (c,) and their count work.mixed by eq. (1) from x (n, 3), the start of a step."""
     if not model.crushable:
         return
     mean = np.empty((3, 3))
     work.mixed[0] = 0
     for cell in range(len(model.cell_nodes)):
-        gradient = model.mean_gradient[model.full.shape[cell]]
+        gradient = parameters.mean_gradient[parameters.full.shape[cell]]
         centre = model.cell_nodes[cell, 13]
         mean[:] = 0.0
         for a in range(27):

@@ -11,54 +11,54 @@ from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")
-def subtract_forces(x, model, work, r):
+def subtract_forces(x, model, parameters, work, r):
     """r <- r - f(x) in elimination order; returns the least J and the cell where it occurs.
 
     x (n, 3), r (3 n_free,) updated in place; scratch arrays of work are overwritten
     """
     if model.general:
-        least, worst = points.subtract_forces(x, model, model.rule, work.part, work, r)
+        least, worst = points.subtract_forces(x, model, parameters.rule, work.part, work, r)
     else:
-        least, worst = cells.subtract_forces(x, model, work, r)
+        least, worst = cells.subtract_forces(x, model, parameters, work, r)
         if work.watches[0] > 0:
-            point_volumes.subtract_forces(x, model, work, r)
+            point_volumes.subtract_forces(x, model, parameters, work, r)
     if work.mixed[0] > 0:
-        points.subtract_forces(x, model, model.full, work.full, work, r)
+        points.subtract_forces(x, model, parameters.full, work.full, work, r)
     return least, worst
 
 
 @njit(cache=True, error_model="numpy")
-def add_cell_tangents(x, model, tree, work, safe):
+def add_cell_tangents(x, model, parameters, tree, work, safe):
     """Add K at x, every cell into its front of work.values (lower triangle), in place; safe: semi-definite."""
     if model.general:
-        point_tangents.add_cell_tangents(x, model, model.rule, work.part, tree, work, safe)
+        point_tangents.add_cell_tangents(x, model, parameters.rule, work.part, tree, work, safe)
     else:
-        cells.add_cell_tangents(x, model, tree, work, safe)
+        cells.add_cell_tangents(x, model, parameters, tree, work, safe)
         if work.watches[0] > 0 and not safe:
-            point_volumes.add_cell_tangents(x, model, tree, work)
+            point_volumes.add_cell_tangents(x, model, parameters, tree, work)
     if work.mixed[0] > 0:
-        point_tangents.add_cell_tangents(x, model, model.full, work.full, tree, work, safe)
+        point_tangents.add_cell_tangents(x, model, parameters.full, work.full, tree, work, safe)
 
 
 @njit(cache=True, error_model="numpy")
-def strain_energy(x, model, work):
+def strain_energy(x, model, parameters, work):
     """Energy [J] whose gradient is f; work.energy (c,) <- what each cell has of it."""
     work.energy[:] = 0.0
     if model.general:
-        energy = points.strain_energy(x, model, model.rule, work.part, work)
+        energy = points.strain_energy(x, model, parameters.rule, work.part, work)
     else:
-        energy = cells.strain_energy(x, model, work)
+        energy = cells.strain_energy(x, model, parameters, work)
         if point_volumes.loses_volume(model):
-            energy += point_volumes.strain_energy(x, model, work)
+            energy += point_volumes.strain_energy(x, model, parameters, work)
     if work.mixed[0] > 0:
-        energy += points.strain_energy(x, model, model.full, work.full, work)
+        energy += points.strain_energy(x, model, parameters.full, work.full, work)
     return energy
 
 
 @njit(cache=True, error_model="numpy")
-def cauchy_stress(x, model, work, out):
+def cauchy_stress(x, model, parameters, work, out):
     """Cauchy stress xx yy zz yz xz xy of the octants, out (c, 8, 6) [Pa] updated in place; zero in an empty one."""
     if model.general:
-        points.cauchy_stress(x, model, model.rule, work, out)
+        points.cauchy_stress(x, model, parameters.rule, work, out)
     else:
-        cells.cauchy_stress(x, model, work, out)
+        cells.cauchy_stress(x, model, parameters, work, out)

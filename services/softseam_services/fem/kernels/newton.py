@@ -37,7 +37,7 @@ from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
-# entries of `memo`, what is known of the factor in work.values
+# entries of work.memo, what is known of the factor in work.values
 FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, FACTOR_KEEPS, N_CANDIDATES = (
     0, 1, 2, 3, 4, 5, 6, 7,
 )  # fmt: skip
@@ -98,13 +98,13 @@ def _inside(x, x0, share, work):
 
 
 @njit(cache=True, error_model="numpy")
-def residual(x, x0, model, tools, count, inertia, share, work, memo):
+def residual(x, x0, model, parameters, tools, count, inertia, share, work):
     """Eq. (1) into work.r (3 n_free,), elimination order; returns how many contacts the factor lacks."""
     r = work.r
-    for node in range(len(model.mass)):
+    for node in range(len(model.order)):
         place = model.order[node]
         if place >= 0:
-            mass = model.mass[node] * inertia
+            mass = parameters.mass[node] * inertia
             for i in range(3):
                 r[3 * place + i] = work.force[node, i] - mass * (x[node, i] - work.x_hat[node, i])
     if work.seam_coupled[0]:
@@ -113,11 +113,11 @@ def residual(x, x0, model, tools, count, inertia, share, work, memo):
             for i in range(3):
                 r[3 * model.order[model.seam[s]] + i] += work.seam_actual[s, i]
     inside = _inside(x, x0, share, work)
-    memo[LEAST_J], memo[WORST_CELL] = subtract_forces(inside, model, work, r)
+    work.memo[LEAST_J], work.memo[WORST_CELL] = subtract_forces(inside, model, parameters, work, r)
     if work.viscous[0] > 0.0:
-        subtract_viscous(inside, x0, model, work, r)
-    missing = evaluate_contacts(x, model, tools, count, work)
-    add_contact_forces(model, count, work, r)
+        subtract_viscous(inside, x0, model, parameters, work, r)
+    missing = evaluate_contacts(x, model, parameters, tools, count, work)
+    add_contact_forces(model, parameters, count, work, r)
     for h in range(len(model.rollers)):
         place = model.order[model.rollers[h, 0]]
         if place >= 0:
@@ -126,35 +126,35 @@ def residual(x, x0, model, tools, count, inertia, share, work, memo):
 
 
 @njit(cache=True, error_model="numpy")
-def refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep, work, memo):
+def refactor(x, x0, model, parameters, tree, tools, count, inertia, share, safe, ahead, keep, work):
     """Assemble and factor inertia M + share K at x; residual(x) came before. Returns True where that succeeded.
 
     Points closer to a tool than `ahead` [m] count as touching, and with `keep` those of the last factor. Where the
     matrix is indefinite, or `safe` is set, cells use their positive semi-definite tangents.
     """
-    memo[FACTORED] = 0.0
+    work.memo[FACTORED] = 0.0
     if not keep:
         work.factored_state[:] = OPEN
     inside = _inside(x, x0, share, work)
     for attempt in range(1 if safe else 0, 2):
         for i in range(len(work.values)):
             work.values[i] = 0.0
-        add_diagonal(tree, work.values, model.mass, inertia / share)
-        add_cell_tangents(inside, model, tree, work, attempt == 1)
+        add_diagonal(tree, work.values, parameters.mass, inertia / share)
+        add_cell_tangents(inside, model, parameters, tree, work, attempt == 1)
         if work.viscous[0] > 0.0:
-            add_viscous_tangents(inside, x0, model, tree, work, attempt == 1)
+            add_viscous_tangents(inside, x0, model, parameters, tree, work, attempt == 1)
         if share != 1.0:
             for i in range(len(work.values)):
                 work.values[i] *= share
-        memo[FACTOR_TOUCHES] = add_contact_tangents(model, tools, tree, count, ahead, work)
+        work.memo[FACTOR_TOUCHES] = add_contact_tangents(model, parameters, tree, count, ahead, work)
         if work.seam_coupled[0]:
             add_seam_stiffness(tree, work.values, work.seam_stiffness)
         hold(tree, work.values, model.rollers)
-        memo[N_FACTORS] += 1.0
+        work.memo[N_FACTORS] += 1.0
         if factor(tree, work.values, work.factoring) == 0:
-            memo[FACTORED] = 1.0
-            memo[FACTOR_INERTIA] = inertia
-            memo[FACTOR_KEEPS] = keep
+            work.memo[FACTORED] = 1.0
+            work.memo[FACTOR_INERTIA] = inertia
+            work.memo[FACTOR_KEEPS] = keep
             return True
     return False
 
@@ -224,8 +224,8 @@ def _is_worth(largest, before, enough, exact):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, flies, work, memo):
-    """Iterate x (n, 3) in place until no coordinate moves by `tolerance` [m]; returns status and iterations.
+def newton(x, x0, model, parameters, tree, tools, count, inertia, share, settings, flies, work):
+    """Iterate x (n, 3) in place until no coordinate moves by settings.tolerance [m]; returns status and iterations.
 
     The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
     tool stopped or turned. So is one that merely `flies` on where it loses its contacts (`lets_go`). From x0, points
@@ -235,19 +235,20 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
     careful: a new, positive semi-definite matrix every time, short steps, and a line search along each, until contacts
     are settled.
     """
+    tolerance, most, careful = settings.tolerance, settings.most, settings.careful
     known, since, first, largest, moved = -1, 0, 0.0, np.inf, np.inf
     slope, left = -1.0, False
     plain, exact, renewed = np.inf, False, 0
     trusted = _TROUBLE
     length, part, settled = np.inf, 1.0, False
     guessed = farthest(x0, x)
-    limit = (_CAREFUL_LIMIT if careful else _LIMIT) * model.edge
-    closer = -np.inf if careful else _AHEAD * model.edge
-    if guessed < _FAR * model.edge and not careful:
+    limit = (_CAREFUL_LIMIT if careful else _LIMIT) * parameters.edge
+    closer = -np.inf if careful else _AHEAD * parameters.edge
+    if guessed < _FAR * parameters.edge and not careful:
         hold_what_stuck(count, work)
     for iteration in range(1, most + 1):
-        missing = residual(x, x0, model, tools, count, inertia, share, work, memo)
-        if flies and guessed > _FAR * model.edge and not careful and lets_go(tools, count, work):
+        missing = residual(x, x0, model, parameters, tools, count, inertia, share, work)
+        if flies and guessed > _FAR * parameters.edge and not careful and lets_go(parameters, tools, count, work):
             guessed = _back_to(x0, x, count, work)
             continue
         if careful and slope > 0.0:
@@ -259,11 +260,11 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 continue
         # the contact penalty makes an error of position one of force, which a light and stiff body feels
         firm = firm_way(count, work)
-        enough = min(tolerance, max(_FIRM * firm, _FINEST * model.edge))
+        enough = min(tolerance, max(_FIRM * firm, _FINEST * parameters.edge))
         before, long, was_exact, exact, whole, astray = plain, length, exact, False, False, False
         was_settled, settled = settled, work.turned[0] == 0
         ready = settled and iteration >= trusted and firm < np.inf
-        renew = left or memo[FACTORED] == 0.0 or memo[FACTOR_INERTIA] != inertia
+        renew = left or work.memo[FACTORED] == 0.0 or work.memo[FACTOR_INERTIA] != inertia
         renew = renew or (not was_exact and (careful or missing > 0))
         largest = 0.0
         for attempt in range(2):
@@ -272,7 +273,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
                 ahead, often = -np.inf if left else closer, not careful and renewed > _OFTEN
                 keep = missing > 0 and not left and often
                 renewed += missing > 0
-                if not refactor(x, x0, model, tree, tools, count, inertia, share, safe, ahead, keep, work, memo):
+                if not refactor(x, x0, model, parameters, tree, tools, count, inertia, share, safe, ahead, keep, work):
                     return INDEFINITE, iteration
                 since = 0
             for i in range(len(work.r)):
@@ -286,10 +287,10 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             slow = _too_slow(largest, first, enough, since)
             exact = ready and _is_worth(plain, before, enough, was_exact)
             # what a factor has of contacts that are open makes corrections small before forces are
-            doubtful = work.gone[0] > 0 and (memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
+            doubtful = work.gone[0] > 0 and (work.memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
             whole = exact or (not careful and doubtful and plain <= enough)
             if whole:
-                solve_with_changes(model, tree, tools, count, work)
+                solve_with_changes(model, parameters, tree, count, work)
                 largest = _largest(work.d)
             if was_exact:
                 slow = missing > 0 or (part == 1.0 and was_settled and settled and plain > _STALE * before)
@@ -308,7 +309,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
         part = 1.0
         if not np.isfinite(largest):
             return NOT_FINITE, iteration
-        if guessed > _FAR * model.edge and not careful and largest > 0.5 * guessed:
+        if guessed > _FAR * parameters.edge and not careful and largest > 0.5 * guessed:
             guessed = _back_to(x0, x, count, work)
             continue
         guessed = 0.0
@@ -328,7 +329,7 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
             continue
         # one correction says nothing of how fast they shrink, so that one alone must be much smaller
         if largest <= (enough if since > 1 else _FIRST * enough) and moved <= enough:
-            left = memo[FACTOR_TOUCHES] > 0.0 and firm == np.inf
+            left = work.memo[FACTOR_TOUCHES] > 0.0 and firm == np.inf
             if not left:
                 return CONVERGED, iteration
     # points that open and close by turns may keep it from what contacts ask for: the tolerance itself is met
@@ -337,19 +338,20 @@ def newton(x, x0, model, tree, tools, count, inertia, share, tolerance, most, ca
 
 
 @njit(cache=True, error_model="numpy")
-def seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree, tools, work, memo, inverse):
-    """d(seam_x)/d(seam_force) at the end x of a step from x0, v0, contact0, contacts included.
+def seam_compliance(scheme, model, parameters, tree, now, x, inputs, work, inverse):
+    """d(seam_x)/d(seam_force) at the end x of a step from `now`, contacts included.
 
     inverse (3s, 3s) [m/N] updated in place; returns whether the matrix could be factored.
     """
-    inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
-    resist(scheme, dt, share, x0, model, work)
-    count = find_candidates(x0, model, tools, contact0, model.edge, inertia, 1.0, work)
-    residual(x, x0, model, tools, count, inertia, share, work, memo)
+    x0, tools = now.x, inputs.tools
+    inertia, share = begin(scheme, inputs.dt, inputs.past, x0, now.v, now.history, work.x_hat)
+    resist(scheme, inputs.dt, share, x0, model, parameters, work)
+    count = find_candidates(x0, model, parameters, tools, now.contact, parameters.edge, inertia, 1.0, work)
+    residual(x, x0, model, parameters, tools, count, inertia, share, work)
     for c in range(count):
         # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)
         work.contact[c, RELAXED] = 1.0
-    good = refactor(x, x0, model, tree, tools, count, inertia, share, False, -np.inf, False, work, memo)
+    good = refactor(x, x0, model, parameters, tree, tools, count, inertia, share, False, -np.inf, False, work)
     if good:
         seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
     return good

@@ -2,7 +2,7 @@
 
 Split quadrature has mu/2 I1 at 27 points and -mu ln J, which balances it at rest, at 8. Where a tool's edge presses, a
 corner of a cell can shrink to nothing that these 8 do not see: its stiffness then is negative. With e(J) = -ln J, the 8
-points k, the 27 points q of `FemModel.full`, and N_k the trilinear function that is 1 at k and 0 at the others,
+points k, the 27 points q of `FemParameters.full`, and N_k the trilinear function that is 1 at k and 0 at the others,
   d_q = e(J_q) - sum_k N_k(q) e(J_k),   U = sum_q w_q mu_q phi(d_q)                                               (1)
   phi' = 0 up to FIRST, 1 from LAST on, r^2 (3 - 2 r) with r = (d - FIRST)/(LAST - FIRST) between
 Where phi' = 1, what U adds at the 27 points it takes away at the 8, as sum_q w_q N_k(q) = w_k in a box of one material.
@@ -43,12 +43,12 @@ _BEYOND = float(np.abs(np.minimum(INTERPOLATION[0], 0.0)).sum())
 
 
 @njit(cache=True, error_model="numpy")
-def watch_cells(least, x, model, work):
+def watch_cells(least, x, model, parameters, work):
     """Set work.watched (c,) where some d exceeds this at x (n, 3), and add to its count work.watches; returns how many
     cells there are more. work.xe and work.F are scratch; places that were looked at last are not looked at again."""
     if not _is_known(x, work):
-        deformation(x, model, work)
-        _look(x, model, work)
+        deformation(x, model, parameters, work)
+        _look(x, model, parameters, work)
     before = work.watches[0]
     for cell in range(len(model.cell_nodes)):
         if model.whole[cell] and not work.watched[cell] and work.excess[cell] > least:
@@ -68,20 +68,20 @@ def _is_known(x, work):
 
 
 @njit(cache=True, error_model="numpy")
-def _look(x, model, work):
+def _look(x, model, parameters, work):
     """work.excess (c,) <- the largest d of each cell at x (n, 3), WATCHED where it is no more than that; from work.F as
     cells.py leaves it."""
     F, J, e, d, _, _ = _scratch()
     for cell in range(len(model.cell_nodes)):
         found = WATCHED
-        if model.whole[cell] and _exceeds(WATCHED, x, model, work, cell, F, J, e, d):
+        if model.whole[cell] and _exceeds(WATCHED, x, model, parameters, work, cell, F, J, e, d):
             found = d.max()
         work.excess[cell] = found
     work.excess_at[:] = x
 
 
 @njit(cache=True, error_model="numpy")
-def _exceeds(excess, x, model, work, cell, F, J, e, d):
+def _exceeds(excess, x, model, parameters, work, cell, F, J, e, d):
     """Whether some d of eq. (1) exceeds this; in place F (44, 3, 3), transposed deformation gradients and scratch,
     J (35,), and if so e (35, 3) with its slope and curvature, d (27,); from x (n, 3) and work.F."""
     centre, places = model.cell_nodes[cell, 13], F[N_POINTS:].reshape(-1)
@@ -89,7 +89,7 @@ def _exceeds(excess, x, model, work, cell, F, J, e, d):
         node = model.cell_nodes[cell, a]
         for i in range(3):
             places[3 * a + i] = x[node, i] - x[centre, i]
-    gradient = model.full.gradient[model.full.shape[cell], 0].reshape(-1)
+    gradient = parameters.full.gradient[parameters.full.shape[cell], 0].reshape(-1)
     product(3, 3 * N_FULL, 27, 1, places, 0, 3, gradient, 0, 27, False, False, F.reshape(-1), 0, 3, work.ints)
     for k in range(N_SPLIT):
         for i in range(3):
@@ -146,13 +146,13 @@ def _phi(d):
 
 
 @njit(cache=True, error_model="numpy")
-def _pulls(model, cell, part, d, c, curvature):
+def _pulls(model, parameters, cell, part, d, c, curvature):
     """c (35,) and w mu phi'' (27,) of eq. (2), times part, in place; returns U."""
     c[N_FULL:] = 0.0
     energy = 0.0
     for q in range(N_FULL):
         density, slope, bend = _phi(d[q])
-        weight = part * model.full.weight[cell, q] * model.full.moduli[model.full.blend[cell], q, 0]
+        weight = part * parameters.full.weight[cell, q] * parameters.full.moduli[parameters.full.blend[cell], q, 0]
         c[q], curvature[q] = weight * slope, weight * bend
         energy += weight * density
         if slope > 0.0:
@@ -162,7 +162,7 @@ def _pulls(model, cell, part, d, c, curvature):
 
 
 @njit(cache=True, error_model="numpy")
-def _volume_gradient(F, model, cell, p, n, nodes, h):
+def _volume_gradient(F, model, parameters, cell, p, n, nodes, h):
     """h[i, b] of eq. (2) at point p for the first n of the nodes, in place; F (3, 3): the transpose there."""
     f00, f10, f20 = F[0, 0], F[0, 1], F[0, 2]
     f01, f11, f21 = F[1, 0], F[1, 1], F[1, 2]
@@ -170,8 +170,8 @@ def _volume_gradient(F, model, cell, p, n, nodes, h):
     h00, h01, h02 = f11 * f22 - f12 * f21, f12 * f20 - f10 * f22, f10 * f21 - f11 * f20
     h10, h11, h12 = f02 * f21 - f01 * f22, f00 * f22 - f02 * f20, f01 * f20 - f00 * f21
     h20, h21, h22 = f01 * f12 - f02 * f11, f02 * f10 - f00 * f12, f00 * f11 - f01 * f10
-    split = model.gradient if model.cut[cell] < 0 else model.cut_gradient[model.cut[cell]]
-    G, at = model.full.gradient[model.full.shape[cell], 0], 3 * (p - N_FULL)
+    split = parameters.gradient if model.cut[cell] < 0 else parameters.cut_gradient[model.cut[cell]]
+    G, at = parameters.full.gradient[parameters.full.shape[cell], 0], 3 * (p - N_FULL)
     for b in range(n):
         a = nodes[b]
         if p < N_FULL:
@@ -184,19 +184,19 @@ def _volume_gradient(F, model, cell, p, n, nodes, h):
 
 
 @njit(cache=True, error_model="numpy")
-def subtract_forces(x, model, work, r):
+def subtract_forces(x, model, parameters, work, r):
     """r <- r - f of eq. (2), in elimination order, from work.F as cells.py leaves it."""
     F, J, e, d, c, curvature = _scratch()
     h, f, nodes = np.empty((3, 27)), np.empty((3, 27)), np.arange(27)
     for cell in range(len(model.cell_nodes)):
-        if not (work.watched[cell] and _exceeds(FIRST, x, model, work, cell, F, J, e, d)):
+        if not (work.watched[cell] and _exceeds(FIRST, x, model, parameters, work, cell, F, J, e, d)):
             continue
-        _pulls(model, cell, work.part[cell], d, c, curvature)
+        _pulls(model, parameters, cell, work.part[cell], d, c, curvature)
         f[:] = 0.0
         for p in range(N_POINTS):
             s = c[p] * e[p, 1]
             if s != 0.0:
-                _volume_gradient(F[p], model, cell, p, 27, nodes, h)
+                _volume_gradient(F[p], model, parameters, cell, p, 27, nodes, h)
                 for i in range(3):
                     for a in range(27):
                         f[i, a] += s * h[i, a]
@@ -208,16 +208,16 @@ def subtract_forces(x, model, work, r):
 
 
 @njit(cache=True, error_model="numpy")
-def add_cell_tangents(x, model, tree, work):
+def add_cell_tangents(x, model, parameters, tree, work):
     """Add K of eq. (2) to the fronts in work.values, updated in place, from work.F as cells.py leaves it; nodes of a
     cell in elimination order. work.row is overwritten."""
     F, J, e, d, c, curvature = _scratch()
     A, B, row = np.empty(N_POINTS), np.empty(N_POINTS), work.row
     h, g = np.zeros((N_POINTS, 3, LANES)), np.zeros((N_FULL, 3, LANES))
     for cell in range(len(model.cell_nodes)):
-        if not (work.watched[cell] and _exceeds(FIRST, x, model, work, cell, F, J, e, d)):
+        if not (work.watched[cell] and _exceeds(FIRST, x, model, parameters, work, cell, F, J, e, d)):
             continue
-        _pulls(model, cell, work.part[cell], d, c, curvature)
+        _pulls(model, parameters, cell, work.part[cell], d, c, curvature)
         n_free, local = tree.cell_free[cell], tree.cell_local[cell]
         for p in range(N_POINTS):
             divisor = J[p] if abs(J[p]) > 1e-3 else (1e-3 if J[p] >= 0.0 else -1e-3)
@@ -225,7 +225,7 @@ def add_cell_tangents(x, model, tree, work):
             if J[p] >= J_MIN:
                 A[p] = 0.0  # but for rounding
             if c[p] != 0.0 or p >= N_FULL:
-                _volume_gradient(F[p], model, cell, p, n_free, local, h[p])
+                _volume_gradient(F[p], model, parameters, cell, p, n_free, local, h[p])
         for q in range(N_FULL):
             if curvature[q] > 0.0:
                 _gradient_of_excess(q, e, h, g[q])
@@ -279,7 +279,7 @@ def _add_outer(a, factor, h, crossed, row):
 
 
 @njit(cache=True, error_model="numpy")
-def strain_energy(x, model, work):
+def strain_energy(x, model, parameters, work):
     """U of eq. (1) of all cells, counted or not [J], from work.F as cells.py leaves it; work.energy (c,) += each
     cell's."""
     F, J, e, d, c, curvature = _scratch()
@@ -287,8 +287,8 @@ def strain_energy(x, model, work):
     for cell in range(len(model.cell_nodes)):
         if not model.whole[cell] or (known and not work.excess[cell] > FIRST):
             continue
-        if _exceeds(FIRST, x, model, work, cell, F, J, e, d):
-            own = _pulls(model, cell, work.part[cell], d, c, curvature)
+        if _exceeds(FIRST, x, model, parameters, work, cell, F, J, e, d):
+            own = _pulls(model, parameters, cell, work.part[cell], d, c, curvature)
             work.energy[cell] += own
             total += own
     return total

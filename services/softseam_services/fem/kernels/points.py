@@ -3,7 +3,7 @@
   U = sum_q w_q psi(F_q) + fill mu/2 sum_ab S_ab x_a . x_b,   F_q = sum_a x_a (x) grad N_a                        (1)
   f_ia = sum_q w_q P_ij dN_a,j + fill mu sum_b S_ab x_ib                                                          (2)
 psi at F_bar where a group of points has one volume ratio (kernels/mean_volume.py). A cell counts with its `part`, which
-is 1 unless two elements share the cell. `rule` is a `model.Rule`.
+is 1 unless two elements share the cell. `rule` is a `fem.rule.Rule`.
 """
 
 from __future__ import annotations

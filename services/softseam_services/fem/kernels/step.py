@@ -53,8 +53,9 @@ _SAME = 1e-9
 
 
 @njit(cache=True, error_model="numpy")
-def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, out):
-    """Forces, slip and anchors of the candidates into contact (p, t, 9); wrenches, work and counts into the rest."""
+def _record_contacts(now, end, count, model, parameters, tools, work, result):
+    """Forces, slip and anchors of the candidates into the state's end; wrenches, work and counts into the result."""
+    x, contact0, contact, wrench, out = end.x, now.contact, end.contact, result.wrench, result.out
     contact[:] = 0.0
     wrench[:] = 0.0
     out[PENETRATION] = out[SLIPPED] = out[N_CONTACTS] = out[TOOL_WORK] = 0.0
@@ -77,7 +78,7 @@ def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, ou
             slipped += contact[point, tool, 3 + i] ** 2
         if tools.near[tool]:
             out[SLIPPED] = max(out[SLIPPED], np.sqrt(slipped))
-        point_position(x, model, point, arm)
+        point_position(x, model, parameters, point, arm)
         next_anchor(c, arm, work, contact[point, tool, ANCHOR:])
         fx, fy, fz = contact[point, tool, 0], contact[point, tool, 1], contact[point, tool, 2]
         out[TOOL_WORK] += (
@@ -94,17 +95,18 @@ def _record_contacts(x, count, contact0, model, tools, work, contact, wrench, ou
 
 
 @njit(cache=True, error_model="numpy")
-def _follow_contacts(x0, x, count, model, tools, work, wrench, out):
-    """The step was moved on by work.d: wrenches (t, 6) and the tools' work follow as the factor has contacts, in place.
+def _follow_contacts(x0, x, count, model, parameters, tools, work, result):
+    """The step was moved on by work.d: wrenches and the tools' work follow as the factor has contacts, in place.
 
     With K the stiffness that the factor holds at a point, its force changes by -K d, so that the momentum of the moved
     step balances exactly. Contact itself, in the state, stays as it was solved.
     """
     place, moved = np.empty(3), np.empty(3)
+    wrench, out = result.wrench, result.out
     for c in range(count):
         if work.state[c] != OPEN:
             row = work.contact[c]
-            _moved_by(work.d, model, work.pair[c, 0], moved)
+            _moved_by(work.d, model, parameters, work.pair[c, 0], moved)
             for i in range(3):
                 out[TOOL_WORK] += (row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]) * moved[i]
     for point in range(len(model.point_face)):
@@ -112,12 +114,12 @@ def _follow_contacts(x0, x, count, model, tools, work, wrench, out):
             if work.factored_state[point, tool] == OPEN:
                 continue
             stiffness = work.factored[point, tool]
-            _moved_by(work.d, model, point, moved)
+            _moved_by(work.d, model, parameters, point, moved)
             fx = -(stiffness[0, 0] * moved[0] + stiffness[0, 1] * moved[1] + stiffness[0, 2] * moved[2])
             fy = -(stiffness[1, 0] * moved[0] + stiffness[1, 1] * moved[1] + stiffness[1, 2] * moved[2])
             fz = -(stiffness[2, 0] * moved[0] + stiffness[2, 1] * moved[1] + stiffness[2, 2] * moved[2])
-            point_position(x0, model, point, moved)
-            point_position(x, model, point, place)
+            point_position(x0, model, parameters, point, moved)
+            point_position(x, model, parameters, point, place)
             out[TOOL_WORK] += fx * (place[0] - moved[0]) + fy * (place[1] - moved[1]) + fz * (place[2] - moved[2])
             for i in range(3):
                 place[i] -= tools.position_next[tool, i]
@@ -130,35 +132,35 @@ def _follow_contacts(x0, x, count, model, tools, work, wrench, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _moved_by(step, model, point, moved):
+def _moved_by(step, model, parameters, point, moved):
     """moved (3,) <- what a surface point moves by where nodes move by `step`, in the order of the factor."""
     moved[0] = moved[1] = moved[2] = 0.0
     for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
         place = 3 * model.order[model.point_node[entry]]
         if place >= 0:
             for i in range(3):
-                moved[i] += model.point_weight[entry] * step[place + i]
+                moved[i] += parameters.point_weight[entry] * step[place + i]
 
 
 @njit(cache=True, error_model="numpy")
-def _summarise(x0, x, v, seam_force, pulled, model, work, out):
+def _summarise(x0, x, v, seam_force, pulled, model, parameters, work, out):
     """Energies, momenta, bounds and the seam's work into `out`; pulled: what lies beyond the seam pulls on it, too."""
     kinetic = gravity = 0.0
     for i in range(3):
         out[MOMENTUM + i] = out[ANGULAR + i] = 0.0
         out[LOWEST + i], out[HIGHEST + i] = np.inf, -np.inf
-    for node in range(len(model.mass)):
-        mass = model.mass[node]
+    for node in range(len(model.order)):
+        mass = parameters.mass[node]
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
             kinetic += 0.5 * mass * v[node, i] * v[node, i]
-            gravity -= mass * model.acceleration[i] * (x[node, i] - model.x_rest[node, i])
+            gravity -= mass * parameters.acceleration[i] * (x[node, i] - parameters.x_rest[node, i])
             out[MOMENTUM + i] += mass * v[node, i]
             out[ANGULAR + i] += mass * (x[node, j] * v[node, k] - x[node, k] * v[node, j])
             out[LOWEST + i] = min(out[LOWEST + i], x[node, i])
             out[HIGHEST + i] = max(out[HIGHEST + i], x[node, i])
     out[KINETIC], out[GRAVITY] = kinetic, gravity
-    out[STRAIN] = strain_energy(x, model, work)
+    out[STRAIN] = strain_energy(x, model, parameters, work)
     out[SEAM_WORK] = 0.0
     if pulled:
         seam_pull(x, model, work)
@@ -172,15 +174,16 @@ def _summarise(x0, x, v, seam_force, pulled, model, work, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _report(x0, x, v, seam_force, pulled, model, tools, work, out, seam_x, distance):
-    """What the reply reports of the end x, v of a step but contact, in place."""
-    _summarise(x0, x, v, seam_force, pulled, model, work, out)
+def _report(now, end, inputs, pulled, model, parameters, work, result):
+    """What the reply reports of the end of a step but contact, in place."""
+    x, tools = end.x, inputs.tools
+    _summarise(now.x, x, end.v, inputs.seam_force, pulled, model, parameters, work, result.out)
     for s in range(len(model.seam)):
         for i in range(3):
-            seam_x[s, i] = x[model.seam[s], i]
+            result.seam_x[s, i] = x[model.seam[s], i]
     cell_distances(
         x, model.cell_nodes, tools.kind, tools.shape, tools.position_next, tools.orientation_next, tools.near,
-        work.node_gap, distance,
+        work.node_gap, result.distance,
     )  # fmt: skip
 
 
@@ -195,11 +198,12 @@ def _flies_on(x, x0, v0, dt, edge):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, tools, tolerance, most, careful,
-              work, memo, x, v, history_next):  # fmt: skip
+def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
     """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""
+    dt, past, tools, tree = inputs.dt, inputs.past, inputs.tools, model.tree
+    x0, v0, history, x = now.x, now.v, now.history, end.x
     inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
-    resist(scheme, dt, share, x0, model, work)
+    resist(scheme, dt, share, x0, model, parameters, work)
     fastest = 0.0
     for node in range(len(x0)):
         for i in range(3):
@@ -207,16 +211,14 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
     travel = tool_travel(
         tools.reach, tools.position, tools.orientation, tools.position_next, tools.orientation_next, x0
     )
-    reach = 0.25 * model.edge + travel + 2.0 * dt * fastest
+    reach = 0.25 * parameters.edge + travel + 2.0 * dt * fastest
     total = augmentations = count = 0
-    search, flies = True, _flies_on(x, x0, v0, dt, model.edge)
+    search, flies = True, _flies_on(x, x0, v0, dt, parameters.edge)
     while True:
         if search:
-            count = find_candidates(x0, model, tools, contact0, reach, inertia, pace, work)
+            count = find_candidates(x0, model, parameters, tools, now.contact, reach, inertia, inputs.pace, work)
             search = False
-        status, iterations = newton(
-            x, x0, model, tree, tools, count, inertia, share, tolerance, most, careful, flies, work, memo
-        )
+        status, iterations = newton(x, x0, model, parameters, tree, tools, count, inertia, share, settings, flies, work)
         flies = False  # from here on, x is a solution of something
         total += iterations
         if status != CONVERGED:
@@ -227,10 +229,10 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
             reach = 2.0 * way
             search = True
             continue
-        if loses_volume(model) and watch_cells(FIRST, x, model, work) > 0:
+        if loses_volume(model) and watch_cells(FIRST, x, model, parameters, work) > 0:
             # cells that were left out got to where they count
             continue
-        evaluate_contacts(x, model, tools, count, work)
+        evaluate_contacts(x, model, parameters, tools, count, work)
         deepest = 0.0
         for c in range(count):
             if work.hold[c, 1] == 1.0:
@@ -239,58 +241,53 @@ def _implicit(scheme, x0, v0, past, history, contact0, dt, pace, model, tree, to
             break
         augmentations += 1
         augment(count, work)
-    finish(scheme, dt, past, x0, v0, history, x, v, history_next)
+    finish(scheme, dt, past, x0, v0, history, x, end.v, end.history)
     return CONVERGED, total, count
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance(scheme, x0, v0, past, history, contact0, dt, pace, seam_force, model, tree, tools, tolerance, most, careful,
-            work, memo, x, v, history_next, contact, wrench, out, seam_x, distance, task, push, inverse):  # fmt: skip
-    """One step from x0, v0, history, contact0 over dt; returns a status of `newton`.
+def advance(scheme, model, parameters, now, end, inputs, settings, work, result, task):
+    """One step from `now` into `end`, whose x is the first guess; returns a status of `newton`.
 
-    task: STEP; or DERIVE, in its place its `seam_compliance` at the end x, into inverse (3s, 3s) [m/N]; or CORRECT,
-    move the step that was taken last on by its linear answer to a push (s, 3) [N], seam_force being what acts then.
+    task: STEP; or DERIVE, in its place its `seam_compliance` at the end, into result.compliance; or CORRECT, move the
+    step that was taken last on by its linear answer to inputs.push, inputs.seam_force being what acts then.
     Kernels of their own would be compiled from the same hundred and forty functions once more.
 
-    pace: share of a penetration and of an offset at the start that the step takes out, 1 but for parts of a step; see
-    kernels/contact.py
-    x (n, 3) is the first guess, and the result in place; the arrays after it are results, valid where the status is
-    CONVERGED. out[N_ITERATIONS] and `memo` are valid always.
+    end and result are valid where the status is CONVERGED; result.out[N_ITERATIONS] and work.memo always.
     """
     if task == DERIVE:
-        good = seam_compliance(scheme, x0, v0, past, history, contact0, dt, x, model, tree, tools, work, memo, inverse)
+        inverse = result.compliance
+        good = seam_compliance(scheme, model, parameters, model.tree, now, end.x, inputs, work, inverse)
         return CONVERGED if good else INDEFINITE
     if task == CORRECT:
-        move_on(model, tree, work, push, dt, x, v)
-        count = int(memo[N_CANDIDATES])
-        _follow_contacts(x0, x, count, model, tools, work, wrench, out)
-        _report(x0, x, v, seam_force, False, model, tools, work, out, seam_x, distance)
+        move_on(model, model.tree, work, inputs.push, inputs.dt, end.x, end.v)
+        _follow_contacts(now.x, end.x, int(work.memo[N_CANDIDATES]), model, parameters, inputs.tools, work, result)
+        _report(now, end, inputs, False, model, parameters, work, result)
         return CONVERGED
-    load = past if scheme.kind == STATIC else 1.0
+    x0 = now.x
+    load = inputs.past if scheme.kind == STATIC else 1.0
     for node in range(len(x0)):
         for i in range(3):
-            work.force[node, i] = load * model.mass[node] * model.acceleration[i]
+            work.force[node, i] = load * parameters.mass[node] * parameters.acceleration[i]
     for s in range(len(model.seam)):
         for i in range(3):
-            work.force[model.seam[s], i] += seam_force[s, i]
-    share_cells(x0, model, work)
+            work.force[model.seam[s], i] += inputs.seam_force[s, i]
+    share_cells(x0, model, parameters, work)
     work.watched[:] = False
     work.watches[0] = 0
     if loses_volume(model):
         # a march does not look again
-        watch_cells(-np.inf if scheme.kind == SYMPLECTIC_EULER else WATCHED, x0, model, work)
+        watch_cells(-np.inf if scheme.kind == SYMPLECTIC_EULER else WATCHED, x0, model, parameters, work)
     count = 0
     if scheme.kind == SYMPLECTIC_EULER:
-        status, iterations = march(scheme.parameters[1], x0, v0, dt, model, work, memo, x, v)
+        longest = scheme.parameters[1]
+        status, iterations = march(longest, x0, now.v, inputs.dt, model, parameters, work, end.x, end.v)
     else:
-        status, iterations, count = _implicit(
-            scheme, x0, v0, past, history, contact0, dt, pace, model, tree, tools, tolerance, most, careful,
-            work, memo, x, v, history_next,
-        )  # fmt: skip
-    out[N_ITERATIONS] = iterations
+        status, iterations, count = _implicit(scheme, model, parameters, now, end, inputs, settings, work)
+    result.out[N_ITERATIONS] = iterations
     if status != CONVERGED:
         return status
-    memo[N_CANDIDATES] = count
-    _record_contacts(x, count, contact0, model, tools, work, contact, wrench, out)
-    _report(x0, x, v, seam_force, work.seam_coupled[0] == 1, model, tools, work, out, seam_x, distance)
+    work.memo[N_CANDIDATES] = count
+    _record_contacts(now, end, count, model, parameters, inputs.tools, work, result)
+    _report(now, end, inputs, work.seam_coupled[0] == 1, model, parameters, work, result)
     return CONVERGED

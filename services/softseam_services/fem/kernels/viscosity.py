@@ -48,9 +48,9 @@ def _slope(mu, lam, J, J0):
 
 
 @njit(cache=True, error_model="numpy")
-def _mean_volume(cell, first, end, J, model, work):
+def _mean_volume(cell, first, end, J, model, parameters, work):
     """kappa [Pa], its group's s and ds as `_slope`, and the sum of weights; J (k,) of points first .. end - 1."""
-    rule = model.viscous
+    rule = parameters.viscous
     total = now = before = kappa = 0.0
     for at in range(first, end):
         w, material = rule.weight[cell, at], rule.moduli[rule.blend[cell], at]
@@ -92,9 +92,9 @@ def _multiply(T, xe, nodes, f):
 
 
 @njit(cache=True, error_model="numpy")
-def subtract_viscous(x, x0, model, work, r):
+def subtract_viscous(x, x0, model, parameters, work, r):
     """r <- r - dV/dx at x (n, 3) of a step from x0, in elimination order; work.xe and work.fe are overwritten."""
-    rule, c = model.viscous, work.viscous[0]
+    rule, c = parameters.viscous, work.viscous[0]
     n_elements, n_points, m = rule.gradient.shape[1], rule.gradient.shape[2], rule.nodes.shape[1]
     averaged = len(rule.group_nodes) > 0
     per_group = n_elements // len(rule.group_nodes) if averaged else 1
@@ -111,7 +111,7 @@ def subtract_viscous(x, x0, model, work, r):
             point_gradients(xe, rule, cell, group, per_group, F)
             for at in range(size):
                 J[at] = volume_gradient(F[at], model.linear, H[at])
-            mean_s = _mean_volume(cell, first, first + size, J, model, work)[0] if averaged else 0.0
+            mean_s = _mean_volume(cell, first, first + size, J, model, parameters, work)[0] if averaged else 0.0
             for at in range(size):
                 element, q = group * per_group + at // n_points, at % n_points
                 G, f = rule.gradient[rule.shape[cell], element, q], own[element]
@@ -175,9 +175,9 @@ def _add_point(A, B, h, K):
 
 
 @njit(cache=True, error_model="numpy")
-def add_viscous_tangents(x, x0, model, tree, work, definite):
+def add_viscous_tangents(x, x0, model, parameters, tree, work, definite):
     """Add d2V/dx2 at x, every cell into its front of work.values (lower triangle), updated in place."""
-    rule, c = model.viscous, work.viscous[0]
+    rule, c = parameters.viscous, work.viscous[0]
     n_elements, n_points, m = rule.gradient.shape[1], rule.gradient.shape[2], rule.nodes.shape[1]
     averaged = len(rule.group_nodes) > 0
     per_group = n_elements // len(rule.group_nodes) if averaged else 1
@@ -194,7 +194,7 @@ def add_viscous_tangents(x, x0, model, tree, work, definite):
                 J[at] = volume_gradient(F[at], model.linear, H[at])
             mean_s = mean_ds = total = 0.0
             if averaged:
-                mean_s, mean_ds, total = _mean_volume(cell, first, first + size, J, model, work)
+                mean_s, mean_ds, total = _mean_volume(cell, first, first + size, J, model, parameters, work)
                 even[:] = 0.0
             for element in range(group * per_group, (group + 1) * per_group):
                 nodes, T = rule.nodes[element], work.resistance[cell, element]

@@ -15,12 +15,12 @@ _FLAT = 1e-3  # of a mean deformation gradient: below, what is even in a motion 
 
 
 @njit(cache=True, error_model="numpy")
-def resist(scheme, dt, share, x0, model, work):
+def resist(scheme, dt, share, x0, model, parameters, work):
     """work.viscous <- c of eq. (1); where it is not 0, work.resistance <- T and work.origin, work.volume from x0."""
     c = work.viscous[0] = viscous_share(scheme, dt, share)
     if c == 0.0:
         return
-    rule = model.viscous
+    rule = parameters.viscous
     n_elements, n_points, m = rule.gradient.shape[1], rule.gradient.shape[2], rule.nodes.shape[1]
     gather(x0, model.cell_nodes, work.xe)
     F, g, u, Y = np.empty((n_points, 3, 3)), np.empty((3, m)), np.empty((3, m)), np.empty((3, m))

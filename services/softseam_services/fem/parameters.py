@@ -1,0 +1,191 @@
+"""The numbers of a region's FEM: moduli, masses, lengths, and what follows from them, on a structure that stays.
+
+They are built by array operations alone, with no order of elimination and no search for points, so that another
+modulus, density, friction or size is another record of parameters beside the same structure.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from softseam_protocol.scene.kinds import ELEMENTS as FACTS
+from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.models import FemSpec
+from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.filled import FILL_FLOOR, filled_moments
+from softseam_services.body.interpolate import Functions, point_weights
+from softseam_services.fem.elements import ELEMENTS
+from softseam_services.fem.elements.cut import with_cut_cells
+from softseam_services.fem.elements.hex27 import SHARES
+from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, patterns
+from softseam_services.fem.elements.table import Table
+from softseam_services.fem.face_points import SOFT, face_points, point_edges
+from softseam_services.fem.model import FemModel
+from softseam_services.fem.remembers import check_remembers
+from softseam_services.fem.rule import Rule, build_rule, cell_shapes
+from softseam_services.jit import record
+from softseam_services.tools.tool_set import ToolSet
+
+# Contact penalty r = PENALTY E A / h at a surface point, h half an edge of the cells there: softer lets points sink in
+# between steps, stiffer slows the stick-slip iteration.
+PENALTY = 20.0
+# In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for, at nodes
+# and at points inside faces: multipliers lag, and gain energy where r dt^2 is less than the mass they move
+# (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces
+# move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/20).
+FIRM, FIRM_INSIDE = 20.0, 24.0
+
+
+@record
+class FemParameters(NamedTuple):
+    """Of n nodes, c cells, p surface points, f faces with points inside, t tools. For the kernels."""
+
+    x_rest: Floats
+    """(n, 3) [m]"""
+    mass: Floats
+    """(n,) [kg]"""
+    acceleration: Floats
+    """of gravity (3,) [m/s^2]"""
+    rule: Rule
+    """the element of a model that is general"""
+    full: Rule
+    """what cells pass to that are crushed"""
+    viscous: Rule
+    """the element as its viscosity sees it; `rule` where there is none"""
+    mean_gradient: Floats
+    """over a cell, of each of its shapes in `full` (t, m, 3) [1/m]"""
+    mu: Floats
+    """of each octant (c, 8) [Pa]"""
+    lambda_: Floats
+    """(c, 8) [Pa]"""
+    edge: float
+    """least edge of a cell [m]"""
+    weight: Floats
+    """f_q V/8, fill raised to FILL_FLOOR; of the octants' own volumes in cells of any shape (c, 8) [m^3]"""
+    mean_mu: Floats
+    """mean of mu over the body's own mu, which the stabilisation below has in it (c,)"""
+    uneven: bool
+    """that is not 1 in some cell"""
+    gradient: Floats
+    """(27, 24) [1/m]"""
+    gradient_t: Floats
+    """(24, 27)"""
+    stabilisation: Floats
+    """mu S (27, 27) [N/m]"""
+    laplacian: Floats
+    """L of each pattern of mu in octants, and of each cell with tables of its own (k, 27, 27) [N/m]"""
+    cut_gradient: Floats
+    """of cells with tables of their own, as `gradient` (u, 27, 24) [1/m]"""
+    cut_force: Floats
+    """its transpose above their stabilisation, fill and mu included: what F and x give a force with (u, 24 + 27, 27)"""
+    point_weight: Floats
+    point_stiffness: Floats
+    """r, 0 at points that are for display only (p,) [N/m]"""
+    swiftness: Floats
+    """FIRM rho h/3 over PENALTY E/h, h the spacing of nodes, inside faces FIRM_INSIDE over SOFT: the square of the step
+    below which r is more than what statics ask (p,) [s^2]"""
+    face_edge: Floats
+    """as `FacePoints.edge` (f,) [m]"""
+    friction: Floats
+    """Coulomb coefficient of each tool (t,) [1]"""
+    retardation_time: float
+    """of the material [s]; 0 where it is not viscous, see kernels/viscosity.py"""
+
+
+def build_parameters(
+    model: FemModel, body: Body, region: Region, tools: ToolSet | None = None, spec: FemSpec | None = None
+) -> FemParameters:
+    """Numbers of a region of a body on its structure; spec: which element, the default's where it is None.
+
+    Raises ValueError where the structure is not that of this region.
+    """
+    spec = FemSpec() if spec is None else spec
+    contact = _contact(model, body, region, FACTS[spec.element].functions)
+    cells = _cells(model, body, region, spec)
+    return FemParameters(
+        **contact,
+        **cells,
+        x_rest=np.ascontiguousarray(body.x_rest[region.nodes]),
+        mass=region.mass,
+        acceleration=body.gravity,
+        edge=float(body.edges.min()),
+        friction=np.zeros(0) if tools is None else tools.friction,
+        retardation_time=body.material.retardation_time,
+    )
+
+
+def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[str, Any]:
+    """What the cells' forces are made of."""
+    element, material = spec.element, body.material
+    mu, poisson, general = material.mu, material.elastic.poisson, model.general
+    share, number = SHARES.get(element, 1.0), body.octant_material[region.cells]
+    tables = cell_tables(body.edges, share)
+    fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
+    relative = np.array([each.mu / mu for each in body.materials])[number]
+    moments = filled_moments(body, region.cells, fill)
+    x, shape, boxes = cell_shapes(body, region)
+    if not (boxes or general):
+        own = ELEMENTS[element](x, poisson)
+        weight, special = own.weight[:, 0] * fill, own_patterns(own, mu * relative, fill)
+    else:
+        fast = slice(0 if general else None)  # cells of the fast path
+        weight = fill * (tables.volume / 8.0)
+        special = patterns(tables, body.edges, mu * relative[fast], moments[fast], (model.pattern, model.cut), share)
+
+    def rule_of(kind: ElementKind) -> tuple[Rule, Table]:
+        table, of_cell = with_cut_cells(kind, ELEMENTS[kind](x, poisson), shape, boxes, body.edges, moments, relative)
+        return build_rule(table, fill, of_cell, body, region.cells), table
+
+    # the fast path needs no table of points but that of crushed cells
+    full, table = rule_of("hex27_full" if model.crushable else element)
+    mean_gradient = (
+        np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
+    )
+    rule = rule_of(element)[0] if general and model.crushable else full
+    viscous = rule_of(element)[0] if material.retardation_time > 0.0 and not general else rule
+    if material.n_state:
+        check_remembers(body, region, spec, len(rule.group_nodes) > 0)
+    return {
+        "rule": rule,
+        "full": full,
+        "viscous": viscous,
+        "mean_gradient": np.ascontiguousarray(mean_gradient),
+        "mu": np.array([each.mu for each in body.materials])[number],
+        "lambda_": np.array([each.lambda_ for each in body.materials])[number],
+        "weight": weight,
+        "mean_mu": relative.mean(axis=1),
+        "uneven": bool(np.any(relative != 1.0)),
+        "gradient": tables.gradient,
+        "gradient_t": tables.gradient_t,
+        "stabilisation": mu * tables.stabilisation,
+        "laplacian": special.laplacian,
+        "cut_gradient": np.ascontiguousarray(np.swapaxes(special.gradient_t, 1, 2)),
+        "cut_force": np.concatenate([special.gradient_t, special.stabilisation], axis=1),
+    }
+
+
+def _contact(model: FemModel, body: Body, region: Region, functions: Functions) -> dict[str, Any]:
+    """Where the surface's points are in their cells, and how firmly they are pressed.
+
+    functions: what the region's element interpolates with
+    """
+    _, node, weight = point_weights(body, region, functions)
+    inner = face_points(body, region, model.faces, functions)
+    if not np.array_equal(np.concatenate([node, inner.node]), model.point_node):
+        raise ValueError("this region's points hang on other nodes than the structure says: build its own structure")
+    spacing = 0.5 * np.concatenate([point_edges(body, region), inner.edge[inner.face]])
+    octant = (np.concatenate([region.point_local, inner.local]) >= 0.0) @ np.array([1, 2, 4])
+    material = body.octant_material[region.cells][model.point_cell, octant]
+    young = np.array([each.young for each in body.materials])[material]
+    density = np.array([each.density for each in body.materials])[material]
+    counts = [len(region.points), len(inner.cell)]
+    factor, firm = np.repeat([PENALTY, SOFT], counts), np.repeat([FIRM, FIRM_INSIDE], counts)
+    area = np.concatenate([body.surface.area[region.points], inner.area])
+    return {
+        "point_weight": np.concatenate([weight, inner.weight]),
+        "point_stiffness": factor * (young / spacing) * area,
+        "swiftness": firm / factor * density * spacing**2 / (3.0 * young),
+        "face_edge": inner.edge,
+    }
