@@ -61,7 +61,7 @@ def tool_mesh(path: str, data: bytes, scale: float, up: str) -> ToolMesh:
 def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
     """Half edges of the bounding box, origin, spacing, counts and values, see `mesh_grid`.
 
-    The sign is that of (p - nearest) . n, with n the normal of the face, edge or vertex on which the nearest point lies.
+    The sign is that of (p - nearest) . n, n the normal of the face, edge or vertex on which the nearest point lies.
     Source: Baerentzen and Aanaes 2005, IEEE Trans. Vis. Comput. Graph. 11, 243.
     """
     half = vertices.max(axis=0)
