@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-HEAVY = ("numba", "llvmlite", "scipy", "rerun", "zenoh", "pyarrow", "matplotlib", "meshio", "mcap")
+HEAVY = ("numba", "llvmlite", "scipy", "igl", "rerun", "zenoh", "pyarrow", "matplotlib", "meshio", "mcap")
 
 
 def python(code: str, *flags: str) -> str:

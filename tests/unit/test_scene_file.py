@@ -312,6 +312,12 @@ def test_what_is_not_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert "larger than 10 bytes" in str(refused(write(tmp_path, GOOD)))
 
 
+def test_a_bundle_of_many_bodies_is_read_once(tmp_path: Path) -> None:
+    """Each body is built from the whole text."""
+    loaded = load_scene(write(tmp_path, GOOD))
+    assert scene_from_bundle(loaded.bundle) is scene_from_bundle(Bundle(str(loaded.bundle.scene), {}))
+
+
 def test_a_bundle_is_not_trusted() -> None:
     for text in ("", "{}", "[]", "nonsense", scene_json(parse_scene(GOOD)).replace("0.45", "0.5"), "{" * 5000):
         with pytest.raises(SceneError, match="<bundle>"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import igl
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,12 +12,11 @@ from solids import box, cylinder, join, obj, sphere
 
 from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, PlaneTool, SolidTool, SphereTool
 from softseam_services.body.errors import MeshError
-from softseam_services.body.kernels.surface import winding_number
 from softseam_services.shapes import SHAPES
 from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
 from softseam_services.shapes.mesh import FINENESS, ToolMesh, tool_mesh
 from softseam_services.shapes.mesh_grid import SPACING
-from softseam_services.shapes.turns import product, quaternion_onto, quaternion_turning
+from softseam_services.shapes.turns import quaternion_onto, quaternion_turning, rotate, turned
 from softseam_services.tools.kernels import rotate_back, tool_gap
 
 Floats = NDArray[np.float64]
@@ -110,9 +110,11 @@ LINE = np.linspace(-1.0, 1.0, 81)
 
 
 def test_poses() -> None:
-    """A quarter turn about x takes y to z; turns compose; a cylinder's axis is where it is told to be."""
-    quarter = quaternion_turning(np.array([0.5 * np.pi, 0.0, 0.0]))
-    np.testing.assert_allclose(product(quarter, quarter), quaternion_turning(np.array([np.pi, 0.0, 0.0])), atol=1e-15)
+    """Turns compose, the later one in the world's frame; a cylinder's axis is where it is told to be."""
+    about_x, about_z = np.array([0.5 * np.pi, 0.0, 0.0]), np.array([0.0, 0.0, 0.5 * np.pi])
+    quarter = quaternion_turning(about_x)
+    np.testing.assert_allclose(turned(about_x, quarter), quaternion_turning(2.0 * about_x), atol=1e-15)
+    np.testing.assert_allclose(rotate(turned(about_z, quarter), 0.0, 1.0, 0.0), [0.0, 0.0, 1.0], atol=1e-15)
     for axis in ([0.3, -0.5, 0.2], [0.0, 0.0, -2.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]):
         q = quaternion_onto(np.array(axis))
         tip = np.array(axis) / np.linalg.norm(axis)
@@ -184,7 +186,7 @@ def test_a_mesh_that_is_not_convex() -> None:
     union = np.minimum(one, two)
     outside = union > 0.0
     assert np.abs(found - union)[outside].max() < 0.25 * h
-    turns = np.array([winding_number(mesh.vertices, mesh.triangles, p) for p in at])
+    turns = igl.winding_number(mesh.vertices, mesh.triangles.astype(np.int64), at)
     clear = np.abs(found) > 0.25 * h
     np.testing.assert_array_equal((found < 0.0)[clear], (turns > 0.5)[clear])
 

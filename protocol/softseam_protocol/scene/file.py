@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -112,14 +113,20 @@ def place_of(path: Path, key: str) -> tuple[int, int]:
 
 def scene_from_bundle(bundle: Bundle) -> Scene:
     """The scene of a bundle. Raises SceneError."""
-    try:
-        scene = Scene.model_validate_json(bundle.scene, strict=True)
-    except ValidationError:
-        scene = parse_scene(bundle.scene, "<bundle>")
+    scene = _read(bundle.scene)
     for key, path in files_of(scene):
         if path not in bundle.files:
             raise SceneError("<bundle>", 1, 1, _dotted(key), f"the file {path!r} is not in the bundle")
     return scene
+
+
+@lru_cache(maxsize=4)  # of many bodies, each is built from the same text
+def _read(text: str) -> Scene:
+    """The scene of a bundle's text, which nobody changes. Raises SceneError."""
+    try:
+        return Scene.model_validate_json(text, strict=True)
+    except ValidationError:
+        return parse_scene(text, "<bundle>")
 
 
 def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:

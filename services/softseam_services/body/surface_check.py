@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -9,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.errors import MeshError
-from softseam_services.body.kernels.surface import find_crossings, grid_triangles, winding_number
+from softseam_services.body.kernels.surface import find_crossings, grid_triangles
 
 LARGEST, SMALLEST = 100.0, 1e-4
 """extents of a body beyond which the unit must be wrong [m]"""
@@ -166,7 +167,7 @@ def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[In
     outward = [part if volume > 0.0 else part[:, [0, 2, 1]] for part, volume in zip(parts, volumes, strict=True)]
     depth = [
         sum(
-            winding_number(vertices, np.ascontiguousarray(outward[other]), vertices[parts[s][0, 0]]) > 0.5
+            igl.winding_number(vertices, outward[other].astype(np.int64), vertices[parts[s][0, :1]])[0] > 0.5
             for other in range(n_shells)
             if other != s
         )

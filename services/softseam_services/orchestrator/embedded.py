@@ -21,7 +21,7 @@ class EmbeddedTransport:
         self._servers: dict[str, ParticipantServer] = {}
         self._setups: tuple[Bundle, Mapping[str, Setup]] | None = None
         self._pool: ThreadPoolExecutor | None = None
-        self._seconds: dict[str, float] = {}
+        self._seconds: dict[tuple[str, type[Request]], float] = {}  # what the last request of a kind took [s]
 
     def adopt(self, bundle: Bundle, setups: Mapping[str, Setup]) -> None:
         """Let the participants share the orchestrator's bodies instead of building their own."""
@@ -32,7 +32,7 @@ class EmbeddedTransport:
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         names = list(requests)
         replies: dict[str, Reply] = {}
-        long = [name for name in names if self._seconds.get(name, 0.0) > _WORTH_A_THREAD]
+        long = [name for name in names if self._seconds.get((name, type(requests[name])), 0.0) > _WORTH_A_THREAD]
         if len(long) > 1:
             if self._pool is None:
                 self._pool = ThreadPoolExecutor(max(1, cores() - 1), thread_name_prefix="participant")
@@ -51,7 +51,7 @@ class EmbeddedTransport:
             if isinstance(reply, Failure):
                 raise ParticipantFailed(name, reply)
             if isinstance(reply, Advanced):
-                self._seconds[name] = reply.seconds
+                self._seconds[name, type(requests[name])] = reply.seconds
         return replies
 
     def wait_alive(self, participant: str, timeout: float) -> bool:

@@ -285,5 +285,5 @@ def _moved(way: Floats, position: Floats, orientation: Floats) -> tuple[Floats, 
     if turning.any():
         orientation = orientation.copy()
         for tool in np.flatnonzero(turning):
-            orientation[tool] = turned(quaternion_turning(way[tool, 3:]), orientation[tool])
+            orientation[tool] = turned(way[tool, 3:], orientation[tool])
     return position + way[:, :3], orientation

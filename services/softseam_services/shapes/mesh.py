@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 
+import igl
 import numpy as np
-from numpy.typing import NDArray
 
 from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.tools import MeshTool
@@ -15,8 +15,7 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.surface_points import refine
 from softseam_services.shapes.branches import MESH
 from softseam_services.shapes.geometry import Geometry
-from softseam_services.shapes.mesh_distance import LEAF, box_tree, fill_grid, pseudonormals
-from softseam_services.shapes.mesh_grid import SPACING, VALUES
+from softseam_services.shapes.mesh_grid import SPACING
 from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_turning
 
@@ -60,55 +59,21 @@ def tool_mesh(path: str, data: bytes, scale: float, up: str) -> ToolMesh:
 
 
 def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
-    """Half edges of the bounding box, origin, spacing, counts and values, see `mesh_grid`."""
+    """Half edges of the bounding box, origin, spacing, counts and values, see `mesh_grid`.
+
+    The sign is that of (p - nearest) . n, n the normal of the face, edge or vertex on which the nearest point lies.
+    Source: Baerentzen and Aanaes 2005, IEEE Trans. Vis. Comput. Graph. 11, 243.
+    """
     half = vertices.max(axis=0)
     spacing = 2.0 * float(half.max()) / FINENESS
     # The grid is centred, so that a symmetric mesh has a symmetric distance.
     counts = 2 * (np.ceil(half / spacing - 1e-9).astype(np.int64) + RIM) + 1
     origin = -0.5 * spacing * (counts - 1)
-    order, levels = _tree_order(vertices, triangles)
-    triangles = np.ascontiguousarray(triangles[order])
-    corners = vertices[triangles]
-    n_slots = LEAF << levels
-    low, high = np.full((n_slots, 3), np.inf), np.full((n_slots, 3), -np.inf)
-    low[: len(triangles)], high[: len(triangles)] = corners.min(axis=1), corners.max(axis=1)
-    tree = np.empty((2 << levels, 6))
-    box_tree(low, high, levels, tree)
-    normal = np.empty((len(triangles), 7, 3))
-    pseudonormals(vertices, triangles, _neighbours(triangles), normal)
-    row = np.empty(VALUES + int(counts.prod()))
-    row[:VALUES] = [*half, *origin, spacing, *counts]
-    value = np.empty(tuple(counts))
-    fill_grid(origin, spacing, vertices, triangles, normal, tree, value)
-    row[VALUES:] = value.ravel()
-    return row
-
-
-def _tree_order(vertices: Floats, triangles: Ints) -> tuple[NDArray[np.int64], int]:
-    """Triangles so that halves of halves of the order are close together, and the tree's levels.
-
-    Parts are halved at the median along their longest extent until a leaf holds them.
-    """
-    middle = vertices[triangles].mean(axis=1)
-    levels = max(0, int(np.ceil(np.log2(max(1, len(triangles)) / LEAF))))
-    order = np.arange(len(triangles))
-    for level in range(levels):
-        # Whole leaves to the left, so that a node's triangles are those of its slots.
-        width = LEAF << (levels - level)
-        for begin in range(0, len(triangles), width):
-            part = order[begin : begin + width]
-            axis = int(np.argmax(np.ptp(middle[part], axis=0)))
-            order[begin : begin + width] = part[np.argsort(middle[part, axis], kind="stable")]
-    return order, levels
-
-
-def _neighbours(triangles: Ints) -> Ints:
-    """The triangles across the edges ab, bc and ca of each (T, 3); every edge has two."""
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    pairs = np.lexsort((sides[:, 1], sides[:, 0])).reshape(-1, 2)
-    across = np.empty(len(sides), dtype=np.int32)
-    across[pairs[:, 0]], across[pairs[:, 1]] = pairs[:, 1] // 3, pairs[:, 0] // 3
-    return across.reshape(-1, 3)
+    steps = [origin[axis] + spacing * np.arange(counts[axis]) for axis in range(3)]
+    at = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    by_normals = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
+    distance = igl.signed_distance(at, vertices, triangles.astype(np.int64), by_normals)[0]
+    return np.concatenate([half, origin, [spacing], counts, distance])
 
 
 def geometry(spec: MeshTool, files: Files) -> Geometry:

@@ -6,6 +6,7 @@ They turn a shape's own frame into the world's: y_world = position + R y_own.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from softseam_services.body.body import Floats
 from softseam_services.jit import njit
@@ -13,10 +14,7 @@ from softseam_services.jit import njit
 
 def quaternion_turning(rotation: Floats) -> Floats:
     """The turn by a rotation vector (3,), axis times angle [rad]."""
-    angle = float(np.linalg.norm(rotation))
-    if angle == 0.0:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    return np.concatenate([[np.cos(0.5 * angle)], np.sin(0.5 * angle) / angle * rotation])
+    return np.asarray(Rotation.from_rotvec(rotation).as_quat(scalar_first=True))
 
 
 def quaternion_onto(axis: Floats) -> Floats:
@@ -27,16 +25,10 @@ def quaternion_onto(axis: Floats) -> Floats:
     return quaternion_turning(np.arctan2(np.hypot(x, y), z) * np.array([-y, x, 0.0]) / np.hypot(x, y))
 
 
-def turned(turn: Floats, orientation: Floats) -> Floats:
-    """An orientation (4,) after a turn (4,), of unit length again."""
-    after = product(turn, orientation)
-    return np.asarray(after / np.linalg.norm(after))
-
-
-def product(p: Floats, q: Floats) -> Floats:
-    """p q (4,): first the turn q, then p."""
-    w, v = p[0] * q[0] - p[1:] @ q[1:], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])
-    return np.concatenate([[w], v])
+def turned(rotation: Floats, orientation: Floats) -> Floats:
+    """An orientation (4,) after a turn by a rotation vector (3,) [rad], of unit length again."""
+    after = Rotation.from_rotvec(rotation) * Rotation.from_quat(orientation, scalar_first=True)
+    return np.asarray(after.as_quat(scalar_first=True))
 
 
 @njit(cache=True, error_model="numpy")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
-from softseam_services.body.kernels.surface import winding_number
 from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import least_gaps, rotate
@@ -29,11 +29,12 @@ def check_clear(tools: ToolSet, body: Body) -> None:
     size = float(np.ptp(points, axis=0).max())
     gap = np.empty(len(tools.names))
     least_gaps(points, tools.kind, tools.shape, tools.position, tools.orientation, gap)
+    triangles = body.surface.triangles.astype(np.int64)
     problems = []
     for tool, name in enumerate(tools.names):
         if gap[tool] < -_slack(tools, tool, size):
             problems.append(f"tools.{name}: it starts {-1e3 * gap[tool]:.3g} mm inside the body")
-        elif any(winding_number(points, body.surface.triangles, probe) > 0.5 for probe in _probes(tools, tool, points)):
+        elif len(probes := _probes(tools, tool, points)) and igl.winding_number(points, triangles, probes).max() > 0.5:
             problems.append(f"tools.{name}: it starts inside the body")
     if problems:
         raise ToolError("; ".join(problems) + ": move it clear of the body, whose bounding box is " + _bounds(points))

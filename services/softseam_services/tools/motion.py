@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.scene.motion import LARGEST_TURN
-from softseam_services.shapes.turns import quaternion_turning, turned
+from softseam_services.shapes.turns import turned
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ def tool_motion(tools: ToolSet, position: Floats, orientation: Floats, velocitie
                     f"the tool {tools.names[tool]!r} turns by {np.linalg.norm(turn):.3g} rad in a step of {dt:g} s, "
                     f"more than {LARGEST_TURN:g}: turn it more slowly, or shorten the step"
                 )
-            orientation_next[tool] = turned(quaternion_turning(turn), orientation[tool])
+            orientation_next[tool] = turned(turn, orientation[tool])
     return ToolMotion(
         position=position,
         orientation=orientation,

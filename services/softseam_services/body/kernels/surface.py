@@ -1,4 +1,4 @@
-"""Loops over triangles: crossings, and the winding number."""
+"""Loops over triangles that find where a surface crosses itself."""
 
 from __future__ import annotations
 
@@ -93,28 +93,3 @@ def find_crossings(vertices, edges, triangles, low, high, origin, spacing, count
                                 first[0], first[1] = edge, triangle
                             found += 1
     return found
-
-
-@njit(cache=True, error_model="numpy")
-def winding_number(vertices, triangles, point):
-    """Turns of a closed surface around a point (3,): 1 inside, 0 outside. Sum of solid angles / 4 pi.
-
-    tan(angle/2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|)
-    Source: Van Oosterom and Strackee 1983, IEEE Trans. Biomed. Eng. 30, 125.
-    """
-    total = 0.0
-    for triangle in range(len(triangles)):
-        a = vertices[triangles[triangle, 0]] - point
-        b = vertices[triangles[triangle, 1]] - point
-        c = vertices[triangles[triangle, 2]] - point
-        la = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-        lb = np.sqrt(b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
-        lc = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
-        triple = (
-            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-        )
-        ab = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-        bc = b[0] * c[0] + b[1] * c[1] + b[2] * c[2]
-        ca = c[0] * a[0] + c[1] * a[1] + c[2] * a[2]
-        total += np.arctan2(triple, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return total / (2.0 * np.pi)
