@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -50,14 +51,14 @@ class _Record:
         words: list[int] = []
         fields = []
         for name, value in zip(values._fields, values, strict=True):
-            fields.append((name, len(words), typeof(value)))
+            fields.append((name, len(words), _type_of(value)))
             words += _words(name, value)
         block = np.array(words, dtype=np.int64)
         vars(self).update(
             values._asdict(),
             _block=block,
             _address=block.ctypes.data,
-            _numba_type_=RecordType(self._declared.__name__, tuple(fields)),
+            _numba_type_=_record_type(self._declared.__name__, tuple(fields)),
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -66,6 +67,25 @@ class _Record:
     def _replace(self, **named: Any) -> Any:
         """Another record that differs in the fields named."""
         return type(self)(**{name: getattr(self, name) for name in self._declared._fields} | named)
+
+
+_types_of_arrays: dict[tuple[Any, ...], types.Type] = {}
+
+
+def _type_of(value: Any) -> Any:
+    """Numba's type of a value; of arrays remembered, because it takes longer to find than all else of a record."""
+    if not isinstance(value, np.ndarray):
+        return typeof(value)
+    flags = value.flags
+    kind = value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable
+    if kind not in _types_of_arrays:
+        _types_of_arrays[kind] = typeof(value)
+    return _types_of_arrays[kind]
+
+
+@cache
+def _record_type(title: str, fields: tuple[tuple[str, int, types.Type], ...]) -> RecordType:
+    return RecordType(title, fields)
 
 
 def _words(name: str, value: Any) -> list[int]:

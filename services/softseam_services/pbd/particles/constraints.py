@@ -76,13 +76,6 @@ class Joined:
     most: tuple[int, int]
     """most particles and parameters of any"""
 
-    def arrays(self) -> tuple[Any, ...]:
-        """With alpha~, multipliers and workspaces of their own."""
-        particles, parameters = self.most
-        own = np.zeros_like(self.compliance), np.zeros_like(self.compliance)
-        room = np.zeros((particles, 3)), np.zeros(parameters), np.zeros((particles, 3))
-        return (self.families, self.particle, self.parameter, *own, *room)
-
 
 def build_constraints(body: ParticleBody, specs: Sequence[ConstraintSpec]) -> Joined:
     """The constraints that a scene's specifications ask for, each kind in the order of `batches`.

@@ -44,13 +44,14 @@ class Tetrahedra:
         return self.batches.lanes(self.volume), self.batches.lanes(self.volume / (bulk * h**2))
 
 
-def build_tetrahedra(x_rest: Floats, nodes: Ints) -> Tetrahedra:
-    """From rest positions (n, 3) and corners (m, 4). Raises ValueError where a tetrahedron is flat or inside out."""
+def build_tetrahedra(x_rest: Floats, nodes: Ints, laid_out: Batches | None = None) -> Tetrahedra:
+    """From rest positions (n, 3) and corners (m, 4), in batches where these are known. Raises ValueError where a
+    tetrahedron is flat or inside out."""
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     inverse, volume = np.empty((len(nodes), 3, 3)), np.empty(len(nodes))
     rest_shapes(x_rest, nodes, inverse, volume)
     bad = np.flatnonzero(~(volume > 0.0))
     if len(bad):
         raise ValueError(f"tetrahedron {bad[0]} has the volume {volume[bad[0]]:.3g} m^3: order its corners outwards")
-    made = batches(len(x_rest), nodes)
+    made = batches(len(x_rest), nodes) if laid_out is None else laid_out
     return Tetrahedra(made, volume, made.lanes(inverse.reshape(-1, 9)))
