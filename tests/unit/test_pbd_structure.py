@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pbd_run import CLAMP_LEFT, Floats, PbdRun, block_scene
+from pbd_run import Floats, block_scene
 
-from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.participant import Advance
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
+from softseam_services.pbd.block_parameters import build_block_parameters
 from softseam_services.pbd.kernels import summary as k
 from softseam_services.pbd.model import Layout, PbdModel, build_model, lay_out, model_of
 from softseam_services.pbd.parameters import PbdParameters, build_parameters
@@ -173,21 +172,16 @@ def test_a_step_leaves_the_state_that_it_starts_from() -> None:
     assert result.figures[k.KINETIC] == pytest.approx(0.5 * parameters.mass @ (after.v**2).sum(axis=1), rel=1e-12)
 
 
-@pytest.mark.parametrize("graded", [False, True])
-def test_a_probe_of_a_part_has_the_numbers_of_the_whole(graded: bool) -> None:
-    """Blocks of any shape and of one: the seam of a clamped bar yields as the same bar does whose structure is new."""
-    size = (0.08, 0.02, 0.02)
-    body = {"shape": {"kind": "block", "size": size, "grading": 1.5}} if graded else {}
-    scene = block_scene(size, 0.01, fixed=CLAMP_LEFT, position=(0.04, 0.0, 0.0), young=1e4, body=body)
-    whole = build_body(scene, {})
-    face = np.flatnonzero(whole.x_rest[:, 0] > 0.08 - 1e-9).astype(np.int32)
-    run = PbdRun(scene, seam=face)
-    reply = run.solver.advance(run.request(compliance=True))
-    push = np.zeros((len(face), 3))
-    push[:, 0] = 1e-6
-    moved = run.solver.advance(Advance(header(1), scene.step, push, run.request().tools)).seam_x - reply.seam_x
-    np.testing.assert_allclose((reply.compliance @ push.ravel()).reshape(-1, 3)[:, 0], moved[:, 0], rtol=0.03)
-
-
-def header(exchange: int) -> Header:
-    return Header(SCHEMA_VERSION, "test", "far", 0, 0, exchange, 0.0)
+@pytest.mark.parametrize("name", ["plain", "shape of cells", "inclusion", "coarse"])
+def test_some_of_the_blocks_have_the_numbers_of_the_whole(name: str) -> None:
+    """Taken from all blocks' numbers, those of some are what these blocks would be given from the body, to the bit."""
+    case = Case(scene_of(**OTHERS.get(name, {})))
+    model = case.structure(Known(model_of))
+    part = model.blocks.only(model.blocks.ids[3::2])
+    assert 0 < len(part.ids) < len(model.blocks.ids) and (part.octant < 0).any()
+    whole = case.parameters(model).blocks
+    taken_out = whole.only(model.blocks, part)
+    built = build_block_parameters(part, case.body, case.region, case.spec.hourglass)
+    np.testing.assert_array_equal(taken_out.volume, built.volume)
+    np.testing.assert_array_equal(taken_out.constants.table, built.constants.table)
+    np.testing.assert_array_equal(taken_out.constants.number, built.constants.number)

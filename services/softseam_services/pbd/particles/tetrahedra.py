@@ -19,7 +19,7 @@ from .kernels.tetrahedron import rest_shapes
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """m tetrahedra in b batches, ready for the kernels `neo_hookean`, `strain` and `volume`."""
+    """m tetrahedra in b batches, ready for the kernels `neo_hookean` and `strain`."""
 
     batches: Batches
     volume: Floats
@@ -38,10 +38,6 @@ class Tetrahedra:
         """alpha/h^2 of stretches, shears and the trace (b, 3, 8) [1/(kg m^2)]; lambda must be positive."""
         moduli = np.array([2.0 * elastic.mu, elastic.mu, elastic.lambda_])
         return self.batches.lanes(1.0 / (self.volume[:, None] * moduli * h**2))
-
-    def volumes(self, bulk: float, h: float) -> tuple[Floats, Floats]:
-        """V_0 (b, 8) and alpha/h^2 (b, 8) of the volume constraint for a bulk modulus [Pa]."""
-        return self.batches.lanes(self.volume), self.batches.lanes(self.volume / (bulk * h**2))
 
 
 def build_tetrahedra(x_rest: Floats, nodes: Ints, laid_out: Batches | None = None) -> Tetrahedra:
