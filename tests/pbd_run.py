@@ -16,6 +16,8 @@ from softseam_services.body.region import build_region
 from softseam_services.pbd.kernels.block import N_STRESS
 from softseam_services.pbd.kernels.sweep import batch_energies, block_forces, exact_stress, new_workspace, strain_energy
 from softseam_services.pbd.solver import PbdSolver
+from softseam_services.pbd.state import PbdState
+from softseam_services.pbd.step import StepInputs, attempt
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
 
@@ -140,6 +142,23 @@ class PbdRun:
         assert not failed, failed[0]
         return replies
 
+    def attempt(self, request: Advance) -> None:
+        """The tentative state of one attempt by plan, behind the back of what would refuse or repeat it."""
+        solver = self.solver
+        inputs = StepInputs(request.tools, request.seam_force, request.seam_force_start)
+        attempt(solver.model, solver.parameters, solver._committed, inputs, request.dt, solver._scratch, 0)
+        solver._tentative = True
+
+    @property
+    def figures(self) -> Floats:
+        """Of the last step, see `pbd.kernels.summary`; those of the next one take their place."""
+        return self.solver._scratch.outputs.result
+
+    @property
+    def work(self) -> PbdState:
+        """The tentative state."""
+        return self.solver._scratch.next
+
     def fields(self) -> Fields:
         return self.solver.fields(self.header())
 
@@ -162,26 +181,26 @@ class Energy:
 
     def __init__(self, run: PbdRun) -> None:
         model = run.solver.model
-        self._blocks = model.blocks
+        self._blocks, self._numbers = model.blocks, run.solver.parameters.blocks
         self._n = model.n_nodes
         self._xw = np.zeros((self._n + 8, 4))
-        self._xw[self._n :, :3] = self._blocks.padding_x
+        self._xw[self._n :, :3] = self._numbers.padding_x
         self._ws = new_workspace()
         self._stress = np.zeros((self._blocks.n_batches, N_STRESS))
 
     def value(self, x: Floats) -> float:
-        b = self._blocks
+        b, k = self._blocks, self._numbers
         self._xw[: self._n, :3] = x
         energies = np.zeros((b.n_batches, 2))
-        batch_energies(self._ws, self._xw, b.nodes, b.volume, b.constants, b.law, 0, b.n_batches, energies)
+        batch_energies(self._ws, self._xw, b.nodes, k.volume, k.constants, k.law, 0, b.n_batches, energies)
         return float(strain_energy(energies)[0])
 
     def force(self, x: Floats) -> Floats:
-        b = self._blocks
+        b, k = self._blocks, self._numbers
         self._xw[: self._n, :3] = x
-        exact_stress(self._ws, self._xw, b.nodes, b.volume, self._stress, b.constants, b.law)
+        exact_stress(self._ws, self._xw, b.nodes, k.volume, self._stress, k.constants, k.law)
         force = np.zeros((self._n + 8, 4))
-        block_forces(self._ws, b.nodes, self._stress, b.constants, force, 0, b.n_batches)
+        block_forces(self._ws, b.nodes, self._stress, k.constants, force, 0, b.n_batches)
         return force[: self._n, :3].copy()
 
 

@@ -36,12 +36,12 @@ def two_threads(console: Console) -> None:
             pbd={"substeps": 20},
         )
         runs = PbdRun(scene), PbdRun(scene)
-        if not runs[1].solver._stepper.pair.possible:
+        if not runs[1].solver._scratch.pair.possible:
             continue
         least = [np.inf, np.inf]
         for _ in range(7):
             for two, run in enumerate(runs):
-                _force(run.solver._stepper.pair, two > 0)
+                _force(run.solver._scratch.pair, two > 0)
                 request = run.request()
                 began = perf_counter()
                 run.solver.advance(request)
@@ -51,16 +51,14 @@ def two_threads(console: Console) -> None:
         blocks = solver.model.blocks
         arrays = (
             blocks.nodes,
-            blocks.volume,
+            solver.parameters.blocks.volume,
             blocks.octant,
-            solver.model.softness,
-            solver._stepper.figures,
-            solver._stepper.xw,
+            solver.parameters.softness,
         )
-        used = sum(each.nbytes for each in arrays) + 2 * solver._work.buffer.nbytes
+        used = sum(each.nbytes for each in arrays) + 2 * solver._scratch.next.buffer.nbytes
         used += sum(
             each.nbytes
-            for record in (solver._stepper._scratch, solver._stepper.contacts)
+            for record in (solver._scratch.arrays, solver._scratch.arrays.contacts)
             for each in vars(record).values()
             if isinstance(each, np.ndarray)
         )

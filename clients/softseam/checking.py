@@ -199,13 +199,15 @@ def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
     """
     from softseam_services.body.region import build_region
     from softseam_services.pbd.model import build_model
+    from softseam_services.pbd.parameters import build_parameters
 
     left = _left_to_pbd(scene, body)
     if scene.models.pbd.substeps == "auto" or not left.any():
         return []
     region = build_region(body, np.flatnonzero(left).astype(np.int32), np.zeros(0, dtype=np.int32))
-    model = build_model(scene, body, region, tools)
-    given, stable = model.substeps(scene.step), model.stable_substeps(scene.step)
+    spec = scene.models.pbd
+    parameters = build_parameters(build_model(body, region, tools, spec), body, region, tools, spec)
+    given, stable = parameters.substeps(scene.step), parameters.stable_substeps(scene.step)
     if given >= stable:
         return []
     return [

@@ -97,9 +97,11 @@ def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver
         built.keep(setup.body, request, fem.tables)
         solver, moving = fem, fem.moving
     elif request.model == "pbd":
+        from softseam_services.pbd.model import STRUCTURES, lay_out
         from softseam_services.pbd.solver import PbdSolver
 
-        pbd = PbdSolver(setup.scene, setup.body, region, setup.tools, request.state)
+        structure = STRUCTURES.find(lay_out(setup.body, region, setup.tools, setup.scene.models.pbd))
+        pbd = PbdSolver(setup.scene, setup.body, region, setup.tools, request.state, structure)
         solver, moving, substeps = pbd, pbd.moving, pbd.substeps
     else:
         raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
@@ -114,9 +116,11 @@ def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tu
         raise ValueError(
             f"a {body.kind} is made of particles: the model {request.model!r} cannot take it, only pbd can"
         )
+    from softseam_services.pbd.particles.model import STRUCTURES, lay_out
     from softseam_services.pbd.particles.solver import ParticleSolver
 
-    solver = ParticleSolver(setup.scene, body, setup.tools, request.state)
+    structure = STRUCTURES.find(lay_out(body, setup.scene.models.pbd))
+    solver = ParticleSolver(setup.scene, body, setup.tools, request.state, structure)
     return solver, Configured(request.header, body.n_nodes, 0, solver.substeps, solver.strain, *solver.moving)
 
 

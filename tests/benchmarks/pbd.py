@@ -28,7 +28,6 @@ from softseam_services.pbd.kernels.block import N_STRESS, Constants, new_workspa
 from softseam_services.pbd.kernels.form import N_FORM
 from softseam_services.pbd.kernels.lanes import LANES, aligned
 from softseam_services.pbd.kernels.sweep import sweep
-from softseam_services.pbd.solver import PbdSolver
 
 Floats = NDArray[np.float64]
 BYTES = 2 * 8 * N_STRESS // LANES + 8 * 4 + 2 * 8 + 2 * 32
@@ -152,12 +151,12 @@ def _allocated() -> int:
     return int(rtsys.get_allocation_stats().alloc)  # type: ignore[no-untyped-call]
 
 
-def _allocations(solver: PbdSolver, request: Advance, substeps: int) -> int:
+def _allocations(run: PbdRun, request: Advance, substeps: int) -> int:
     """What numba allocates in a step; handing an array over counts, too, so only differences mean something."""
-    solver._stepper.planned = substeps
+    run.solver._scratch.planned = substeps
     before = _allocated()
-    solver._stepper.attempt(solver._committed, solver._work, request, 0)
-    solver._stepper.planned = 11
+    run.attempt(request)
+    run.solver._scratch.planned = 11
     return _allocated() - before
 
 
@@ -186,11 +185,10 @@ def small_body(console: Console) -> None:
         run.run(0.2)
         request, solver = run.request(), run.solver
         reply = solver.advance(request)
-        allocations = _allocations(solver, request, 22) - _allocations(solver, request, 11)
+        allocations = _allocations(run, request, 22) - _allocations(run, request, 11)
         name = f"{reply.n_contacts} points touch" if touching else "free"
         whole = least(functools.partial(solver.advance, request))
-        states = solver._committed, solver._work
-        inside = least(functools.partial(solver._stepper.attempt, *states, request, 0))
+        inside = least(functools.partial(run.attempt, request))
         table.add_row(name, f"{1e6 * whole:.1f}", f"{1e6 * inside:.1f}", str(allocations))
     console.print(table)
 

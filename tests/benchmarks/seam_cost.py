@@ -25,7 +25,6 @@ from softseam_services.fem import solver as fem
 from softseam_services.fem import step as fem_step
 from softseam_services.orchestrator import embedded, participants, regions, simulation
 from softseam_services.pbd import solver as pbd
-from softseam_services.pbd import step as pbd_step
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ("tofu_slab", "tofu_grasp", "cantilever")
@@ -35,7 +34,7 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("FEM: yield of the seam", fem_step.Stepper, "news_of_yield"),
     ("FEM: corrections", fem.FemSolver, "correct"),
     ("FEM: Python", fem.FemSolver, "advance"),
-    ("PBD: steps", pbd_step.Stepper, "take"),
+    ("PBD: steps", pbd, "step"),
     ("PBD: probes", pbd.PbdSolver, "_probe_again"),
     ("PBD: corrections", pbd.PbdSolver, "correct"),
     ("PBD: Python", pbd.PbdSolver, "advance"),

@@ -172,7 +172,7 @@ def test_pbd_settled_is_nearly_pbd_advanced_again(length: int) -> None:
     before = run.solver.fields(run.header())
     _correct(run, more, force + more, 1)
     settled = run.solver.fields(run.header())
-    monitor = run.solver._work.monitor.copy()
+    monitor = run.work.monitor.copy()
     impulse = run.region.mass @ (settled.v - before.v)
     np.testing.assert_allclose(impulse, run.scene.step * more.sum(axis=0), rtol=2e-5)  # the probes' rounding
     again = run.solver.advance(run.request(force + more, exchange=2))

@@ -23,6 +23,7 @@ from softseam_services.orchestrator.cost import DEARER, one_is_enough, substeps
 from softseam_services.orchestrator.near_cells import NearCells
 from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.pbd.model import build_model
+from softseam_services.pbd.parameters import build_parameters
 from softseam_services.server import build_setup
 from softseam_services.tools.build import build_tools
 
@@ -252,6 +253,8 @@ def test_the_cost_knows_pbds_substeps(name: str) -> None:
     body = setup.body
     assert isinstance(body, Body)
     region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
-    wanted = build_model(setup.scene, body, region, setup.tools).substeps(setup.scene.step)
+    spec, tools = setup.scene.models.pbd, setup.tools
+    parameters = build_parameters(build_model(body, region, tools, spec), body, region, tools, spec)
+    wanted = parameters.substeps(setup.scene.step)
     found = substeps(body, setup.scene.models.pbd, setup.scene.step, len(setup.tools.names) > 0)
     assert abs(found - wanted) <= max(1, 0.05 * wanted)

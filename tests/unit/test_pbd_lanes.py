@@ -13,7 +13,8 @@ from softseam_services.body.materials import neo_hookean
 from softseam_services.pbd.kernels.lanes import LANES, LINE, aligned, transpose_four
 from softseam_services.pbd.kernels.logarithm import logarithm
 from softseam_services.pbd.kernels.neo_hookean import volumetric
-from softseam_services.pbd.kernels.pairs import DIRECT, EIGHT, N_ROWS, POINT, WIDTH, find_pairs
+from softseam_services.pbd.kernels.pairs import DIRECT, EIGHT, POINT, find_pairs
+from softseam_services.pbd.records import new_contacts, new_inputs
 
 MU, LAM = 7e3, 62e3
 GROUND = {"kind": "plane", "friction": 0.6}
@@ -60,45 +61,21 @@ def test_transpose() -> None:
 def test_groups_hold_each_pair_once_and_share_no_node(embedded: bool) -> None:
     """Ground and a plate against a block whose points are nodes, and against one whose points follow eight nodes."""
     plate = {"kind": "box", "size": (0.01, 0.06, 0.06), "position": (0.0305, 0.0, 0.025), "friction": 0.6}
-    model = PbdRun(block_scene(cell=0.0125, tools={"ground": GROUND, "plate": plate})).solver.model
-    tools, p, t = model.tools, model.n_points, model.n_tools
-    indptr, node, weight = model.indptr, model.node, model.weight
+    solver = PbdRun(block_scene(cell=0.0125, tools={"ground": GROUND, "plate": plate})).solver
+    model, tools, p, t = solver.model, solver.parameters.tools, solver.model.n_points, solver.model.n_tools
+    point_x = solver.parameters.x_rest[model.node]
+    arrays = model.arrays
+    numbers = solver.parameters.arrays._replace(point_softness=np.ones(p))
     if embedded:
         rng = np.random.default_rng(1)
         indptr = 8 * np.arange(p + 1, dtype=np.int32)
         node = np.concatenate([rng.choice(40, 8, replace=False) for _ in range(p)]).astype(np.int32)
-        weight = np.full(8 * p, 0.125)
-    start, rows, pairs = (
-        np.zeros(t + 1, dtype=np.int32),
-        np.zeros((p * t, N_ROWS), dtype=np.int32),
-        aligned(p * t, WIDTH),
-    )
-    point_x = model.x_rest[model.node]
-    force = np.zeros((p, t, 3))
-    find_pairs(
-        tools.kind,
-        tools.shape,
-        tools.reach,
-        tools.position,
-        tools.orientation,
-        point_x,
-        model.active,
-        indptr,
-        node,
-        weight,
-        np.ones(p),
-        force,
-        force,
-        np.full((p, t), -1, dtype=np.int32),
-        np.zeros((p, t)),
-        0.002,
-        1e-6,
-        model.n_nodes,
-        np.zeros(model.n_nodes, dtype=np.int32),
-        start,
-        rows,
-        pairs,
-    )
+        arrays, numbers = arrays._replace(indptr=indptr, node=node), numbers._replace(weight=np.full(8 * p, 0.125))
+    indptr, node = arrays.indptr, arrays.node
+    contacts, inputs, force = new_contacts(arrays, model.n_nodes, t), new_inputs(t, 0), np.zeros((p, t, 3))
+    contacts.point_x[:], inputs.position[:], inputs.orientation[:] = point_x, tools.position, tools.orientation
+    find_pairs(arrays, numbers, force, force, inputs, contacts, 0.002, 1e-6)
+    start, rows = contacts.start, contacts.rows
     for tool, axis, place in ((0, 2, 0.0), (1, 0, 0.025)):
         groups = rows[start[tool] : start[tool + 1], POINT : POINT + EIGHT]
         found = np.sort(groups[groups >= 0])

@@ -50,12 +50,12 @@ def squeeze(steps: int) -> PbdRun:
 
 def test_two_threads_make_the_bits_of_one(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     one = squeeze(8)
-    assert not one.solver._stepper.pair.possible
+    assert not one.solver._scratch.pair.possible
     request.getfixturevalue("two")
     both = squeeze(8)
-    assert both.solver._stepper.pair.possible
+    assert both.solver._scratch.pair.possible
     assert both.solver.snapshot() == one.solver.snapshot()
-    np.testing.assert_array_equal(both.solver._stepper.result, one.solver._stepper.result)
+    np.testing.assert_array_equal(both.figures, one.figures)
 
 
 @pytest.mark.parametrize("residual", [None, 2e-2])
@@ -85,9 +85,9 @@ def test_two_threads_leap_as_one(request: pytest.FixtureRequest) -> None:
     one = leap()
     request.getfixturevalue("two")
     both = leap()
-    assert both.solver._stepper.pair.possible
+    assert both.solver._scratch.pair.possible
     assert both.solver.snapshot() == one.solver.snapshot()
-    np.testing.assert_array_equal(both.solver._stepper.result, one.solver._stepper.result)
+    np.testing.assert_array_equal(both.figures, one.figures)
 
 
 @pytest.mark.usefixtures("two")

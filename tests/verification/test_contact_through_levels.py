@@ -17,6 +17,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.kernels.summary import BOUNDS
 from softseam_services.pbd.levels import hand_on
+from softseam_services.pbd.step import share_out
 
 G = 9.81
 ALL = {"coarse": {"beyond": 0.0}, "damping": {"mass": 60.0}}
@@ -124,7 +125,7 @@ def test_bounds_of_a_step_that_is_corrected() -> None:
     run.solver.advance(run.request(compliance=True))
     push = np.tile([0.3, 0.0, 0.0], (len(run.region.seam), 1))
     run.solver.correct(Correct(run.request(exchange=1).header, push, push))
-    bounds = run.solver._stepper.result[BOUNDS : BOUNDS + 6].reshape(2, 3)
+    bounds = run.figures[BOUNDS : BOUNDS + 6].reshape(2, 3)
     run.solver.commit()
     x = run.solver.positions
     assert x[run.region.seam, 0].min() > whole.x_rest[run.region.nodes, 0].min() + 5e-3
@@ -133,10 +134,11 @@ def test_bounds_of_a_step_that_is_corrected() -> None:
 
 def test_forces_move_tool_by_tool_with_their_sum_and_torque() -> None:
     """Of random forces; where a node has no point the others take its share; where none has, the force is dropped."""
-    model = standing(ALL, wall={"kind": "plane", "point": [-0.02, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}).solver.model
-    rows = model.indptr, model.node, model.weight
+    solver = standing(ALL, wall={"kind": "plane", "point": [-0.02, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}).solver
+    model, parameters = solver.model, solver.parameters
+    rows = model.indptr, model.node, parameters.weight
     given = np.random.default_rng(0).standard_normal((model.n_points, 2, 3))
-    rest = model.x_rest[model.node] * model.weight[:, None]
+    rest = parameters.x_rest[model.node] * parameters.weight[:, None]
     x = np.add.reduceat(rest, model.indptr[:-1], axis=0)
 
     def sums(force: Floats) -> Floats:
@@ -168,6 +170,7 @@ def test_a_point_with_forces_of_two_tools_shares_out_what_it_has() -> None:
     tool = np.where(below, 0, np.where(beside, 1, -1)).astype(np.int32)
     body = run.body
     run = standing(ALL, BodyState(body.x_rest.copy(), np.zeros_like(body.x_rest), force, tool), wall=wall)
-    run.solver._stepper.share_out(run.solver._committed, run.request().tools)
+    solver = run.solver
+    share_out(solver.model, solver.parameters, solver._committed, run.request().tools, solver._scratch)
     shared = run.solver._committed.force.sum(axis=0)
     np.testing.assert_allclose(shared, [[0.0, 0.0, 1e-3 * below.sum()], [1e-3 * beside.sum(), 0.0, 0.0]], atol=1e-15)

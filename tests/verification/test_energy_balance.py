@@ -72,7 +72,7 @@ def test_pbd_loses_what_implicit_euler_does() -> None:
     )
     run = PbdRun(scene)
     model = run.solver.model
-    blocks, n = model.blocks, model.n_nodes
+    blocks, n, constants = model.blocks, model.n_nodes, run.solver.parameters.blocks.constants
     mass, workspace = run.region.mass[:, None], new_workspace()
     for name, velocity in CLOSE.items():
         run.velocity[run.tools.names.index(name)] = velocity
@@ -85,7 +85,7 @@ def test_pbd_loses_what_implicit_euler_does() -> None:
         assert reply.n_substeps == 1
         state = run.solver._committed
         pull = np.zeros((n + 8, 4))
-        block_forces(workspace, blocks.nodes, state.stress, blocks.constants, pull, 0, blocks.n_batches)
+        block_forces(workspace, blocks.nodes, state.stress, constants, pull, 0, blocks.n_batches)
         if last is not None:
             jump = state.v - v
             loss = 0.5 * float((mass * jump * jump).sum()) - float((pull[:n, :3] * (state.x - x)).sum())

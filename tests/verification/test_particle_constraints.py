@@ -8,16 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from particle_run import G, ParticleRun, particle_scene
+from tet_bar import vtk
 
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
+from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.fem.elements.tetrahedra import linear
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.particles.batches import batches
-from softseam_services.pbd.particles.kernels import bending, dihedral, distance, neo_hookean, strain, volume
+from softseam_services.pbd.particles.kernels import bending, distance, neo_hookean, strain
 from softseam_services.pbd.particles.tetrahedra import build_tetrahedra
+from softseam_services.pbd.particles.volume import VOLUME
 
 Floats = NDArray[np.float64]
 REST = np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, 0.1], [0.1, -0.3, 0.8]])
@@ -53,8 +57,6 @@ def green(x: Floats) -> Floats:
 VALUES: dict[str, Callable[[Floats], Floats]] = {
     "distance": lambda x: np.array([np.linalg.norm(x[1] - x[0]) - 0.7]),
     "bending": lambda x: HINGE @ x,
-    "dihedral": lambda x: np.array([angle_of(x) - 0.3]),
-    "volume": lambda x: np.array([volume_of(x) - 0.1]),
     "strain": green,
     "neo_hookean": lambda x: np.array([np.linalg.norm(gradient_of(x)), np.linalg.det(gradient_of(x)) - 1.4]),
 }
@@ -79,12 +81,6 @@ def project(name: str, x: Floats, alpha: float, weight: Floats = WEIGHT) -> tupl
         inverse, soft1 = np.zeros((1, 8)), np.zeros((1, 8))
         bending.prepare_bends(xw, made.nodes, coefficient, alpha * one, 1.0, 0.0, inverse, soft1)
         bending.project_bends(np.zeros(bending.N_WORK), xw, made.nodes, coefficient, inverse, soft1, lam)
-    elif name == "dihedral":
-        rest = made.lanes(np.array([0.3]))
-        dihedral.project_dihedrals(xw, made.nodes, made.row, rest, soft[:, 0].copy(), 1.0, lam[:, 0])
-    elif name == "volume":
-        rest = made.lanes(np.array([0.1]))
-        volume.project_volumes(xw, made.nodes, made.row, rest, soft[:, 0].copy(), 1.0, lam[:, 0])
     elif name == "strain":
         three = made.lanes(np.full((1, 3), alpha))
         strain.project_strains(xw, made.nodes, made.row, tets.inverse, three, 1.0, lam)
@@ -140,22 +136,38 @@ def test_held_particles_stay(name: str) -> None:
     assert np.array_equal(still, X)
 
 
-def test_bending_does_not_break_where_it_is_flat() -> None:
-    """The angle has a slope at zero: 1e-9 m out of a flat hinge is 1e-9 m back; arccos, the control, has none."""
-    flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, -1.0, 0.0]])
-    made = batches(4, np.arange(4, dtype=np.int32)[None])
-    for lift in (0.0, 1e-9):
-        xw = np.zeros((12, 4))
-        xw[:4, :3], xw[:4, 3] = flat, 1.0
-        xw[2, 2] = lift
-        lam = np.zeros((1, 8))
-        zero = np.zeros((1, 8))
-        dihedral.project_dihedrals(xw, made.nodes, made.row, zero, zero, 1.0, lam)
-        assert np.isfinite(xw).all()
-        assert angle_of(xw[:4, :3]) == pytest.approx(0.0, abs=1e-15)
-    first = second = np.array([0.0, 0.0, 1.0])
-    with np.errstate(divide="ignore"):
-        assert not np.isfinite(-1.0 / np.sqrt(1.0 - (np.float64(first @ second)) ** 2))
+def test_the_gradient_of_a_volume_is_its_slope() -> None:
+    gradient, other = np.zeros((4, 3)), np.zeros((4, 3))
+    assert VOLUME.value(X, np.array([0.1]), gradient) == pytest.approx(volume_of(X) - 0.1, rel=1e-14)
+    assert gradient.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-15)
+    d = np.random.default_rng(3).normal(size=(4, 3))
+    up, down = (VOLUME.value(X + sign * 1e-6 * d, np.array([0.1]), other) for sign in (1.0, -1.0))
+    assert (gradient * d).sum() == pytest.approx((up - down) / 2e-6, rel=1e-8)
+
+
+@pytest.mark.parametrize("bulk", [None, 5e4])
+def test_a_volume_stiffens_a_tetrahedron_by_its_bulk_modulus(bulk: float | None) -> None:
+    """Three corners are clamped, the fourth above their middle carries rho V/4: uniaxial strain u/h, so that
+    u = rho g h^2/(4 (lambda + 2 mu + K)), for small strains: a tenth of the earth's gravity."""
+    h, young, poisson, density, g = 0.05, 2e4, 0.3, 1000.0, 0.1 * G
+    points = np.array([[-0.03, -0.02, 0.0], [0.03, -0.02, 0.0], [0.0, 0.04, 0.0], [0.0, 0.0, h]])
+    body = {
+        "kind": "tet_mesh",
+        "path": "one.vtk",
+        "density": density,
+        "young": young,
+        "poisson": poisson,
+        "damping": 30.0,
+        "fixed": [{"min": (-1.0, -1.0, -1.0), "max": (1.0, 1.0, 0.0)}],
+        "constraints": [] if bulk is None else [{"kind": "volume", "bulk": bulk}],
+    }
+    scene = particle_scene(body, gravity=(0.0, 0.0, -g), pbd={"substeps": 20, "sweeps": 20})
+    run = ParticleRun(scene, {"one.vtk": vtk(points, np.arange(4)[None])})
+    apex = int(run.body.x_rest[:, 2].argmax())
+    run.run(1.0)
+    wave = ElasticConstants.from_young_poisson(young, poisson).p_wave + (bulk or 0.0)
+    sunk = float(run.body.x_rest[apex, 2] - run.x[apex, 2])
+    assert sunk == pytest.approx(density * g * h**2 / (4.0 * wave), rel=2e-3)
 
 
 def test_hinges_of_equilateral_triangles_bend_as_a_plate() -> None:

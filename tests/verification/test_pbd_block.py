@@ -96,13 +96,14 @@ def _single_block(run: PbdRun, only: np.ndarray, x: np.ndarray) -> float:
     n = len(only)
     xw = np.zeros((n + 8, 4))
     xw[:n, :3] = run.body.x_rest
-    xw[n:, :3] = blocks.padding_x
+    numbers = run.solver.parameters.blocks
+    xw[n:, :3] = numbers.padding_x
     xw[ids, :3] = x
-    volume = np.zeros_like(blocks.volume)
-    volume[batch[0], lane[0]] = blocks.volume[batch[0], lane[0]]
+    volume = np.zeros_like(numbers.volume)
+    volume[batch[0], lane[0]] = numbers.volume[batch[0], lane[0]]
     energies = np.zeros((blocks.n_batches, 2))
-    law, n_batches = blocks.law, blocks.n_batches
-    batch_energies(new_workspace(), xw, blocks.nodes, volume, blocks.constants, law, 0, n_batches, energies)
+    law, n_batches = numbers.law, blocks.n_batches
+    batch_energies(new_workspace(), xw, blocks.nodes, volume, numbers.constants, law, 0, n_batches, energies)
     return float(strain_energy(energies)[0])
 
 

@@ -23,6 +23,7 @@ from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.calibration.measure import Bench, oscillation
 from softseam_services.pbd.model import build_model
+from softseam_services.pbd.parameters import build_parameters
 from softseam_services.server import build_setup
 
 Floats = NDArray[np.float64]
@@ -181,10 +182,11 @@ def test_scenes_that_are_viscous_take_twice_the_substeps(name: str) -> None:
     setup = build_setup(load_scene(SCENES / f"{name}.yaml").bundle)
     assert isinstance(setup.body, Body)
     region = build_region(setup.body, np.arange(setup.body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
-    model = build_model(setup.scene, setup.body, region, setup.tools)
-    plain = replace(model, spec=model.spec.model_copy(update={"damping": PbdSpec().damping}))
-    assert model.spec.damping.stiffness > 0.0
-    assert model.substeps(setup.scene.step) <= 2 * plain.substeps(setup.scene.step)
+    spec, body, tools = setup.scene.models.pbd, setup.body, setup.tools
+    viscous = build_parameters(build_model(body, region, tools, spec), body, region, tools, spec)
+    plain = replace(viscous, spec=viscous.spec.model_copy(update={"damping": PbdSpec().damping}))
+    assert viscous.spec.damping.stiffness > 0.0
+    assert viscous.substeps(setup.scene.step) <= 2 * plain.substeps(setup.scene.step)
 
 
 def test_what_damping_cannot_do_is_refused_by_name() -> None:
@@ -204,7 +206,7 @@ def swing(residual: float | None, sweeps: int) -> tuple[PbdRun, list[int], list[
     """A block kicked hard, 20 substeps a step near the limit: sweeps, residual and alarm of each of 20 steps."""
     plan = PbdRun(scene_of(kind="neo_hookean", pbd={}))
     pbd = {"substeps": 20, "sweeps": sweeps, "residual": residual}
-    run = kicked(scene_of(step=20 * 2.0 / plan.solver.model.frequency, kind="neo_hookean", pbd=pbd))
+    run = kicked(scene_of(step=20 * 2.0 / plan.solver.parameters.frequency, kind="neo_hookean", pbd=pbd))
     replies = [run.step() for _ in range(20)]
     return (
         run,

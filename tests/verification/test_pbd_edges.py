@@ -15,6 +15,8 @@ from test_tool_edges import REFERENCE, press
 from softseam_services.pbd.edges import SOFT
 from softseam_services.pbd.kernels.pairs import EDGED, POINT, SIDE
 from softseam_services.pbd.kernels.pairs import SOFT as ALPHA
+from softseam_services.pbd.kernels.share import find_shares
+from softseam_services.pbd.records import new_shares
 
 Floats = NDArray[np.float64]
 CELL = 0.0125
@@ -134,7 +136,7 @@ def test_what_tools_feel_is_what_the_body_feels() -> None:
         np.testing.assert_allclose(change, -reply.wrench[:, :3].sum(axis=0), atol=1e-9)
         np.testing.assert_allclose(run.fields().contact_force.sum(axis=0), -reply.wrench[:, :3].sum(axis=0), atol=1e-12)
         before = reply
-    assert reply.wrench[1, 2] > 0.5 and (run.solver._stepper.contacts.rows[:, EDGED] > 0).any()
+    assert reply.wrench[1, 2] > 0.5 and (run.solver._scratch.arrays.contacts.rows[:, EDGED] > 0).any()
 
 
 def test_compliance_of_a_point_is_what_its_share_says() -> None:
@@ -144,7 +146,7 @@ def test_compliance_of_a_point_is_what_its_share_says() -> None:
     run = pads(2.0 * BLOCK + xi * BLOCK)
     run.velocity[:, 2] = 1e-3, -1e-3
     run.step()
-    edges = run.solver.model.edges
+    edges = run.solver._scratch.arrays.contacts.shares
     x = run.body.x_rest[run.region.nodes][run.solver.model.node]
     line = (np.abs(x[:, 1]) < 1e-9) & (np.abs(x[:, 2] - 0.05) < 1e-9)
     stiffness = SOFT * 20e3 * BLOCK
@@ -155,8 +157,11 @@ def test_compliance_of_a_point_is_what_its_share_says() -> None:
     for place in (0.0, BLOCK, 4.0 * BLOCK):
         (point,) = np.flatnonzero(line & (np.abs(x[:, 0] - place) < 1e-9))
         assert edges.side[point, tool] == -1
-    n_groups = run.solver._stepper.contacts.start[-1]
-    rows, pairs = run.solver._stepper.contacts.rows[:n_groups], run.solver._stepper.contacts.pairs[:n_groups]
+    n_groups = run.solver._scratch.arrays.contacts.start[-1]
+    rows, pairs = (
+        run.solver._scratch.arrays.contacts.rows[:n_groups],
+        run.solver._scratch.arrays.contacts.pairs[:n_groups],
+    )
     used = (rows[:, POINT : POINT + 8] >= 0) & (rows[:, SIDE : SIDE + 8] >= 0)
     assert used.any() and (pairs[:, 8 * ALPHA : 8 * ALPHA + 8][used] > 0.0).all()
 
@@ -164,8 +169,8 @@ def test_compliance_of_a_point_is_what_its_share_says() -> None:
 def test_a_body_under_larger_plates_has_no_edges() -> None:
     run = pads(0.026)
     squeezed(run, 0.05)
-    assert len(run.solver.model.edges.faces) == 0
-    assert not run.solver._stepper.contacts.rows[:, EDGED].any()
+    assert len(run.solver.model.faces.nodes) == 0
+    assert not run.solver._scratch.arrays.contacts.rows[:, EDGED].any()
 
 
 def test_a_state_that_is_handed_over_goes_on() -> None:
@@ -194,7 +199,7 @@ def test_the_seam_is_probed_with_points_in_part() -> None:
     run.run(0.3)
     run.velocity[:] = 0.0
     run.run(0.3)
-    assert (run.solver._stepper.contacts.rows[:, EDGED] > 0).any()
+    assert (run.solver._scratch.arrays.contacts.rows[:, EDGED] > 0).any()
     compliance = run.solver.advance(run.request(compliance=True)).compliance
     force = np.zeros((len(seam), 3))
     for column in range(0, force.size, 7):
@@ -252,12 +257,13 @@ def test_faces_count_while_a_corner_rests_on_a_thin_pad() -> None:
     """On a pad of 1 mm: where the surface beside its edge rises past it shares change by its tilt; where all of it does
     so, what points hold fades without steps, to nothing."""
     run = pads(2.5 * BLOCK)
-    model, tool = run.solver.model, 1
+    model, parameters, tool = run.solver.model, run.solver.parameters, 1
+    shares_of = new_shares(model.arrays, model.n_tools)
     rest = run.body.x_rest[run.region.nodes]
     top = rest[:, 2] > 0.05 - 1e-9
     beside = top & (np.abs(rest[:, :2]).max(axis=1) > 2.5 * BLOCK)
     run.tools.shape[tool, 2] = 5e-4
-    model.tools.shape[tool, 2] = 5e-4
+    parameters.tools.shape[tool, 2] = 5e-4
     place = run.position.copy()
     place[tool, 2] = 0.05 + 4e-4
     held = {}
@@ -266,9 +272,9 @@ def test_faces_count_while_a_corner_rests_on_a_thin_pad() -> None:
         for rise in np.linspace(0.0, 8e-3, 81):
             x = rest.copy()
             x[rising, 2] += rise
-            model.find_shares(x, place, run.tools.orientation)
-            covered = model.edges.held[:, 0]
-            shares.append(covered / np.maximum(model.edges.held[:, 1], 1e-300) if name == "beside" else covered.copy())
+            find_shares(model.arrays, parameters.arrays, x, place, run.tools.orientation, shares_of)
+            covered, all_of_it = shares_of.held.T
+            shares.append(covered / np.maximum(all_of_it, 1e-300) if name == "beside" else covered.copy())
         held[name] = np.array(shares)
     np.testing.assert_allclose(held["beside"], np.broadcast_to(held["beside"][0], held["beside"].shape), atol=0.04)
     assert held["all"][0].max() > 0.0 and held["all"][-1].max() == 0.0
@@ -308,7 +314,7 @@ def test_a_point_on_a_seam_knows_the_faces_across() -> None:
     gives = []
     for run in (whole, half):
         run.step()
-        edges = run.solver.model.edges
+        edges = run.solver._scratch.arrays.contacts.shares
         node = run.region.nodes[run.solver.model.node]
         gives.append({n: g for n, g in zip(node, edges.give[:, 1], strict=True) if n in seam and g > 0.0})
     assert len(gives[0]) == 2 * 2

@@ -189,9 +189,10 @@ def test_hourglass_energies_of_a_skew_block_are_those_of_skew_plates() -> None:
     energy, young, nu = Energy(run), 20e3, 0.4
     blocks = run.solver.model.blocks
     batch, lane = np.argwhere(blocks.octant == 3)[0]
-    alone = np.zeros_like(blocks.volume)
-    alone[batch, lane] = volume = blocks.volume[batch, lane]
-    energy._blocks = dataclasses.replace(blocks, volume=alone)
+    numbers = run.solver.parameters.blocks
+    alone = np.zeros_like(numbers.volume)
+    alone[batch, lane] = volume = numbers.volume[batch, lane]
+    energy._numbers = dataclasses.replace(numbers, volume=alone)
     a = 1e-4 * np.random.default_rng(5).standard_normal((4, 3))
     x = run.body.x_rest.copy()
     x[blocks.nodes[batch, :, lane]] += MODES.T @ a

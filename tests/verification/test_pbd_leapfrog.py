@@ -10,7 +10,7 @@ from test_pbd_dynamics import BODIES
 
 from softseam_protocol.scene.scene import Scene
 from softseam_services.pbd.kernels import summary as k
-from softseam_services.pbd.model import EXPLICIT
+from softseam_services.pbd.stability import EXPLICIT
 
 Floats = NDArray[np.float64]
 CLAMPED = ({"min": (-1.0, -1.0, -1.0), "max": (-0.0249, 1.0, 1.0)},)
@@ -40,7 +40,7 @@ def modes(run: PbdRun) -> tuple[Floats, Floats]:
         x.flat[i] += h
         y.flat[i] -= h
         columns.append((energy.force(y) - energy.force(x)).ravel() / (2.0 * h))
-    root = np.sqrt(np.repeat(run.solver.model.inverse_mass, 3))
+    root = np.sqrt(np.repeat(run.solver.parameters.inverse_mass, 3))
     values, vectors = np.linalg.eigh(root[:, None] * 0.5 * (np.array(columns) + np.array(columns).T) * root)
     return np.sqrt(np.abs(values)), (root[:, None] * vectors).T.reshape(-1, *rest.shape)
 
@@ -48,7 +48,7 @@ def modes(run: PbdRun) -> tuple[Floats, Floats]:
 @pytest.mark.parametrize("reach", [0.5, 1.5, 1.95])
 def test_the_discrete_energy_is_kept_to_rounding(reach: float) -> None:
     """E - h^2/8 f^T M^-1 f of linear blocks over 2000 substeps, though E itself goes up and down near the limit."""
-    highest = PbdRun(scene_of()).solver.model.frequency / 1.03
+    highest = PbdRun(scene_of()).solver.parameters.frequency / 1.03
     run = kicked(scene_of(step=20 * reach / highest, substeps=20))
     kept, plain = [], []
     for _ in range(100):
@@ -88,20 +88,19 @@ def test_it_is_stable_up_to_two_and_not_beyond() -> None:
     energy = []
     for reach in (1.999, 2.01):
         run = kicked(scene_of(step=reach / highest, substeps=2), share=1e-4)
-        solver, request = run.solver, run.request()
-        solver._stepper.planned = 1  # behind the back of what would refuse or repeat it
+        request = run.request()
+        run.solver._scratch.planned = 1  # fewer than are allowed
         for _ in range(400):
-            solver._stepper.attempt(solver._committed, solver._work, request, 0)
-            solver._tentative = True
-            solver.commit()
-        energy.append(solver._stepper.result[k.KINETIC])
+            run.attempt(request)
+            run.solver.commit()
+        energy.append(run.figures[k.KINETIC])
     assert energy[1] > 1e6 * energy[0]
 
 
 def test_a_substep_that_becomes_too_long_is_halved_and_told() -> None:
     """A block squeezed to 0.6 swings faster than at rest: the monitor sees it in the first step, and says so."""
     plan = PbdRun(scene_of(kind="neo_hookean"))
-    step = 20 * 1.9 / (plan.solver.model.frequency / 1.03)
+    step = 20 * 1.9 / (plan.solver.parameters.frequency / 1.03)
     x = plan.body.x_rest * np.array([0.6, 1.0, 1.0])
     run = PbdRun(scene_of(step=step, substeps=20, kind="neo_hookean", fixed=()), x=x)
     start = run.solver.strain
@@ -111,7 +110,7 @@ def test_a_substep_that_becomes_too_long_is_halved_and_told() -> None:
 
 
 def test_substeps_beyond_the_limit_are_refused_with_the_least() -> None:
-    least = int(np.ceil(0.005 * PbdRun(scene_of()).solver.model.frequency / 1.03 / 2.0))
+    least = int(np.ceil(0.005 * PbdRun(scene_of()).solver.parameters.frequency / 1.03 / 2.0))
     with pytest.raises(ValueError, match=f"unstable with {least - 1} substeps in 0.005 s, the least is {least}"):
         PbdRun(scene_of(substeps=least - 1))
     assert PbdRun(scene_of(substeps=least)).solver.substeps == least
@@ -126,7 +125,7 @@ def test_planned_substeps_are_stable(body: tuple[Vector, float | Vector, float, 
     fixed = [{"min": (-1, -1, -1), "max": (-size[0] / 2, 1, 1)}] if clamped else []
     law = {"poisson": poisson, "fixed": fixed, "kind": kind, "pbd": {"method": "leapfrog"}}
     plan = PbdRun(block_scene(size, cell, **law))  # type: ignore[arg-type]
-    step = 50 * EXPLICIT / plan.solver.model.frequency
+    step = 50 * EXPLICIT / plan.solver.parameters.frequency
     run = kicked(block_scene(size, cell, step=step, **law))  # type: ignore[arg-type]
     replies = [run.step() for _ in range(60)]
     energy = np.array([reply.kinetic + reply.strain for reply in replies])

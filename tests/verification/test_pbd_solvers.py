@@ -21,7 +21,8 @@ from pbd_run import Energy, PbdRun, block_scene, cantilever
 
 from softseam_services.pbd.kernels.block import N_STRESS, new_workspace
 from softseam_services.pbd.kernels.sweep import sweep
-from softseam_services.pbd.model import KAPPA, build_model
+from softseam_services.pbd.model import build_model
+from softseam_services.pbd.stability import KAPPA
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +33,8 @@ class System:
     def __init__(self, reach: float) -> None:
         self.run = PbdRun(block_scene((0.05, 0.025, 0.025), 0.025, kind="linear", poisson=0.4))
         self.model = model = self.run.solver.model
-        self.h = reach / model.frequency
+        self.parameters = parameters = self.run.solver.parameters
+        self.h = reach / parameters.frequency
         blocks, n = model.blocks, model.n_nodes
         real = blocks.octant.ravel() >= 0
         self.nodes = blocks.nodes.transpose(0, 2, 1).reshape(-1, 8)[real]
@@ -47,19 +49,18 @@ class System:
         for b, nodes in enumerate(self.nodes):
             rows = (3 * nodes[:, None] + np.arange(3)).ravel()
             self.Q[rows, b * self.size : (b + 1) * self.size] = modes
-        weight = np.repeat(model.inverse_mass, 3)
+        weight = np.repeat(parameters.inverse_mass, 3)
         self.A = self.h**2 * self.Q.T @ (weight[:, None] * self.Q) + np.diag(np.tile(self.inverse, self.n_blocks))
 
     def _block_stiffness(self) -> Floats:
         """K_b (24, 24) of any block, by the product's forces on the first one."""
         run, h = self.run, 1e-7
         energy, rest = Energy(run), run.body.x_rest[run.region.nodes]
-        whole = energy._blocks
-        only = whole.volume.copy()
-        only[:] = 0.0
+        whole, numbers = energy._blocks, energy._numbers
+        only = np.zeros_like(numbers.volume)
         batch, lane = np.argwhere(whole.octant >= 0)[0]
-        only[batch, lane] = whole.volume[batch, lane]
-        energy._blocks = dataclasses.replace(whole, volume=only)
+        only[batch, lane] = numbers.volume[batch, lane]
+        energy._numbers = dataclasses.replace(numbers, volume=only)
         nodes = whole.nodes[batch, :, lane]
         columns = []
         for i in range(24):
@@ -94,19 +95,19 @@ class System:
 
     def product_rate(self, sweeps: int = 40) -> float:
         """Factor a sweep of what is left of the motion, in the product's own sweeps from a random prediction."""
-        model, blocks = self.model, self.model.blocks
-        n = model.n_nodes
+        parameters, blocks, numbers = self.parameters, self.model.blocks, self.parameters.blocks
+        n = self.model.n_nodes
         xw = np.zeros((n + 8, 4))
-        xw[:n, :3] = model.x_rest + 1e-6 * np.random.default_rng(0).standard_normal((n, 3))
-        xw[:n, 3] = model.inverse_mass
-        xw[n:, :3] = blocks.padding_x
+        xw[:n, :3] = parameters.x_rest + 1e-6 * np.random.default_rng(0).standard_normal((n, 3))
+        xw[:n, 3] = parameters.inverse_mass
+        xw[n:, :3] = numbers.padding_x
         stress, ws = np.zeros((blocks.n_batches, N_STRESS)), new_workspace()
         moved = []
         for _ in range(sweeps):
             before = xw[:n, :3].copy()
             sweep(
-                *(ws, xw, blocks.nodes, blocks.volume, model.softness, stress, blocks.constants, blocks.law, KAPPA),
-                *(self.h, 0, blocks.n_batches),
+                *(ws, xw, blocks.nodes, numbers.volume, parameters.softness, stress, numbers.constants, numbers.law),
+                *(KAPPA, self.h, 0, blocks.n_batches),
             )
             moved.append(float(np.linalg.norm(xw[:n, :3] - before)))
         last = [m for m in moved if m > 1e-9 * moved[0]]
@@ -160,7 +161,7 @@ def sag(reach: float, *, reset: bool) -> float:
         gravity=(1.0, 0.0, 0.0),
         fixed=({"min": (-1.0, -1.0, -1.0), "max": (-0.0499, 1.0, 1.0)},),
     )
-    h = reach / PbdRun(scene).solver.model.frequency
+    h = reach / PbdRun(scene).solver.parameters.frequency
     run = PbdRun(scene.model_copy(update={"step": h, "models": _one_substep(scene)}))
     for _ in range(round(1200 / reach)):
         state = run.solver._committed
@@ -201,10 +202,10 @@ def test_the_order_of_storage_changes_nothing_within_a_colour(coloured: bool, mo
         if not coloured:
             order = rng.permutation(blocks.n_batches)
         fields: dict[str, Any] = {
-            name: np.ascontiguousarray(getattr(blocks, name)[order]) for name in ("nodes", "volume", "octant")
+            name: np.ascontiguousarray(getattr(blocks, name)[order])
+            for name in ("nodes", "octant", "order", "material")
         }
-        softness = np.ascontiguousarray(model.softness[order])
-        return dataclasses.replace(model, softness=softness, blocks=dataclasses.replace(blocks, **fields))
+        return dataclasses.replace(model, blocks=dataclasses.replace(blocks, **fields))
 
     def swing() -> Floats:
         run = PbdRun(cantilever((0.2, 0.1, 0.05), 0.025, 1e5, 0.4))

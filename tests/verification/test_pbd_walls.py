@@ -54,16 +54,16 @@ def _spectral_radius(run: PbdRun, turn: float) -> float:
 
     Eigenvalues about 1 are left out: rigid motions along smooth walls.
     """
-    solver, work = run.solver, run.solver._work
-    h = turn / solver.model.frequency
+    solver, work = run.solver, run.work
+    h = turn / solver.parameters.frequency
     request = dataclasses.replace(run.request(), dt=h)
-    solver._stepper.dt, solver._stepper.planned = h, 1
+    solver._scratch.dt, solver._scratch.planned = h, 1
     state = solver._committed
     buffer = state.buffer
     force = np.abs(state.force) > 1e-6 * np.abs(state.force).max()
     edge = EDGE / 4.0
-    blocks = solver.model.blocks
-    stress = np.broadcast_to((blocks.volume > 0.0)[:, None, :], (blocks.n_batches, 21, 4)).reshape(state.stress.shape)
+    filled = solver.parameters.blocks.volume > 0.0
+    stress = np.broadcast_to(filled[:, None, :], (len(filled), 21, 4)).reshape(state.stress.shape)
     sizes = {"x": 1e-5 * edge, "v": 1e-5 * edge / h, "stress": 0.2 * edge**3, "force": 0.2 * edge**2}
     size = np.zeros_like(buffer)
     begin = 0
@@ -80,7 +80,7 @@ def _spectral_radius(run: PbdRun, turn: float) -> float:
         for sign in (1.0, -1.0):
             buffer[:] = start
             buffer[i] += sign * size[i]
-            solver._stepper.attempt(state, work, request, 0)
+            run.attempt(request)
             ends.append(work.buffer[at].copy())
         columns.append(0.5 * (ends[0] - ends[1]) / size[at])
     buffer[:] = start
@@ -119,7 +119,7 @@ def test_no_mode_of_a_viscous_substep_grows_between_walls(axes: str, friction: f
     With the local compliance that undamped blocks count with they grow between smooth walls at 20, see
     `kernels.damping`, eq. (4).
     """
-    longest = 1.3 / _cube(1, axes, friction, 0.3).solver.model.frequency
+    longest = 1.3 / _cube(1, axes, friction, 0.3).solver.parameters.frequency
     run = _cube(1, axes, friction, 0.3, time=substeps * longest)
     _squeeze(run, 0.1)
     for _ in range(40):

@@ -26,7 +26,6 @@ from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.mesh_error import MeshError
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
-from softseam_services.pbd.blocks import build_blocks
 from softseam_services.pbd.model_error import ModelError
 
 Floats = NDArray[np.float64]
@@ -149,8 +148,8 @@ def test_error_indicators_see_no_error_where_there_is_none() -> None:
         model, parameters = build_tables(run.body, region)
         cauchy_stress(x, model, parameters, build_work(model, parameters, 0), stress)
         assert low <= mesh.measure(x, stress).sum() < high
-        blocks = build_blocks(run.body, run.region, "physical")
-        found = ModelError(body, run.region, "physical", blocks).measure(x, np.zeros((len(run.region.points), 3)))
+        known = run.solver.model.blocks, run.solver.parameters.blocks
+        found = ModelError(body, run.region, "physical", known).measure(x, np.zeros((len(run.region.points), 3)))
         assert low <= found.sum() < high
 
 

@@ -24,9 +24,16 @@ class ConstraintSpec(Spec):
     kind: str
 
 
-CONSTRAINTS: Table[type[ConstraintSpec]] = Table("constraint specifications")
-"""the specification of each kind, all from outside: springs, bends and tetrahedra of a body need none; services have
-its constraint (softseam_services.pbd.particles.constraints.CONSTRAINTS)"""
+class VolumeSpec(ConstraintSpec):
+    """Each tetrahedron of a tet_mesh keeps its volume, beside what its material asks for."""
+
+    kind: Literal["volume"] = "volume"
+    bulk: Positive = Field(description="bulk modulus that it adds [Pa]")
+
+
+CONSTRAINTS: Table[type[ConstraintSpec]] = Table("constraint specifications", {"volume": VolumeSpec})
+"""the specification of each kind: springs, bends and tetrahedra of a body need none; services have its constraint
+(softseam_services.pbd.particles.constraints.CONSTRAINTS)"""
 
 AnyConstraint = Annotated[ConstraintSpec, OfKind(CONSTRAINTS)]
 """a constraint of any kind that CONSTRAINTS has"""
@@ -44,7 +51,7 @@ class _Particles(OwnRegions):
         default=0.0, ge=0.0, le=1.0, description="share of its speed that a particle keeps when it meets a tool [1]"
     )
     constraints: tuple[AnyConstraint, ...] = Field(
-        default=(), description="what holds its particles beside its own stiffness; kinds come with extensions"
+        default=(), description="what holds its particles beside its own stiffness; further kinds come with extensions"
     )
 
     @model_serializer(mode="wrap")

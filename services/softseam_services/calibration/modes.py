@@ -46,16 +46,16 @@ def node_grid(body: Body) -> Ints:
 
 def block_force(solver: PbdSolver) -> Force:
     """Forces of a region's blocks."""
-    blocks, n = solver.model.blocks, solver.model.n_nodes
+    blocks, numbers, n = solver.model.blocks, solver.parameters.blocks, solver.model.n_nodes
     xw, ws = np.zeros((n + 8, 4)), new_workspace()
-    xw[n:, :3] = blocks.padding_x
+    xw[n:, :3] = numbers.padding_x
     stress = np.zeros((blocks.n_batches, N_STRESS))
 
     def force(x: Floats) -> Floats:
         xw[:n, :3] = x
-        exact_stress(ws, xw, blocks.nodes, blocks.volume, stress, blocks.constants, blocks.law)
+        exact_stress(ws, xw, blocks.nodes, numbers.volume, stress, numbers.constants, numbers.law)
         f = np.zeros((n + 8, 4))
-        block_forces(ws, blocks.nodes, stress, blocks.constants, f, 0, blocks.n_batches)
+        block_forces(ws, blocks.nodes, stress, numbers.constants, f, 0, blocks.n_batches)
         return f[:n, :3]
 
     return force

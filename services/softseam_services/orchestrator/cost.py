@@ -26,7 +26,7 @@ from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import ModelsSpec, PbdSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.sides import Sides
-from softseam_services.pbd.model import EXPLICIT, STABLE, TOUCHED, TWO_SWEEPS, shorter_by
+from softseam_services.pbd.stability import EXPLICIT, STABLE, TOUCHED, TWO_SWEEPS, shorter_by
 
 CALL = 60.0
 """a call of a participant [us]"""

@@ -1,27 +1,50 @@
-"""The blocks of a region, coloured and laid out for the sweep; built once."""
+"""The blocks of a region, coloured and laid out for the sweep: what is joined to what; their numbers are in
+`block_parameters`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.materials.point import NEO_HOOKEAN
 
-from .forms import SIGNS, build_forms
-from .hourglass import block_constants
-from .kernels.block import MU, Constants, G
-from .kernels.form import N_FORM
 from .kernels.lanes import LANES
 from .levels import Levels, build_levels
 from .particles.kernels.coloring import MOST_COLORS, color_tiles
 
 Longs = NDArray[np.int64]
 
-VERY_FLAT, MOSTLY = 5.0, 5.0
-"""longest edge over the shortest, and a damping time in longest undamped substeps (decision 24)"""
+
+class CellLayout(NamedTuple):
+    """What the blocks' structure follows from: c cells on n nodes."""
+
+    nodes: Ints
+    """local ids (c, 27)"""
+    n_nodes: int
+    filled: NDArray[np.bool_]
+    """octants that have a block (c, 8)"""
+    material: Ints
+    """number of each octant's material (c, 8)"""
+    parity: Ints
+    """whether the cell's place in the grid is even or odd, by axis (c, 3)"""
+    boxes: bool
+    """whether cells are boxes of one size"""
+
+
+def cell_layout(body: Body, region: Region) -> CellLayout:
+    """Of the region's cells."""
+    cells = region.cells
+    return CellLayout(
+        nodes=region.cell_nodes,
+        n_nodes=len(region.nodes),
+        filled=body.fill[cells] > 0.0,
+        material=body.octant_material[cells],
+        parity=body.cell_grid[cells] & 1,
+        boxes=body.boxes,
+    )
 
 
 @dataclass(frozen=True)
@@ -36,114 +59,94 @@ class Blocks:
 
     nodes: Ints
     """local node ids, n .. n + 7 for padding (n_batches, 8 nodes, 4 lanes)"""
-    volume: Floats
-    """fill times volume, 0 for padding (n_batches, 4 lanes) [m^3]"""
     octant: Ints
     """8 cell + octant of each lane, 8 cell where it is the whole cell, -1 for padding (n_batches, 4 lanes)"""
+    order: Longs
+    """place in `ids` of each lane, -1 for padding (n_batches, 4 lanes)"""
+    material: Ints
+    """number of the material of each batch (n_batches,)"""
     colours: Ints
     """where the batches of each colour begin, and the end (c + 1,)"""
-    edges: Floats
-    """of boxes, else the shortest of all (3,) [m]"""
-    constants: Constants
-    padding_x: Floats
-    """rest positions of the padding's nodes (8, 3) [m]"""
-    law: int
-    """number of the materials' kind in `body.materials.point`"""
+    ids: Longs
+    """8 cell + octant, ascending (b,)"""
+    corners: Ints
+    """nodes of each block (b, 8)"""
+    weight: Floats | None
+    """what each node gives to each of the block's corners, see `levels`; None where each is a corner (b, 8, 8)"""
+    colour: Longs
+    """(b,)"""
+    kind: Ints
+    """number of each block's material (b,)"""
+    boxes: bool
+    """whether all are boxes of one size"""
+    whole: bool
+    """whether each is a whole cell"""
+    n_nodes: int
 
     @property
     def n_batches(self) -> int:
         return len(self.nodes)
 
+    def only(self, ids: Ints) -> Blocks:
+        """Some of these blocks, those of `ids`, laid out anew."""
+        kept = np.flatnonzero(np.isin(self.ids, ids))
+        corners = self.corners[kept]
+        colour = self.colour[kept] if self.boxes else _colours(self.ids[kept], corners, self.n_nodes)
+        weight = None if self.weight is None else self.weight[kept]
+        return _laid_out(self.ids[kept], corners, weight, colour, self.kind[kept], self.boxes, self.whole, self.n_nodes)
 
-def build_blocks(
-    body: Body, region: Region, hourglass: str, levels: Levels | None = None, only: Ints | None = None
-) -> Blocks:
-    """Colour the filled octants of the region's cells, and its coarse cells; `only` restricts them to these ids."""
+
+def build_blocks(cells: CellLayout, levels: Levels | None = None) -> Blocks:
+    """Colour the filled octants of the cells, and the coarse cells; without levels none is coarse."""
     if levels is None:
-        levels = build_levels(region, np.zeros(len(region.cells), dtype=np.bool_))
+        levels = build_levels(cells.nodes, cells.n_nodes, np.zeros(len(cells.nodes), dtype=np.bool_))
     coarse = levels.coarse
     whole = bool(coarse.all())
-    boxes = body.boxes and (whole or not coarse.any())
-    edges = body.edges if whole else body.edges / 2.0
-    fill = body.fill[region.cells].ravel()
-    ids = np.flatnonzero((fill > 0.0) & ((np.arange(len(fill)) % 8 == 0) | ~np.repeat(coarse, 8)))
-    if only is not None:
-        ids = np.intersect1d(ids, only)
-    ids_nodes, weight = levels.block_nodes(region, ids)
+    boxes = cells.boxes and (whole or not coarse.any())
+    filled = cells.filled.ravel()
+    ids = np.flatnonzero(filled & ((np.arange(len(filled)) % 8 == 0) | ~np.repeat(coarse, 8)))
+    corners, weight = levels.block_nodes(cells.nodes, ids)
     if boxes and whole:
-        colour = (body.cell_grid[region.cells[ids // 8]] & 1) @ np.array([1, 2, 4])
+        colour = cells.parity[ids // 8] @ np.array([1, 2, 4])
     else:
         # The place of an octant in the lattice is 2 grid + (i, j, k), so its parity is (i, j, k): colour = octant.
-        colour = ids % 8 if boxes else _colours(ids, ids_nodes, len(region.nodes))
-    material = body.octant_material[region.cells].ravel()[ids]
+        colour = ids % 8 if boxes else _colours(ids, corners, cells.n_nodes)
+    return _laid_out(ids, corners, weight, colour, cells.material.ravel()[ids], boxes, whole, cells.n_nodes)
+
+
+def _laid_out(
+    ids: Longs, corners: Ints, weight: Floats | None, colour: Longs, kind: Ints, boxes: bool, whole: bool, n_nodes: int
+) -> Blocks:
+    """Batches of blocks of one colour and material."""
     lanes: list[Longs] = []
     ends, numbers = [0], []
     for each in range(int(colour.max(initial=7)) + 1):
-        for number in range(len(body.materials)):
-            members = np.flatnonzero((colour == each) & (material == number))
+        for number in np.unique(kind[colour == each]).tolist():
+            members = np.flatnonzero((colour == each) & (kind == number))
             pad = -len(members) % LANES
             lanes.append(np.concatenate([members, np.full(pad, -1)]))
             numbers += [number] * (len(lanes[-1]) // LANES)
         ends.append(len(numbers))
-    order = np.concatenate(lanes).reshape(-1, LANES)
+    order = np.concatenate(lanes or [np.zeros(0, dtype=np.int64)]).reshape(-1, LANES)
     real = order >= 0
     nodes = np.empty((*order.shape, 8), dtype=np.int32)
-    nodes[...] = len(region.nodes) + np.arange(8)
-    nodes[real] = ids_nodes[order[real]]
-    padding_x = 0.5 * (1.0 + SIGNS) * edges
-    if boxes:
-        volume = fill[ids] * edges.prod()
-        table = np.stack([block_constants(each, edges, hourglass) for each in body.materials])
-        constants = Constants(table, np.array(numbers, dtype=np.int32))
-    else:
-        x = np.concatenate([body.x_rest[region.nodes[ids_nodes]], padding_x[None]])
-        if weight is not None:
-            weight = np.concatenate([weight, np.eye(8)[None]])
-        forms, volume = np.empty((len(x), N_FORM)), np.empty(len(x))
-        material = np.append(material, 0)
-        for number, of in enumerate(body.materials):
-            mine = material == number
-            forms[mine], volume[mine] = build_forms(x[mine], of, hourglass, None if weight is None else weight[mine])
-        volume = volume * np.append(fill[ids], 0.0)
-        table = np.ascontiguousarray(forms[order].transpose(0, 2, 1))
-        constants = Constants(table, np.arange(len(order), dtype=np.int32))
+    nodes[...] = n_nodes + np.arange(8)
+    nodes[real] = corners[order[real]]
     return Blocks(
         nodes=np.ascontiguousarray(nodes.transpose(0, 2, 1)),
-        volume=np.where(real, volume[np.maximum(order, 0)], 0.0),
         octant=np.where(real, ids[np.maximum(order, 0)], -1).astype(np.int32),
+        order=order,
+        material=np.array(numbers, dtype=np.int32),
         colours=np.array(ends, dtype=np.int32),
-        edges=edges,
-        constants=constants,
-        padding_x=padding_x,
-        law=body.material.number,
+        ids=ids,
+        corners=corners,
+        weight=weight,
+        colour=colour,
+        kind=kind,
+        boxes=boxes,
+        whole=whole,
+        n_nodes=n_nodes,
     )
-
-
-def make_viscous(blocks: Blocks, times: float) -> None:
-    """Have neo-Hookean blocks count with the compliance of the axis that has most in their local solve, in place.
-
-    With one for each axis (`kernels.block`, eq. (4)) what a sweep adds to a flat block's stress has a moment. Stress
-    catches up with shape within a few substeps, but not where it is viscous: there the moment turns the block, and
-    damping is half of what is asked for, or a fifth more. times: damping time in longest undamped substeps. Blocks that
-    are `VERY_FLAT` would gain energy below `MOSTLY`, and keep what they have there.
-    """
-    if blocks.law == NEO_HOOKEAN:
-        table = blocks.constants.table
-        most, least = table[:, G : G + 3].max(axis=1), table[:, G : G + 3].min(axis=1)
-        even = (times > 1.0) & ((times > MOSTLY) | (most < VERY_FLAT**2 * least))
-        table[:, G : G + 3] = np.where(even[:, None], most[:, None], table[:, G : G + 3])
-
-
-def mean_lag(blocks: Blocks, softness: Floats) -> float:
-    """8 max w_i V 2 mu G of the blocks, V/mu their weights [1/s^2]; softness (b, 4) is 8 max w_i [1/kg].
-
-    Shear is what slow modes are made of. Where materials differ, the softer one deforms.
-    """
-    own, boxes = blocks.constants.table[blocks.constants.number], blocks.constants.table.ndim == 2
-    mu, slope = (own[:, MU, None], own[:, G : G + 3, None]) if boxes else (own[:, MU], own[:, G : G + 3])
-    weight = blocks.volume / mu
-    lag = softness * blocks.volume * 2.0 * mu * slope.mean(axis=1)
-    return float((weight * lag).sum() / weight.sum())
 
 
 def _colours(ids: Longs, nodes: Ints, n_nodes: int) -> Longs:

@@ -6,17 +6,22 @@ clamps takes up all the momentum that it is given; where some are clamped, these
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.body.body import Floats
+from softseam_services.body.body import Floats, Ints
+from softseam_services.jit import record
 
-from .blocks import build_blocks, make_viscous
 from .kernels.block import new_workspace
 from .kernels.crew import new_crew
 from .kernels.probe import probe_seam
-from .model import KAPPA, PbdModel
-from .records import PointArrays, block_arrays, new_contacts, solve_arrays, tool_arrays
+from .kernels.share import find_shares
+from .model import PbdModel
+from .parameters import PbdParameters, block_softness
+from .records import new_inputs, new_scratch, new_shares
+from .state import new_state
 
 Ways = NDArray[np.float64]
 
@@ -35,14 +40,30 @@ def no_ways() -> Ways:
     return np.zeros((0, 2, 0, 3))
 
 
-class SeamProbe:
-    """The blocks within some layers of the seam, numbered on their own."""
+@record
+class Probing(NamedTuple):
+    """What `kernels.probe` needs beside a step's: e nodes at which what lies beyond begins, s nodes of the seam."""
 
-    def __init__(self, model: PbdModel, dt: float) -> None:
-        region, levels = model.region, model.levels
+    edge: Ints
+    """(e,)"""
+    share_of_edge: Floats
+    """of its mass (e,)"""
+    parts: Ints
+    crew: NDArray[np.int64]
+    """alone"""
+    compliance: Floats
+    """(3s, 3s) [m/N]"""
+    ways: Ways
+    """(3s, 2, k + 1, 3) [m/N, m/s/N]"""
+
+
+class SeamProbe:
+    """The blocks within some layers of the seam, numbered on their own, with the numbers that they have."""
+
+    def __init__(self, model: PbdModel, parameters: PbdParameters, dt: float) -> None:
         # Damping by stiffness spreads news within the step as a longer one would: sqrt(b dt) is how far, over c_p.
-        reached_in = np.sqrt(dt * (dt + model.spec.damping.stiffness))
-        way = reached_in * model.body.wave_speed / float(model.blocks.edges.min())
+        reached_in = np.sqrt(dt * (dt + parameters.spec.damping.stiffness))
+        way = reached_in * parameters.wave_speed / float(parameters.blocks.edges.min())
         layers = int(np.clip(np.ceil(REACH * way), LEAST_LAYERS, MOST_LAYERS))
         all_nodes = np.concatenate([model.blocks.nodes.transpose(0, 2, 1).reshape(-1, 8)])
         octants = model.blocks.octant.ravel()
@@ -53,8 +74,8 @@ class SeamProbe:
         for _ in range(layers):
             inside = reached[all_nodes].any(axis=1)
             reached[all_nodes[inside]] = True
-        blocks = build_blocks(model.body, region, model.spec.hourglass, levels, octants[inside])
-        make_viscous(blocks, model.viscous_times)
+        blocks = model.blocks.only(octants[inside])
+        numbers = parameters.blocks.only(model.blocks, blocks)
         used = blocks.nodes < model.n_nodes
         ids = np.unique(np.concatenate([blocks.nodes[used], model.seam]))
         number = np.full(model.n_nodes + 8, -1, dtype=np.int32)
@@ -63,25 +84,20 @@ class SeamProbe:
         held = np.zeros(model.n_nodes, dtype=np.bool_)
         held[all_nodes[~inside]] = True
         held[model.seam] = False
-        outside = ~levels.hangs
+        outside = ~model.levels.hangs
         outside[ids] = False
         left_out, edge = np.flatnonzero(outside), np.flatnonzero(held & ~outside)
-        clamped = bool((model.inverse_mass[np.concatenate([left_out, edge])] == 0.0).any())
+        clamped = bool((parameters.inverse_mass[np.concatenate([left_out, edge])] == 0.0).any())
         self.ids = ids.astype(np.int32)
         """nodes that are probed (k,)"""
         self.beyond = left_out[: 0 if clamped else len(left_out)].astype(np.int32)
         """free nodes that are not, and go along with the nodes at which they begin"""
-        mass = model.mass[edge]
-        lighter = 0.0 if clamped else mass.sum() / (mass.sum() + model.mass[left_out].sum()) if len(edge) else 1.0
-        inverse_mass = np.where(held, lighter * model.inverse_mass, model.inverse_mass)[ids]
-        self._edge = number[edge[: 0 if clamped else len(edge)]]
-        self._share_of_edge = mass[: len(self._edge)] / max(mass.sum(), 1e-300)
-        self._dt = dt
-        self._model, self._blocks = model, blocks
-        nodes = number[blocks.nodes]
-        padded = np.concatenate([model.inverse_mass[ids], np.zeros(8)])
-        self._arrays = block_arrays(blocks, nodes, np.ascontiguousarray(8.0 * padded[nodes].max(axis=1)))
-        self._seam = number[model.seam]
+        mass = parameters.mass[edge]
+        lighter = 0.0 if clamped else mass.sum() / (mass.sum() + parameters.mass[left_out].sum()) if len(edge) else 1.0
+        inverse_mass = np.where(held, lighter * parameters.inverse_mass, parameters.inverse_mass)[ids]
+        self.dt = dt
+        """the step that the probe was built for [s]"""
+        self.n_blocks = len(blocks.ids)
         # Points that follow nodes of the probed blocks only.
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
         astray = np.zeros(model.n_points, dtype=np.bool_)
@@ -90,39 +106,46 @@ class SeamProbe:
         kept = ~astray[rows] & model.active[rows]
         indptr = np.zeros(len(self._used) + 1, dtype=np.int32)
         np.cumsum(np.diff(model.indptr)[self._used], out=indptr[1:])
-        self._points = PointArrays(
+        nodes = number[blocks.nodes]
+        self._model, self._parameters = model, parameters
+        self._arrays = model.arrays._replace(
+            blocks=nodes,
+            seam=number[model.seam],
             indptr=indptr,
             node=number[model.node[kept]],
-            weight=model.weight[kept],
-            softness=model.point_softness[self._used],
             active=np.ones(len(self._used), dtype=np.bool_),
-            inverse_mass=model.inverse_mass[ids],
-            side=np.full((len(self._used), model.n_tools), -1, dtype=np.int32),
-            soft=np.zeros((len(self._used), model.n_tools)),
         )
-        self._tools = tool_arrays(model.tools)
-        self._contacts = new_contacts(len(ids), blocks.n_batches, len(self._used), model.n_tools)
-        n = len(ids)
-        self._xw = np.zeros((n + 8, 4))
-        self._xw[:n, 3] = inverse_mass
-        self._xw[n:, :3] = blocks.padding_x
+        own = parameters.inverse_mass[ids]
+        self._numbers = parameters.arrays._replace(
+            mass=parameters.mass[ids],
+            inverse_mass=own,
+            x_rest=parameters.x_rest[ids],
+            volume=numbers.volume,
+            softness=block_softness(nodes, own),
+            constants=numbers.constants,
+            weight=parameters.weight[kept],
+            point_softness=parameters.point_softness[self._used],
+            tolerance=0.0,
+        )
+        n, p, t = len(ids), len(self._used), model.n_tools
+        self._scratch = new_scratch(self._arrays, self._numbers, numbers.padding_x, 0)
+        self._scratch.xw[:n, 3] = inverse_mass
+        self._shares = new_shares(model.arrays, t)
+        self._start, self._work = new_state(n, blocks.n_batches, p, t), new_state(n, blocks.n_batches, p, t)
+        self._inputs = new_inputs(t, len(model.seam))
         self._ws = new_workspace()
-        self._crew = new_crew(alone=True)
-        self._solve = solve_arrays(model, blocks, 0, 0.0)
-
-    @property
-    def dt(self) -> float:
-        """The step that the probe was built for [s]."""
-        return self._dt
-
-    @property
-    def n_blocks(self) -> int:
-        return int((self._blocks.octant >= 0).sum())
-
-    @property
-    def keeps_ways(self) -> bool:
-        """Whether what every node does is small enough to be kept."""
-        return 18 * len(self._seam) * (len(self.ids) + 1) <= MOST_WAYS
+        beyond = edge[: len(edge) if not clamped else 0]
+        columns = 3 * len(model.seam)
+        self.keeps_ways = 6 * columns * (n + 1) <= MOST_WAYS
+        """whether what every node does is small enough to be kept"""
+        self._probing = Probing(
+            edge=number[beyond],
+            share_of_edge=mass[: len(beyond)] / max(mass.sum(), 1e-300),
+            parts=np.array([0, blocks.n_batches], dtype=np.int32),
+            crew=new_crew(alone=True),
+            compliance=np.zeros((columns, columns)),
+            ways=np.zeros((columns, 2, n + 1, 3)) if self.keeps_ways else no_ways(),
+        )
 
     def compliance(
         self, x: Floats, force: Floats, position: Floats, orientation: Floats, ramp: bool = False
@@ -134,30 +157,30 @@ class SeamProbe:
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
         contacts stay as they are, tools stand still. Equal to the derivative of the step up to the motion within it.
         Also d(x, v)/d(force) of every probed node, and last of `beyond` (3m, 2, k + 1, 3), where `keeps_ways`: forces
-        on the nodes m that the seam follows, which are the seam's own where none of them hangs.
+        on the nodes m that the seam follows, which are the seam's own where none of them hangs. The next probe
+        overwrites them.
         """
-        blocks, dt = self._blocks, self._dt
-        self._model.find_shares(x, position, orientation)
-        np.take(self._model.edges.side, self._used, axis=0, out=self._points.side)
-        np.take(self._model.edges.give, self._used, axis=0, out=self._points.soft)
-        seam_mass = self._xw[self._seam, 3]
-        n_seam = len(self._seam)
-        result = np.zeros((3 * n_seam, 3 * n_seam))
-        ways = no_ways()
-        if self.keeps_ways:
-            ways = np.zeros((3 * n_seam, 2, len(self.ids) + 1, 3))
-        free = seam_mass[seam_mass > 0.0]
-        if n_seam == 0 or len(free) == 0:
-            return result, ways
-        probe = STRAIN * float(blocks.edges.min()) / (dt * dt * float(np.median(free)))
+        model, parameters = self._model, self._parameters
+        inputs, start, probing = self._inputs, self._start, self._probing
+        edge = float(parameters.blocks.edges.min())
+        seam_mass = self._scratch.xw[self._arrays.seam, 3]
+        n_seam, free = len(seam_mass), seam_mass[seam_mass > 0.0]
+        if len(free) == 0:
+            return np.zeros((3 * n_seam, 3 * n_seam)), probing.ways
+        inputs.position[:], inputs.orientation[:] = position, orientation
+        shares, own = self._shares, self._scratch.contacts.shares
+        if len(model.faces.nodes):
+            find_shares(model.arrays, parameters.arrays, x, position, orientation, shares)
+            np.take(shares.side, self._used, axis=0, out=own.side)
+            np.take(shares.give, self._used, axis=0, out=own.give)
+        np.take(x, self.ids, axis=0, out=start.x)
+        np.take(force, self._used, axis=0, out=start.force)
         probe_seam(
-            *(np.ascontiguousarray(x[self.ids]), np.ascontiguousarray(force[self._used])),
-            *(self._arrays, self._points, self._tools, self._contacts, self._solve, self._xw),
-            *(position, orientation, self._seam, probe),
-            *(dt, self._model.substeps(dt), self._model.spec.sweeps, KAPPA, ramp),
-            *(np.array([0, blocks.n_batches], dtype=np.int32), self._crew, self._ws),
-            *(self._edge, self._share_of_edge, result, ways),
+            *(self._arrays, self._numbers, start, self._work, inputs, self._scratch, probing),
+            *(self.dt, parameters.substeps(self.dt), parameters.spec.sweeps, ramp),
+            *(STRAIN * edge / (self.dt * self.dt * float(np.median(free))), self._ws),
         )
+        result, ways = probing.compliance.copy(), probing.ways
         weight = self._model.seam_weight
         if weight is not None:
             # What a node of the region's seam feels and shows goes by the nodes that it follows: H = W H_m W^T.

@@ -6,7 +6,7 @@ import numpy as np
 
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Fields
-from softseam_services.body.body import Floats
+from softseam_services.body.body import Body, Floats, Region
 
 from .kernels.energy import cell_energies
 from .kernels.pairs import place_points
@@ -14,34 +14,35 @@ from .kernels.stress import octant_stress
 from .levels import fill_in
 from .model import PbdModel
 from .model_error import ModelError
+from .parameters import PbdParameters
 from .state import PbdState
 
 
 class FieldReader:
     """Of one region. What estimates the error is built when it is first asked for."""
 
-    def __init__(self, model: PbdModel, ws: Floats, xw: Floats) -> None:
+    def __init__(self, model: PbdModel, body: Body, region: Region, ws: Floats, xw: Floats) -> None:
         """ws, xw: the region's workspace and room for its nodes (n + 8, 4), overwritten"""
-        self._model, self._ws, self._xw = model, ws, xw
+        self._model, self._body, self._region, self._ws, self._xw = model, body, region, ws, xw
         self._measure: ModelError | None = None
 
-    def read(self, header: Header, state: PbdState, indicators: bool, own: bool) -> Fields:
+    def read(self, header: Header, parameters: PbdParameters, state: PbdState, indicators: bool, own: bool) -> Fields:
         """All fields; indicators: with the errors of the model; own: by fewer products, a little too small."""
-        model, region = self._model, self._model.region
+        model, region, numbers = self._model, self._region, parameters.blocks
         n = model.n_nodes
         self._xw[:n, :3] = state.x
         cauchy = np.zeros((len(region.cells), 8, 6))
         blocks = model.blocks
-        octant_stress(self._ws, self._xw, blocks.nodes, blocks.octant, blocks.constants, blocks.law, cauchy)
+        octant_stress(self._ws, self._xw, blocks.nodes, blocks.octant, numbers.constants, numbers.law, cauchy)
         energy = np.zeros(len(region.cells))
         cell_energies(
-            self._ws, self._xw, blocks.nodes, blocks.volume, blocks.octant, blocks.constants, blocks.law, energy
+            self._ws, self._xw, blocks.nodes, numbers.volume, blocks.octant, numbers.constants, numbers.law, energy
         )
         point_x = np.zeros((model.n_points, 3))
-        place_points(self._xw, model.indptr, model.node, model.weight, point_x)
+        place_points(model.arrays, parameters.arrays, self._xw, point_x)
         size = np.einsum("ptc,ptc->pt", state.force_mean, state.force_mean)
         v = state.v.copy()
-        fill_in(model.levels, region, model.mass, state.x, v)
+        fill_in(model.levels, region, parameters.mass, state.x, v)
         cauchy[model.levels.coarse] = cauchy[model.levels.coarse, :1]
         tool = np.full(model.n_points, -1, dtype=np.int32)
         if model.n_tools and model.n_points:
@@ -58,16 +59,15 @@ class FieldReader:
             contact_force=state.force_mean.sum(axis=1),
             contact_tool=tool,
             cell_energy=energy,
-            model_error=self._model_error(state.x, state.force_mean.sum(axis=1), state.stress, own)
-            if indicators
-            else np.zeros(0),
+            model_error=self._model_error(parameters, state, own) if indicators else np.zeros(0),
         )
 
-    def _model_error(self, x: Floats, contact_force: Floats, stress: Floats, bounded: bool) -> Floats:
+    def _model_error(self, parameters: PbdParameters, state: PbdState, bounded: bool) -> Floats:
         """Zero where cells are no boxes, or some are one block: scenes that ask for it are refused."""
         model = self._model
-        if not model.body.boxes or model.levels.ties is not None:
-            return np.zeros(len(model.region.cells))
+        if not self._body.boxes or model.levels.ties is not None:
+            return np.zeros(len(self._region.cells))
         if self._measure is None:
-            self._measure = ModelError(model.body, model.region, model.spec.hourglass, model.blocks)
-        return self._measure.measure(x, contact_force, stress, bounded)
+            known = model.blocks, parameters.blocks
+            self._measure = ModelError(self._body, self._region, parameters.spec.hourglass, known)
+        return self._measure.measure(state.x, state.force_mean.sum(axis=1), state.stress, bounded)

@@ -122,29 +122,28 @@ class Levels:
         between = active & ~alone & np.logical_and.reduceat(met[node], indptr[:-1])
         return np.asarray(active & ~between)
 
-    def block_nodes(self, region: Region, ids: NDArray[np.int64]) -> tuple[Ints, Floats | None]:
+    def block_nodes(self, cell_nodes: Ints, ids: NDArray[np.int64]) -> tuple[Ints, Floats | None]:
         """Nodes (b, 8) of the blocks 8 cell + octant, and what each gives to each of the block's corners (b, 8, 8).
 
         None for the latter where nothing hangs: each is a corner.
         """
         cells, local = ids // 8, OCTANT_NODES[ids % 8]
         if self.ties is None:
-            return region.cell_nodes[cells[:, None], local], None
+            return cell_nodes[cells[:, None], local], None
         local[self.coarse[cells]] = CORNERS
-        nodes = region.cell_nodes[cells[:, None], local]
+        nodes = cell_nodes[cells[:, None], local]
         hangs = self.hangs[nodes]
-        nodes = np.where(hangs, region.cell_nodes[cells][:, CORNERS], nodes)
+        nodes = np.where(hangs, cell_nodes[cells][:, CORNERS], nodes)
         return nodes, np.where(hangs[:, :, None], TRILINEAR[local], np.eye(8))
 
 
-def build_levels(region: Region, coarse: Mask) -> Levels:
-    """coarse (c,): the region's cells that are one block."""
-    n = len(region.nodes)
+def build_levels(cell_nodes: Ints, n: int, coarse: Mask) -> Levels:
+    """Of cells with nodes (c, 27) among n, of which those that are `coarse` (c,) are one block."""
     hangs = np.zeros(n, dtype=np.bool_)
     none = np.zeros(0, dtype=np.int32)
     if not coarse.any():
         return Levels(coarse, Hanging(none, np.zeros(1, dtype=np.int32), none, np.zeros(0)), hangs, None)
-    cells = region.cell_nodes[coarse]
+    cells = cell_nodes[coarse]
     between = np.setdiff1d(np.arange(27), CORNERS)
     slave, first = np.unique(cells[:, between], return_index=True)
     cell, place = first // len(between), between[first % len(between)]

@@ -27,7 +27,8 @@ from softseam_services.body.kernels.cell_loads import cell_forces
 from softseam_services.body.materials.point import LINEAR
 from softseam_services.body.point_materials import point_parameters
 
-from .blocks import Blocks, build_blocks
+from .block_parameters import BlockParameters, build_block_parameters
+from .blocks import Blocks, build_blocks, cell_layout
 from .kernels.block import N_STRESS, new_workspace
 from .kernels.correction import correct
 from .kernels.sweep import block_forces, exact_stress
@@ -41,8 +42,13 @@ _BOUNDED = 10
 class ModelError:
     """The indicator of one region of box cells, built once; blocks are built where none are given."""
 
-    def __init__(self, body: Body, region: Region, hourglass: str, blocks: Blocks | None = None) -> None:
-        self._blocks = blocks = build_blocks(body, region, hourglass) if blocks is None else blocks
+    def __init__(
+        self, body: Body, region: Region, hourglass: str, known: tuple[Blocks, BlockParameters] | None = None
+    ) -> None:
+        if known is None:
+            laid_out = build_blocks(cell_layout(body, region))
+            known = laid_out, build_block_parameters(laid_out, body, region, hourglass)
+        self._blocks, self._numbers = known
         self._cell_nodes, self._law = region.cell_nodes, body.material.number
         local, share, weight = _points()
         self._gradient = np.ascontiguousarray(local * (2.0 / body.edges)[:, None])
@@ -58,7 +64,7 @@ class ModelError:
         place = np.rint(np.clip(region.point_local, -1.0, 1.0) + 1.0).astype(np.int64) @ np.array([1, 3, 9])
         self._point_node = region.cell_nodes[region.point_cell, place]
         self._xw = np.zeros((len(region.nodes) + 8, 4))
-        self._xw[len(region.nodes) :, :3] = blocks.padding_x
+        self._xw[len(region.nodes) :, :3] = self._numbers.padding_x
         self._ws = new_workspace()
 
     def pull(self, x: Floats, stress: Floats | None = None) -> Floats:
@@ -66,13 +72,13 @@ class ModelError:
 
         stress  (b, N_STRESS)  that the blocks apply; None for that of their shapes, in equilibrium with x
         """
-        blocks = self._blocks
+        blocks, numbers = self._blocks, self._numbers
         if stress is None:
             self._xw[: len(x), :3] = x
             stress = np.zeros((blocks.n_batches, N_STRESS))
-            exact_stress(self._ws, self._xw, blocks.nodes, blocks.volume, stress, blocks.constants, blocks.law)
+            exact_stress(self._ws, self._xw, blocks.nodes, numbers.volume, stress, numbers.constants, numbers.law)
         pull = np.zeros((len(x) + 8, 4))
-        block_forces(self._ws, blocks.nodes, stress, blocks.constants, pull, 0, blocks.n_batches)
+        block_forces(self._ws, blocks.nodes, stress, numbers.constants, pull, 0, blocks.n_batches)
         return pull[: len(x), :3].copy()
 
     def residual(self, x: Floats, stress: Floats | None = None) -> Floats:

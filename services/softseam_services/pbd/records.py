@@ -1,4 +1,4 @@
-"""What kernels of a PBD region take by reference."""
+"""What kernels of a PBD region take by reference: structure, parameters, inputs, scratch and what comes out."""
 
 from __future__ import annotations
 
@@ -9,68 +9,117 @@ from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
-from softseam_services.tools.tool_set import ToolSet
 
-from .blocks import Blocks
 from .kernels.block import N_STRESS, Constants
 from .kernels.damping import N_FRAME
 from .kernels.hanging import Hanging
 from .kernels.lanes import LANES, aligned
 from .kernels.monitor import N_FIGURES
 from .kernels.pairs import N_ROWS, WIDTH
-from .model import PbdModel
+from .kernels.summary import N_RESULTS
 
 
 @record
-class BlockArrays(NamedTuple):
-    """The blocks of a region, as of `Blocks` and `PbdModel`."""
+class ModelArrays(NamedTuple):
+    """Structure, as of `PbdModel`: n nodes, c cells, b batches, p points, f faces."""
 
-    nodes: Ints
-    volume: Floats
-    softness: Floats
-    """as tools hold the nodes now, see `kernels.hold`: updated in place"""
-    softness_free: Floats
-    constants: Constants
-    law: int
-
-
-@record
-class PointArrays(NamedTuple):
-    """Surface points and the nodes that they follow, as of `PbdModel`."""
-
-    indptr: Ints
-    node: Ints
-    weight: Floats
-    softness: Floats
-    active: NDArray[np.bool_]
-    inverse_mass: Floats
-    """of nodes (n,) [1/kg]"""
-    side: Ints
-    """as of `Edges`, and so is `soft`, its `give`: updated in place (p, t)"""
-    soft: Floats
-
-
-@record
-class NodeArrays(NamedTuple):
-    """Nodes of a region."""
-
-    mass: Floats
-    x_rest: Floats
-    gravity: Floats
+    blocks: Ints
+    """nodes of the blocks (b, 8, LANES)"""
     cell_nodes: Ints
     seam: Ints
     hanging: Hanging
+    indptr: Ints
+    node: Ints
+    active: NDArray[np.bool_]
+    face_nodes: Ints
+    """as of `Faces` (f, 4), and so are the points"""
+    face_point: Ints
 
 
 @record
-class ToolArrays(NamedTuple):
-    """Tools, as of `ToolSet`."""
+class ParameterArrays(NamedTuple):
+    """Numbers, as of `PbdParameters`: t tools."""
 
+    mass: Floats
+    inverse_mass: Floats
+    x_rest: Floats
+    gravity: Floats
+    # blocks
+    volume: Floats
+    softness: Floats
+    """where no tool holds a node (b, LANES)"""
+    constants: Constants
+    law: int
+    kappa: float
+    # points
+    weight: Floats
+    point_softness: Floats
+    # faces
+    edged: NDArray[np.bool_]
+    face_stiffness: Floats
+    face_edge: Floats
+    whole: Floats
+    # tools
     kind: NDArray[np.int64]
     shape: Floats
     reach: Floats
     friction: Floats
     near: NDArray[np.bool_]
+    margin: float
+    """points within it of a tool, and what speeds add to it, are tried for contact [m]"""
+    # damping
+    mass_rate: float
+    """damping that is proportional to mass [1/s]"""
+    stiffness_time: float
+    """damping that is proportional to stiffness [s]"""
+    lag: float
+    """by how much sweeps show less of it, see `kernels.damping` [1/s^2]"""
+    tolerance: float
+    """residual at which sweeps stop, see `kernels.monitor`; 0: never [1]"""
+
+
+@record
+class Inputs(NamedTuple):
+    """What a step is told: t tools, m nodes that the seam follows."""
+
+    position: Floats
+    """at the start of the step (t, 3) [m]"""
+    orientation: Floats
+    """(t, 4)"""
+    position_next: Floats
+    """and at its end"""
+    orientation_next: Floats
+    seam_force: Floats
+    """in the first substep (m, 3) [N]"""
+    seam_growth: Floats
+    """what each later substep adds to it (m, 3) [N]"""
+
+
+@record
+class Outputs(NamedTuple):
+    """What a step tells beside the state, overwritten: t tools, c cells."""
+
+    wrench: Floats
+    """on the body (t, 6) [N, N m]"""
+    distance: Floats
+    """of each cell from the nearest tool (c,) [m]"""
+    result: Floats
+    """see `kernels.summary` (N_RESULTS,)"""
+
+
+@record
+class Shares(NamedTuple):
+    """How much tools with edges cover of what points stand for, see `kernels.share`: p points, f faces, t tools."""
+
+    side: Ints
+    """side of the tool that covers a part of what the point stands for, -1 where it covers all or nothing (p, t)"""
+    give: Floats
+    """compliance of contact there (p, t) [m/N]"""
+    patches: Ints
+    """which patches of a face that it presses the tool covers, as bits (f, t)"""
+    held: Floats
+    """of each point the stiffness that a tool covers, and that of all faces that look at it, less what has faded
+    (p, 2) [N/m]"""
 
 
 @record
@@ -82,28 +131,40 @@ class Contacts(NamedTuple):
     pairs: Floats
     held: Ints
     held_blocks: Ints
+    newest: Ints
+    """the last group that holds a node (n,)"""
     position: Floats
     """before and after a substep (2, t, 3) [m]"""
     orientation: Floats
     """(2, t, 4)"""
     motion: Floats
     """see `kernels.tool_motion` (2, t, 12)"""
+    point_x: Floats
+    """places of the points (p, 3) [m]"""
+    shares: Shares
 
 
 @record
 class Scratch(NamedTuple):
-    """Of a step; n nodes, p points."""
+    """Of a step; n nodes, b batches."""
 
     xw: Floats
     """positions and inverse masses (n + 8, 4)"""
     x_star: Floats
     push: Floats
     pull: Floats
-    point_x: Floats
-    newest: Ints
     node_gap: Floats
+    softness: Floats
+    """of blocks, as tools hold the nodes now, see `kernels.hold` (b, LANES)"""
     figures: Floats
     """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
+    used: Ints
+    """sweeps of each substep of a step, where they may stop (substeps,)"""
+    asked: Floats
+    """stress that shapes ask for, see `kernels.damping` (b, N_STRESS), or (0, N_STRESS) without damping"""
+    frame: Floats
+    """F at the start of a substep (b, N_FRAME), or (0, N_FRAME)"""
+    contacts: Contacts
 
 
 @record
@@ -120,108 +181,76 @@ class Leap(NamedTuple):
     """forces of the blocks (n + 8, 4) [N]"""
     figures: Floats
     """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
-    hanging: Hanging
 
 
-@record
-class Solve(NamedTuple):
-    """How a substep is solved; b batches."""
-
-    tolerance: float
-    """residual at which sweeps stop, see `kernels.monitor`; 0: never [1]"""
-    used: Ints
-    """sweeps of each substep of a step, where they may stop (substeps,)"""
-    mass_rate: float
-    """damping that is proportional to mass [1/s]"""
-    stiffness_time: float
-    """damping that is proportional to stiffness [s]"""
-    lag: float
-    """by how much sweeps show less of it, see `kernels.damping` [1/s^2]"""
-    asked: Floats
-    """stress that shapes ask for, see `kernels.damping` (b, N_STRESS), or (0, N_STRESS) without damping"""
-    frame: Floats
-    """F at the start of a substep (b, N_FRAME), or (0, N_FRAME)"""
-    figures: Floats
-    """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
+def new_inputs(t: int, m: int) -> Inputs:
+    """Room for t tools and m nodes that the seam follows."""
+    poses = np.zeros((t, 3)), np.zeros((t, 4)), np.zeros((t, 3)), np.zeros((t, 4))
+    return Inputs(*poses, np.zeros((m, 3)), np.zeros((m, 3)))
 
 
-def block_arrays(blocks: Blocks, nodes: Ints, softness: Floats) -> BlockArrays:
-    """Blocks with their nodes numbered like this."""
-    return BlockArrays(nodes, blocks.volume, softness.copy(), softness, blocks.constants, blocks.law)
+def new_outputs(t: int, c: int) -> Outputs:
+    """Room for t tools and c cells."""
+    return Outputs(np.zeros((t, 6)), np.zeros(c), np.zeros(N_RESULTS))
 
 
-def node_arrays(model: PbdModel) -> NodeArrays:
-    """A region's nodes."""
-    region = model.region
-    return NodeArrays(model.mass, model.x_rest, model.body.gravity, region.cell_nodes, model.seam, model.levels.hanging)
+def new_shares(model: ModelArrays, t: int) -> Shares:
+    """Room for t tools."""
+    p, f = len(model.active), len(model.face_nodes)
+    side, patches = np.full((p, t), -1, dtype=np.int32), np.zeros((f, t), dtype=np.int32)
+    return Shares(side, np.zeros((p, t)), patches, np.zeros((p, 2)))
 
 
-def point_arrays(model: PbdModel) -> PointArrays:
-    """A region's points."""
-    edges = model.edges
-    rows = model.indptr, model.node, model.weight, model.point_softness
-    return PointArrays(*rows, model.active, model.inverse_mass, edges.side, edges.give)
-
-
-def tool_arrays(tools: ToolSet) -> ToolArrays:
-    """The tools of a region."""
-    return ToolArrays(tools.kind, tools.shape, tools.reach, tools.friction, tools.near)
-
-
-def new_contacts(n: int, b: int, p: int, t: int) -> Contacts:
-    """Room for n nodes, b batches, p points and t tools."""
+def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
+    """Room for n nodes and t tools."""
+    p, b = len(model.active), len(model.blocks)
     return Contacts(
         start=np.zeros(t + 1, dtype=np.int32),
         rows=np.zeros((p * t, N_ROWS), dtype=np.int32),
         pairs=aligned(p * t, WIDTH),
         held=np.zeros(n + 8, dtype=np.int32),
         held_blocks=np.zeros(LANES * b + 1, dtype=np.int32),
+        newest=np.zeros(n, dtype=np.int32),
         position=np.zeros((2, t, 3)),
         orientation=np.zeros((2, t, 4)),
         motion=np.zeros((2, t, 12)),
+        point_x=np.zeros((p, 3)),
+        shares=new_shares(model, t),
     )
 
 
-def new_scratch(model: PbdModel) -> Scratch:
-    """With the inverse masses of the nodes and the places of the padding in xw."""
-    n, p = model.n_nodes, model.n_points
-    scratch = Scratch(
-        xw=aligned(n + 8, 4),
+def new_scratch(model: ModelArrays, parameters: ParameterArrays, padding_x: Floats, substeps: int) -> Scratch:
+    """With the inverse masses of the nodes and the places of the padding in xw; for at most so many substeps."""
+    n, b = len(parameters.mass), len(model.blocks)
+    damped = b if parameters.stiffness_time > 0.0 else 0
+    xw = aligned(n + 8, 4)
+    xw[:n, 3] = parameters.inverse_mass
+    xw[n:, :3] = padding_x
+    return Scratch(
+        xw=xw,
         x_star=np.zeros((n, 3)),
         push=np.zeros((n, 3)),
         pull=aligned(n + 8, 4),
-        point_x=np.zeros((p, 3)),
-        newest=np.zeros(n, dtype=np.int32),
         node_gap=np.zeros(n),
-        figures=np.zeros((model.blocks.n_batches, N_FIGURES)),
-    )
-    scratch.xw[:n, 3] = model.inverse_mass
-    scratch.xw[n:, :3] = model.blocks.padding_x
-    return scratch
-
-
-def leap_arrays(model: PbdModel, figures: Floats) -> Leap:
-    """Scratch in which each node has a row of four."""
-    n = model.n_nodes
-    rows = aligned(n + 8, 4), aligned(n + 8, 4), aligned(n, 4), aligned(n + 8, 4)
-    leap = Leap(*rows, figures, model.levels.hanging)
-    leap.place[n:, :3] = model.blocks.padding_x
-    leap.speed[:n, 3] = model.inverse_mass
-    leap.push[model.inverse_mass > 0.0, :3] = model.body.gravity
-    return leap
-
-
-def solve_arrays(model: PbdModel, blocks: Blocks, substeps: int, tolerance: float) -> Solve:
-    """How the region's substeps are solved on some of its blocks; at most `substeps` a step."""
-    spec, b = model.spec, blocks.n_batches
-    damped = b if spec.damping.stiffness > 0.0 else 0
-    return Solve(
-        tolerance=tolerance,
-        used=np.zeros(substeps if tolerance > 0.0 else 0, dtype=np.int32),
-        mass_rate=spec.damping.mass,
-        stiffness_time=spec.damping.stiffness,
-        lag=model.lag,
+        softness=parameters.softness.copy(),
+        figures=np.zeros((b, N_FIGURES)),
+        used=new_used(parameters, substeps),
         asked=aligned(damped, N_STRESS),
         frame=aligned(damped, N_FRAME),
-        figures=np.zeros((b if tolerance > 0.0 else 0, N_FIGURES)),
+        contacts=new_contacts(model, n, len(parameters.kind)),
     )
+
+
+def new_used(parameters: ParameterArrays, substeps: int) -> Ints:
+    """Room for the sweeps of so many substeps, where sweeps may stop."""
+    return np.zeros(substeps if parameters.tolerance > 0.0 else 0, dtype=np.int32)
+
+
+def new_leap(parameters: ParameterArrays, padding_x: Floats, figures: Floats) -> Leap:
+    """Scratch in which each node has a row of four; figures (b, N_FIGURES)."""
+    n = len(parameters.mass)
+    leap = Leap(aligned(n + 8, 4), aligned(n + 8, 4), aligned(n, 4), aligned(n + 8, 4), figures)
+    leap.place[n:, :3] = padding_x
+    leap.speed[:n, 3] = parameters.inverse_mass
+    leap.push[parameters.inverse_mass > 0.0, :3] = parameters.gravity
+    return leap

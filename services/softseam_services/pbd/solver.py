@@ -20,73 +20,86 @@ from .kernels import summary as k
 from .kernels.settle import settle
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
 from .levels import hand_on, thin_out
-from .model import build_model
+from .model import PbdModel, build_model
+from .parameters import build_parameters
 from .state import decode_state, encode_state, new_state
-from .step import Stepper, Taken
-
-_NO_FORCES = np.zeros((0, 3))
+from .step import NO_FORCES, StepInputs, StepResult, StepScratch, leap_ahead, stay, step
 
 
 class PbdSolver:
     """Block XPBD, or leapfrog on the same blocks, on one region. Implements `Solver`."""
 
     def __init__(
-        self, scene: Scene, body: Body, region: Region, tools: ToolSet, state: BodyState | None = None
+        self,
+        scene: Scene,
+        body: Body,
+        region: Region,
+        tools: ToolSet,
+        state: BodyState | None = None,
+        model: PbdModel | None = None,
     ) -> None:
-        self.model = model = build_model(scene, body, region, tools)
-        self._stepper = Stepper(model, tools, scene.step)
-        self._reader = FieldReader(model, self._stepper.ws, self._stepper.xw)
-        self.substeps = self._stepper.planned
-        n, p, t = model.n_nodes, model.n_points, model.n_tools
-        self._committed = new_state(n, model.blocks.n_batches, p, t)
-        self._work = new_state(n, model.blocks.n_batches, p, t)
+        """model: the region's structure, where it is known"""
+        spec = scene.models.pbd
+        self.model = model = build_model(body, region, tools, spec) if model is None else model
+        self.parameters = parameters = build_parameters(model, body, region, tools, spec)
+        self._body, self._region = body, region
+        self._scratch = StepScratch(model, parameters, scene.step)
+        self._reader = FieldReader(model, body, region, self._scratch.ws, self._scratch.arrays.xw)
+        self.substeps = self._scratch.planned
+        self._committed = new_state(model.n_nodes, model.blocks.n_batches, model.n_points, model.n_tools)
         self._tentative = False
-        self._taken: Taken  # and what became of it
+        self._taken: StepResult  # what became of it
         self._probe: SeamProbe | None = None
         self._probed = np.zeros(0)  # the state that was probed, see `_compliance`; empty: none
         self._ways = no_ways()  # what came of it, see `SeamProbe.compliance`; empty: not found yet
         self._to_plan = False  # whether the tentative step was taken in one attempt
         self._start(state)
-        if model.explicit:
-            self._stepper.load_kernel(self._committed, self._work)
+        if parameters.explicit:
+            self._load_kernel()
+
+    def _load_kernel(self) -> None:
+        """Compile or load the explicit step before anybody waits for one: a substep that leaves no trace."""
+        np.copyto(self._scratch.next.buffer, self._committed.buffer)
+        leap_ahead(self.model, self.parameters, 1e-9, 1, self._scratch)
+        self._scratch.outputs.result[:] = 0.0
 
     def _start(self, handed: BodyState | None) -> None:
         """Fill the committed state so that a body at rest in equilibrium stays exactly where it is."""
-        model, state, region = self.model, self._committed, self.model.region
-        ws, xw, figures = self._stepper.ws, self._stepper.xw, self._stepper.figures
+        model, parameters, state, region = self.model, self.parameters, self._committed, self._region
+        ws, xw, figures = self._scratch.ws, self._scratch.arrays.xw, self._scratch.arrays.figures
         if handed is None:
-            state.x[:] = model.x_rest
-            state.v[:] = model.body.v_initial[region.nodes]
+            state.x[:] = parameters.x_rest
+            state.v[:] = self._body.v_initial[region.nodes]
         else:
             state.x[:] = handed.x[region.nodes]
             state.v[:] = handed.v[region.nodes]
             tool = handed.contact_tool[region.points]
             touching = np.flatnonzero((tool >= 0) & (tool < model.n_tools))
             state.force[touching, tool[touching]] = handed.contact_force[region.points[touching]]
-            hand_on(state.force, model.active, (model.indptr, model.node, model.weight))
+            hand_on(state.force, model.active, (model.indptr, model.node, parameters.weight))
             assert not state.force[~model.active].any()
             state.force_mean[:] = state.force
         state.v[region.fixed] = 0.0
         if handed is not None:
-            thin_out(model.levels, region, model.mass, state.x, state.v)
+            thin_out(model.levels, region, parameters.mass, state.x, state.v)
         model.levels.follow(state.x, state.v)
-        blocks = model.blocks
+        blocks, numbers = model.blocks, parameters.blocks
         n = model.n_nodes
         xw[:n, :3] = state.x
-        exact_stress(ws, xw, blocks.nodes, blocks.volume, state.stress, blocks.constants, blocks.law)
+        exact_stress(ws, xw, blocks.nodes, numbers.volume, state.stress, numbers.constants, numbers.law)
         force = np.zeros((n + 8, 4))
-        block_forces(ws, blocks.nodes, state.stress, blocks.constants, force, 0, blocks.n_batches)
+        block_forces(ws, blocks.nodes, state.stress, numbers.constants, force, 0, blocks.n_batches)
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
-        np.add.at(force[:, :3], model.node, model.weight[:, None] * state.force.sum(axis=1)[rows])
-        state.a[:] = model.inverse_mass[:, None] * force[:n, :3]
+        np.add.at(force[:, :3], model.node, parameters.weight[:, None] * state.force.sum(axis=1)[rows])
+        state.a[:] = parameters.inverse_mass[:, None] * force[:n, :3]
         batch_energies(
-            *(ws, xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law, 0, blocks.n_batches),
+            *(ws, xw, blocks.nodes, numbers.volume, numbers.constants, numbers.law, 0, blocks.n_batches),
             figures,
         )
         strain, least_j = strain_energy(figures)
-        kinetic = 0.5 * float(model.mass @ np.einsum("nc,nc->n", state.v, state.v))
-        gravity = -float(model.mass @ ((state.x - model.x_rest) @ model.body.gravity))
-        stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(model.x_rest, axis=0).max())
+        kinetic = 0.5 * float(parameters.mass @ np.einsum("nc,nc->n", state.v, state.v))
+        gravity = -float(parameters.mass @ ((state.x - parameters.x_rest) @ parameters.gravity))
+        stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.x_rest, axis=0).max())
         state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch, 0.0, 0.0
 
     @property
@@ -106,33 +119,32 @@ class PbdSolver:
 
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
-        stepper, work = self._stepper, self._work
-        refused = problem_of(request, self.model.n_tools, len(self.model.region.seam))
+        refused = problem_of(request, self.model.n_tools, len(self._region.seam))
         if not refused and len(request.seam_anchor):
             refused = watch.Fault.ANCHOR.value
         if refused:
-            stepper.fail(self._committed, work)
-            taken = Taken(watch.Fault.INPUT, False, 0, {})
+            self._taken = stay(self.parameters, self._committed, self._scratch)
         else:
-            taken = stepper.take(self._committed, work, request)
-        self._tentative, self._to_plan = True, taken.to_plan
+            inputs = StepInputs(request.tools, request.seam_force, request.seam_force_start)
+            _, self._taken = step(self.model, self.parameters, self._committed, inputs, request.dt, self._scratch)
+        self._tentative, self._to_plan = True, self._taken.to_plan
         compliance = np.zeros((0, 0))
         if request.compliance and not refused:
             compliance = self._compliance(request)
-        self._taken = taken
-        seam_v = work.v.take(self.model.region.seam, axis=0) if len(request.seam_force_start) else _NO_FORCES
-        return self._reply(request.header, refused or taken.why, compliance, seam_v, start)
+        ramp = len(request.seam_force_start) > 0
+        seam_v = self._scratch.next.v.take(self._region.seam, axis=0) if ramp else NO_FORCES
+        return self._reply(request.header, refused or self._taken.why, compliance, seam_v, start)
 
     def _reply(self, header: Header, why: str, compliance: Floats, seam_v: Floats, start: float) -> Advanced:
         """What became of the last request."""
-        stepper, work, taken = self._stepper, self._work, self._taken
-        result, numbers = stepper.result.copy(), stepper.result.tolist()
+        work, taken = self._scratch.next, self._taken
+        result, numbers = taken.figures.copy(), taken.figures.tolist()
         return Advanced(
             header,
             taken.fault.status,
-            work.x.take(self.model.region.seam, axis=0),
+            work.x.take(self._region.seam, axis=0),
             compliance,
-            stepper.wrench.copy(),
+            taken.wrench.copy(),
             numbers[k.KINETIC],
             numbers[k.STRAIN],
             numbers[k.GRAVITY],
@@ -145,9 +157,9 @@ class PbdSolver:
             int(numbers[k.N_CONTACTS]),
             taken.sweeps,
             time.perf_counter() - start,
-            stepper.distance.copy(),
+            taken.distance.copy(),
             result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3),
-            n_substeps=stepper.n_substeps,
+            n_substeps=taken.n_substeps,
             residual=numbers[k.RESIDUAL],
             alarm="; ".join(taken.notice.values()),
             seam_v=seam_v,
@@ -169,7 +181,7 @@ class PbdSolver:
     def _probe_for(self, dt: float) -> SeamProbe:
         """The probe of steps of dt [s]: the one at hand, or a new one."""
         known = self._probe
-        return known if known is not None and known.dt == dt else SeamProbe(self.model, dt)
+        return known if known is not None and known.dt == dt else SeamProbe(self.model, self.parameters, dt)
 
     def _probe_again(self, ramp: bool = False) -> tuple[Floats, Ways]:
         """Compliance of the seam and ways of the nodes in the state that is in `_probed`."""
@@ -184,9 +196,9 @@ class PbdSolver:
 
     def _settles(self) -> bool:
         """Whether the tentative step is one that the probe speaks of."""
-        planned = self._to_plan and not self.model.explicit and len(self._probed) > 0
+        planned = self._to_plan and not self.parameters.explicit and len(self._probed) > 0
         return bool(
-            planned and self._probe is not None and self._probed[0] == self._stepper.dt and self._probe.keeps_ways
+            planned and self._probe is not None and self._probed[0] == self._scratch.dt and self._probe.keeps_ways
         )
 
     def correct(self, request: Correct) -> Advanced:
@@ -194,32 +206,32 @@ class PbdSolver:
         began = time.perf_counter()
         if not (self._tentative and self._settles()):
             raise ValueError("this step cannot be corrected: only one as long as the probed one, taken to plan, can")
-        problem = problem_of_correction(request, len(self.model.region.seam))
+        problem = problem_of_correction(request, len(self._region.seam))
         if problem:
             raise ValueError(problem)
         if len(self._ways) == 0:
             self._ways = self._probe_again()[1]
-        probe, work, stepper = self._probe, self._work, self._stepper
+        probe, work, scratch, seam = self._probe, self._scratch.next, self._scratch, self._region.seam
         assert probe is not None
+        result = self._taken.figures
         settle(
-            *(stepper.ws, stepper.xw, stepper.blocks, stepper.nodes, stepper.figures, probe.ids, probe.beyond),
-            *(self._ways, self.model.seam_force(request.push), np.empty(self._ways.shape[1:]), work.x, work.v),
-            stepper.result,
+            *(self.model.arrays, self.parameters.arrays, work, self.model.seam_force(request.push)),
+            *(probe.ids, probe.beyond, self._ways, np.empty(self._ways.shape[1:]), scratch.arrays, result, scratch.ws),
         )
-        watch.settle(work.monitor, stepper.result)
-        moved = work.x.take(self.model.region.seam, axis=0) - self._committed.x.take(self.model.region.seam, axis=0)
-        stepper.result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
-        return self._reply(request.header, self._taken.why, np.zeros((0, 0)), _NO_FORCES, began)
+        watch.settle(work.monitor, result)
+        moved = work.x.take(seam, axis=0) - self._committed.x.take(seam, axis=0)
+        result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
+        return self._reply(request.header, self._taken.why, np.zeros((0, 0)), NO_FORCES, began)
 
     @property
     def capabilities(self) -> Capabilities:
         """What it can do for its region."""
-        return Capabilities(True, not self.model.explicit, False, self.substeps, True, True, 0.0)
+        return Capabilities(True, not self.parameters.explicit, False, self.substeps, True, True, 0.0)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
         if self._tentative:
-            self._committed, self._work = self._work, self._committed
+            self._committed, self._scratch.next = self._scratch.next, self._committed
             self._tentative = False
 
     def discard(self) -> None:
@@ -228,8 +240,8 @@ class PbdSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        state = self._work if self._tentative else self._committed
-        return self._reader.read(request_header, state, indicators, own)
+        state = self._scratch.next if self._tentative else self._committed
+        return self._reader.read(request_header, self.parameters, state, indicators, own)
 
     def snapshot(self) -> bytes:
         """Commit, then everything that the future depends on; there is no cache that could change later bits."""

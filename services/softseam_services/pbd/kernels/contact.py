@@ -190,17 +190,17 @@ def solve_softly(row, mu, motion, hh):
 
 
 @njit(cache=True, error_model="numpy")
-def project_contacts(
-    xw, indptr, node, weight, kind, shape, friction, position, orientation, motion, hh, start, rows, pairs
-):
-    """Solve (1) and (2) for each pair once, group by group.
+def project_contacts(model, parameters, contacts, xw, hh):
+    """Solve (1) and (2) for each pair once, group by group, with the tools as at the end of the substep.
 
-    xw                      (n + 8, 4)      positions and inverse masses; positions updated in place
-    position, orientation   (t, 3), (t, 4)  poses at the end of the substep
-    motion                  (2, t, 12)      how the tools move in the substep, see `tool_motion`
-    hh                                      the substep squared [s^2]
-    start, rows, pairs                      see `pairs`, updated in place
+    contacts  see `pairs`, updated in place
+    xw        (n + 8, 4)  positions and inverse masses; positions updated in place
+    hh        the substep squared [s^2]
     """
+    indptr, node, weight = model.indptr, model.node, parameters.weight
+    kind, shape, friction = parameters.kind, parameters.shape, parameters.friction
+    position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
+    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     for tool in range(len(kind)):
         tool_kind, tool_shape, mu = kind[tool], shape[tool], friction[tool]
         place, turn = three(position, tool), four(orientation, tool)
@@ -223,8 +223,11 @@ def project_contacts(
 
 
 @njit(cache=True, error_model="numpy")
-def begin_pairs(xw, indptr, node, weight, kind, shape, position, orientation, h, start, rows, pairs):
-    """BEFORE, HELD and ALLOWED for a substep h that starts at xw with these poses of the tools."""
+def begin_pairs(model, parameters, contacts, xw, h):
+    """BEFORE, HELD and ALLOWED for a substep h that starts at xw, with the tools where they start it."""
+    indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
+    position, orientation = contacts.position[0], contacts.orientation[0]
+    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     for tool in range(len(kind)):
         for group in range(start[tool], start[tool + 1]):
             place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
@@ -270,8 +273,10 @@ def _account_lanes(row, place, share):
 
 
 @njit(cache=True, error_model="numpy")
-def account_pairs(xw, indptr, node, weight, position, share, start, rows, pairs):
+def account_pairs(model, parameters, contacts, xw, share):
     """Add one substep to MEAN, MOMENT, WORK and SLIP_SINCE; share = 1/m, the rest as in `project_contacts`."""
+    indptr, node, weight, position = model.indptr, model.node, parameters.weight, contacts.position[1]
+    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     for tool in range(len(position)):
         place = three(position, tool)
         for group in range(start[tool], start[tool + 1]):

@@ -24,13 +24,14 @@ OWN = 0.5
 
 
 @njit(cache=True, error_model="numpy")
-def find_held_blocks(nodes, volume, indptr, node, weight, start, rows, held, blocks):
+def find_held_blocks(model, parameters, contacts):
     """The blocks with a node that may be held by a pair of this step, once a step.
 
-    nodes, volume  (b, 8, 4), (b, 4)  as in `sweep`
-    held           (n + 8,)           scratch, zero before and after
-    blocks         (4 b + 1,)         their count, then batch * 4 + lane of each; updated in place
+    Updates contacts.held_blocks (4 b + 1,): their count, then batch * 4 + lane of each; `held` (n + 8,) is scratch,
+    zero before and after.
     """
+    nodes, indptr, node, weight = model.blocks, model.indptr, model.node, parameters.weight
+    start, rows, held, blocks = contacts.start, contacts.rows, contacts.held, contacts.held_blocks
     blocks[0] = 0
     n_groups = start[len(start) - 1]
     if n_groups == 0:
@@ -42,7 +43,7 @@ def find_held_blocks(nodes, volume, indptr, node, weight, start, rows, held, blo
             most = 0
             for i in range(8):
                 most = max(most, held[nodes[batch, i, lane]])
-            if most > 0 and volume[batch, lane] > 0.0:
+            if most > 0 and parameters.volume[batch, lane] > 0.0:
                 n_blocks += 1
                 blocks[n_blocks] = LANES * batch + lane
     blocks[0] = n_blocks
@@ -62,8 +63,11 @@ def _mark(indptr, node, weight, n_groups, rows, held, value):
 
 
 @njit(cache=True, error_model="numpy")
-def soften_held_blocks(nodes, inverse_mass, indptr, node, weight, start, rows, pairs, held, blocks, softness):
+def soften_held_blocks(model, parameters, contacts, softness):
     """softness (b, 4) of the held blocks by the contacts as they are now: 8 max w_i `SHARE`, updated in place."""
+    nodes, indptr, node, weight = model.blocks, model.indptr, model.node, parameters.weight
+    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    held, blocks, inverse_mass = contacts.held, contacts.held_blocks, parameters.inverse_mass
     if blocks[0] == 0:
         return
     n_groups = start[len(start) - 1]

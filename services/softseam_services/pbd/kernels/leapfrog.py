@@ -56,32 +56,32 @@ def _push_lane(ws, lane, k, g):
 
 
 @njit(cache=True, error_model="numpy")
-def kick(ws, place, speed, blocks, h, first, end):
+def kick(model, parameters, place, speed, h, first, end, ws):
     """v_i += h w_i f_i for the blocks of batches first .. end - 1.
 
     place  (n + 8, 4)  positions [m]; the fourth column is not used
     speed  (n + 8, 4)  velocities [m/s], updated in place, and inverse masses [1/kg]
     """
     for batch in range(first, end):
-        own = of_batch(blocks.constants, batch)
-        gather(ws, place, blocks.nodes, batch)
-        move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
-        write_stress(ws, own, blocks.law)
-        gather(ws, speed, blocks.nodes, batch)
+        own = of_batch(parameters.constants, batch)
+        gather(ws, place, model.blocks, batch)
+        move_four(ws, LANES * VOLUME, parameters.volume, LANES * batch)
+        write_stress(ws, own, parameters.law)
+        gather(ws, speed, model.blocks, batch)
         constants = hoisted(own)
         for lane in range(LANES):
             k = of_lane(ws, lane, constants)
             _push_lane(ws, lane, k, node_softness(ws, lane, h))
-        scatter(ws, speed, blocks.nodes, batch)
+        scatter(ws, speed, model.blocks, batch)
 
 
 @njit(cache=True, error_model="numpy")
-def note_stress(ws, place, blocks, stress, first, end):
+def note_stress(model, parameters, place, stress, first, end, ws):
     """Lambda = (P, T) of the shapes of the blocks in batches first .. end - 1 into stress (b, N_STRESS)."""
     for batch in range(first, end):
-        gather(ws, place, blocks.nodes, batch)
-        move_four(ws, LANES * VOLUME, blocks.volume, LANES * batch)
-        write_stress(ws, of_batch(blocks.constants, batch), blocks.law)
+        gather(ws, place, model.blocks, batch)
+        move_four(ws, LANES * VOLUME, parameters.volume, LANES * batch)
+        write_stress(ws, of_batch(parameters.constants, batch), parameters.law)
         store_stress(ws, WANTED, stress, batch)
 
 
@@ -142,22 +142,19 @@ def end_step(state, leap, h, half_drag):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance_leapfrog(
-    state, blocks, leap, mass, x_rest, gravity, cell_distance, result, drag_rate, dt, m, parts, crew, rank, ws
-):
+def advance_leapfrog(model, parameters, state, leap, outputs, dt, m, parts, crew, rank, ws):
     """Advance the state by dt in m substeps; the results are those of `advance_step` for a body that nothing touches.
 
-    drag_rate [1/s] is eq. (3)'s r.
     Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
     """
-    n, h = len(state.x), dt / m
+    n, h, drag_rate, result = len(state.x), dt / m, parameters.mass_rate, outputs.result
     half_drag = 0.5 * h * drag_rate
     gain = h / (1.0 + half_drag)
     before, stretch = 1, 0
     apparent = 0.0
     if rank == 0:
         apparent = begin(state, leap, h, half_drag)
-        cell_distance[:] = np.inf
+        outputs.distance[:] = np.inf
         done(crew, rank, 1)
     for substep in range(m):
         first, end = first_share(crew, before, stretch, n, rank, LEAST)
@@ -173,7 +170,7 @@ def advance_leapfrog(
             start, n_batches = parts[part], parts[part + 1] - parts[part]
             first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
             while first < end:
-                kick(ws, leap.place, leap.speed, blocks, gain, start + first, start + end)
+                kick(model, parameters, leap.place, leap.speed, gain, start + first, start + end, ws)
                 first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
             before, stretch = before + n_batches, stretch + 1
     if rank == 0:
@@ -186,11 +183,12 @@ def advance_leapfrog(
         first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
         while first < end:
             low, high = start + first, start + end
-            at = ws, leap.place, blocks.nodes, blocks.volume
-            note_stress(ws, leap.place, blocks, state.stress, low, high)
-            block_forces(ws, blocks.nodes, state.stress, blocks.constants, leap.pull, low, high)
-            batch_energies(*at, blocks.constants, blocks.law, low, high, leap.figures)
-            batch_residuals(*at, state.stress, blocks.constants, blocks.law, low, high, leap.figures)
+            at = ws, leap.place, model.blocks, parameters.volume
+            constants, law = parameters.constants, parameters.law
+            note_stress(model, parameters, leap.place, state.stress, low, high, ws)
+            block_forces(ws, model.blocks, state.stress, constants, leap.pull, low, high)
+            batch_energies(*at, constants, law, low, high, leap.figures)
+            batch_residuals(*at, state.stress, constants, law, low, high, leap.figures)
             first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
         before, stretch = before + n_batches, stretch + 1
     if rank > 0:
@@ -199,7 +197,7 @@ def advance_leapfrog(
     total, own = end_step(state, leap, h, half_drag)
     result[:] = 0.0
     result[APPARENT], result[HASTE] = total - apparent, own
-    follow(state.x, state.v, leap.hanging)
-    summarise_motion(state.x, state.v, mass, x_rest, gravity, result)
+    follow(state.x, state.v, model.hanging)
+    summarise_motion(parameters, state.x, state.v, result)
     result[STRAIN], result[LEAST_J] = strain_energy(leap.figures)
     result[RESIDUAL], result[STRETCH] = residual(leap.figures)

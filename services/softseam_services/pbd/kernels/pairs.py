@@ -59,8 +59,9 @@ def follow(begin, end, node, weight, x):
 
 
 @njit(cache=True, error_model="numpy")
-def place_points(xw, indptr, node, weight, point_x):
+def place_points(model, parameters, xw, point_x):
     """Positions of the surface points, updated in place (p, 3) [m]."""
+    indptr, node, weight = model.indptr, model.node, parameters.weight
     for point in range(len(point_x)):
         x, y, z = follow(indptr[point], indptr[point + 1], node, weight, xw)
         point_x[point, 0], point_x[point, 1], point_x[point, 2] = x, y, z
@@ -77,49 +78,30 @@ def _open(group, n_nodes, rows, pairs):
 
 
 @njit(cache=True, error_model="numpy")
-def find_pairs(
-    kind,
-    shape,
-    tool_reach,
-    position,
-    orientation,
-    point_x,
-    active,
-    indptr,
-    node,
-    weight,
-    softness,
-    force,
-    slip,
-    side,
-    soft,
-    margin,
-    hh,
-    n_nodes,
-    newest,
-    start,
-    rows,
-    pairs,
-):
+def find_pairs(model, parameters, force, slip, inputs, contacts, margin, hh):
     """Pairs of an active point and a tool that touch or lie within margin [m], tool after tool, in groups.
 
-    softness     (p,)       sum w_i N_i^2 of each point [1/kg]; hh is the substep squared
     force, slip  (p, t, 3)  carried contact forces [N] and slips [m]; a pair that carries a force always counts
-    side, soft   (p, t)     `Edges.side` and `give`
-    newest       (n,)       scratch: the last group that holds a node
-    start (t + 1,), rows (p t, N_ROWS) and pairs (p t, WIDTH) are updated in place
+    contacts                points are at its point_x; its start, rows and pairs are updated in place
+    hh                      the substep squared [s^2]
+
+    Tools are where `inputs` says that they start.
     """
+    indptr, node, weight, softness = model.indptr, model.node, parameters.weight, parameters.point_softness
+    point_x, newest, side, soft = contacts.point_x, contacts.newest, contacts.shares.side, contacts.shares.give
+    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    n_nodes = len(newest)
     n_groups = 0
     start[0] = 0
     newest[:] = -1
-    for tool in range(len(kind)):
-        tool_kind, tool_shape = kind[tool], shape[tool]
-        place, turn = three(position, tool), four(orientation, tool)
+    for tool in range(len(parameters.kind)):
+        tool_kind, tool_shape = parameters.kind[tool], parameters.shape[tool]
+        place, turn = three(inputs.position, tool), four(inputs.orientation, tool)
         # Cheap: outside the ball around the tool there is nothing to touch.
-        reach = (margin + tool_reach[tool]) ** 2
+        reach = (margin + parameters.reach[tool]) ** 2
         first_open = n_groups
         for point in range(len(point_x)):
-            if not active[point]:
+            if not model.active[point]:
                 continue
             x = three(point_x, point)
             square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
@@ -234,11 +216,14 @@ def move_group(group, rows, indptr, node, weight, hh, pairs, xw):
 
 
 @njit(cache=True, error_model="numpy")
-def store_pairs(start, rows, pairs, force, slip, force_mean, wrench):
-    """Forces, slips and mean forces back to (p, t, 3), mean wrenches on the tools to (t, 6), all updated in place.
+def store_pairs(contacts, state, wrench):
+    """Forces, slips and mean forces back to the state (p, t, 3), mean wrenches on the tools to (t, 6), all updated in
+    place.
 
     Returns the work of the tools [J].
     """
+    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    force, slip, force_mean = state.force, state.slip, state.force_mean
     work = 0.0
     for tool in range(len(start) - 1):
         wrench[tool] = 0.0

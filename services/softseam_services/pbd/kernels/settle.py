@@ -14,26 +14,25 @@ from .sweep import batch_energies, strain_energy
 
 
 @njit(cache=True, error_model="numpy")
-def settle(ws, xw, blocks, nodes_of, figures, ids, beyond, ways, force, moved, x, v, result):
-    """x, v (n, 3) += ways force; updated in place, as are positions in xw and energies in result (N_RESULTS,).
+def settle(model, parameters, state, force, ids, beyond, ways, moved, scratch, result, ws):
+    """x, v (n, 3) of the state += ways force; updated in place, as are positions in scratch.xw and energies in result
+    (N_RESULTS,).
 
+    force   (s, 3)               [N]
     ids     (k,)                 nodes that were probed
     beyond  (b,)                 nodes further away that are free
     ways    (3s, 2, k + 1, 3)    of x and v of each of `ids`, then of all `beyond` [m/N, m/s/N]
-    force   (s, 3)               [N]
     moved   (2, k + 1, 3)        scratch
     """
-    for place in range(moved.shape[1]):
-        for c in range(3):
-            moved[0, place, c] = moved[1, place, c] = 0.0
+    x, v, xw = state.x, state.v, scratch.xw
+    row, rows = moved.reshape(-1), ways.reshape(len(ways), -1)  # flat, the sum below is one of long vectors
+    row[:] = 0.0
     for s in range(len(force)):
         for k in range(3):
-            f, way = force[s, k], ways[3 * s + k]
+            f = force[s, k]
             if f != 0.0:
-                for which in range(2):
-                    for place in range(moved.shape[1]):
-                        for c in range(3):
-                            moved[which, place, c] += f * way[which, place, c]
+                for entry in range(len(row)):
+                    row[entry] += f * rows[3 * s + k, entry]
     for place in range(len(ids)):
         for c in range(3):
             x[ids[place], c] += moved[0, place, c]
@@ -43,8 +42,11 @@ def settle(ws, xw, blocks, nodes_of, figures, ids, beyond, ways, force, moved, x
         for c in range(3):
             x[beyond[place], c] += moved[0, last, c]
             v[beyond[place], c] += moved[1, last, c]
-    follow(x, v, nodes_of.hanging)
+    follow(x, v, model.hanging)
     xw[: len(x), :3] = x
-    batch_energies(ws, xw, blocks.nodes, blocks.volume, blocks.constants, blocks.law, 0, len(blocks.nodes), figures)
-    summarise_motion(x, v, nodes_of.mass, nodes_of.x_rest, nodes_of.gravity, result)
-    result[STRAIN] = strain_energy(figures)[0]
+    n_batches = len(model.blocks)
+    batch_energies(
+        *(ws, xw, model.blocks, parameters.volume, parameters.constants, parameters.law, 0, n_batches, scratch.figures),
+    )
+    summarise_motion(parameters, x, v, result)
+    result[STRAIN] = strain_energy(scratch.figures)[0]

@@ -25,39 +25,39 @@ ROUNDOFF = 1e-9
 
 
 @njit(cache=True, error_model="numpy")
-def find_shares(x, shape, position, orientation, edges):
-    """Sides that cover points in part, compliances and covered patches, where body and tools stand: edges.side,
-    give and patches in place.
+def find_shares(model, parameters, x, position, orientation, shares):
+    """Sides that cover points in part, compliances and covered patches, where body and tools stand: `shares` in place.
 
-    x (n, 3) positions of the nodes [m]; shape (t, w), position (t, 3) and orientation (t, 4) as in `tool_gap`
+    x (n, 3) positions of the nodes [m]; position (t, 3) and orientation (t, 4) as in `tool_gap`
     """
-    held, faces = edges.held, edges.faces
+    held, faces = shares.held, model.face_nodes
+    shape, stiffness_of, edge_of = parameters.shape, parameters.face_stiffness, parameters.face_edge
     corner, votes = np.empty((4, 3)), np.empty(6)
-    for tool in range(len(edges.edged)):
-        if not edges.edged[tool]:
+    for tool in range(len(parameters.edged)):
+        if not parameters.edged[tool]:
             continue
         held[:] = 0.0
-        side, votes[:] = edges.side[:, tool], 0.0
+        side, votes[:] = shares.side[:, tool], 0.0
         side[:] = -1
-        edges.patches[:, tool] = 0
+        shares.patches[:, tool] = 0
         for face in range(len(faces)):
             _see(x, faces, face, position[tool], orientation[tool], corner)
-            _vote(corner, shape[tool], edges.edge[face], edges.stiffness[face], votes)
+            _vote(corner, shape[tool], edge_of[face], stiffness_of[face], votes)
         pressing = int(np.argmax(votes))
         if votes[pressing] == 0.0:
             continue
         for face in range(len(faces)):
             _see(x, faces, face, position[tool], orientation[tool], corner)
-            stiffness = edges.stiffness[face] * _facing(corner, pressing)
+            stiffness = stiffness_of[face] * _facing(corner, pressing)
             if stiffness > 0.0:
-                above = _above(corner, pressing, shape[tool], edges.edge[face])
-                bits = _add_face(corner, pressing, shape[tool], stiffness, above, edges.point[face], held)
-                edges.patches[face, tool] = bits if above > 0.0 else 0
+                above = _above(corner, pressing, shape[tool], edge_of[face])
+                bits = _add_face(corner, pressing, shape[tool], stiffness, above, model.face_point[face], held)
+                shares.patches[face, tool] = bits if above > 0.0 else 0
         for point in range(len(held)):
             covered, k = held[point, 0], held[point, 1]
             if ROUNDOFF * k < covered < (1.0 - ROUNDOFF) * k:
                 side[point] = pressing
-                edges.give[point, tool] = (1.0 / covered - 1.0 / k) / edges.whole[point]  # eq. (1)
+                shares.give[point, tool] = (1.0 / covered - 1.0 / k) / parameters.whole[point]  # eq. (1)
 
 
 @njit(cache=True, error_model="numpy")
@@ -176,29 +176,29 @@ def _hold(point, covered, all_of_it, above, held):
 
 
 @njit(cache=True, error_model="numpy")
-def slip_of_patches(edges, near, force, slip):
+def slip_of_patches(model, parameters, force, slip, shares):
     """Largest slip of a covered patch on a tool that is near [m], each between the corners of its face that touch.
 
-    A corner beside the tool slips by more than anything that the tool holds. near (t,); force and slip (p, t, 3)
+    A corner beside the tool slips by more than anything that the tool holds. force and slip (p, t, 3)
     """
     largest = 0.0
     s = np.empty((4, 3))
     touches = np.empty(4)
-    for tool in range(len(near)):
-        if not (near[tool] and edges.edged[tool]):
+    for tool in range(len(parameters.near)):
+        if not (parameters.near[tool] and parameters.edged[tool]):
             continue
-        for face in range(len(edges.faces)):
-            bits = edges.patches[face, tool]
+        for face in range(len(model.face_nodes)):
+            bits = shares.patches[face, tool]
             if bits == 0:
                 continue
             soft = False
             for c in range(4):
-                point = edges.point[face, c]
-                soft = soft or (point >= 0 and edges.side[point, tool] >= 0)
+                point = model.face_point[face, c]
+                soft = soft or (point >= 0 and shares.side[point, tool] >= 0)
             if not soft:
                 continue
             for c in range(4):
-                point = edges.point[face, c]
+                point = model.face_point[face, c]
                 touches[c] = 0.0
                 for a in range(3):
                     s[c, a] = slip[point, tool, a] if point >= 0 else 0.0

@@ -30,11 +30,12 @@ LEAST, LEAST_BATCHES = 256, 8
 
 
 @njit(cache=True, error_model="numpy")
-def carried(xw, indptr, node, weight, force, pull, a):
-    """A of eq. (1) from the blocks' forces in pull (n + 8, 4) [N], updated in place, and the contacts', into a (n, 3).
+def carried(model, parameters, state, xw, pull):
+    """A of eq. (1) from the blocks' forces in pull (n + 8, 4) [N], updated in place, and the contacts', into state.a.
 
     Once a step: added up over the substeps alone, the roundings of (x - x*)/h^2 grow into a force on the whole body.
     """
+    indptr, node, weight, force, a = model.indptr, model.node, parameters.weight, state.force, state.a
     for point in range(len(force)):
         for tool in range(force.shape[1]):
             for c in range(3):
@@ -79,55 +80,23 @@ def finish(xw, x_star, x, v, a, h, first, end):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance_step(
-    state,
-    nodes_of,
-    blocks,
-    points,
-    tools,
-    contacts,
-    scratch,
-    solve,
-    # tools over the step, and the seam
-    position,
-    orientation,
-    position_next,
-    orientation_next,
-    seam_force,
-    seam_growth,
-    # results, overwritten
-    wrench,
-    cell_distance,
-    result,
-    # numbers
-    dt,
-    n_substeps,
-    n_sweeps,
-    kappa,
-    margin,
-    # two threads
-    parts,
-    crew,
-    rank,
-    ws,
-):
-    """Advance the state by dt; arguments before the tools' poses are records. The results are those of `Advanced`.
-
-    seam_force (s, 3) [N] acts in the first substep, and in each later one seam_growth (s, 3) more, (0, 3) where none.
+def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_substeps, n_sweeps, parts, crew, rank, ws):
+    """Advance the state by dt; what comes out is overwritten, and is that of `Advanced`.
 
     Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
     """
-    x, v, a, stress, force, slip = state.x, state.v, state.a, state.stress, state.force, state.slip
-    nodes, volume, constants, law = blocks.nodes, blocks.volume, blocks.constants, blocks.law
-    indptr, node, weight = points.indptr, points.node, points.weight
-    kind, shape = tools.kind, tools.shape
-    pair_start, pair_rows, pairs = contacts.start, contacts.rows, contacts.pairs
-    pose, quaternion, motion = contacts.position, contacts.orientation, contacts.motion
-    xw, x_star, push, pull, point_x = scratch.xw, scratch.x_star, scratch.push, scratch.pull, scratch.point_x
-    seam, gravity, figures = nodes_of.seam, nodes_of.gravity, scratch.figures
+    x, v, a, stress = state.x, state.v, state.a, state.stress
+    nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
+    position, orientation = inputs.position, inputs.orientation
+    position_next, orientation_next = inputs.position_next, inputs.orientation_next
+    contacts, seam, gravity = scratch.contacts, model.seam, parameters.gravity
+    pose, quaternion, motion, point_x = contacts.position, contacts.orientation, contacts.motion, contacts.point_x
+    xw, x_star, push, pull, figures = scratch.xw, scratch.x_star, scratch.push, scratch.pull, scratch.figures
+    seam_force, seam_growth, result = inputs.seam_force, inputs.seam_growth, outputs.result
     n = len(x)
     h = dt / n_substeps
-    keep, share = np.exp(-solve.mass_rate * h), damping_share(solve.stiffness_time, solve.lag, h, n_sweeps)
+    keep = np.exp(-parameters.mass_rate * h)
+    share = damping_share(parameters.stiffness_time, parameters.lag, h, n_sweeps)
     before, stretch = 1, 0
     seam_work = 0.0
     if rank == 0:
@@ -145,41 +114,16 @@ def advance_step(
             for c in range(3):
                 seam_work -= seam_force[s, c] * x[seam[s], c]
         pull[:] = 0.0
-        place_points(xw, indptr, node, weight, point_x)
+        place_points(model, parameters, xw, point_x)
         fastest = 0.0
         for i in range(n):
             square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
             fastest = max(fastest, square)
-        reach = margin + 2.0 * dt * np.sqrt(fastest)
-        travel = tool_travel(tools.reach, position, orientation, position_next, orientation_next, x)
-        find_pairs(
-            kind,
-            shape,
-            tools.reach,
-            position,
-            orientation,
-            point_x,
-            points.active,
-            indptr,
-            node,
-            weight,
-            points.softness,
-            force,
-            slip,
-            points.side,
-            points.soft,
-            reach + 2.0 * travel,
-            h * h,
-            n,
-            scratch.newest,
-            pair_start,
-            pair_rows,
-            pairs,
-        )
-        copy_rows(blocks.softness, blocks.softness_free)
-        find_held_blocks(
-            nodes, volume, indptr, node, weight, pair_start, pair_rows, contacts.held, contacts.held_blocks
-        )
+        reach = parameters.margin + 2.0 * dt * np.sqrt(fastest)
+        travel = tool_travel(parameters.reach, position, orientation, position_next, orientation_next, x)
+        find_pairs(model, parameters, state.force, state.slip, inputs, contacts, reach + 2.0 * travel, h * h)
+        copy_rows(scratch.softness, parameters.softness)
+        find_held_blocks(model, parameters, contacts)
         tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
         done(crew, rank, 1)
     for part in range(len(parts) - 1):
@@ -191,7 +135,7 @@ def advance_step(
         before, stretch = before + n_batches, stretch + 1
     if rank == 0:
         wait_for(crew, before)
-        carried(xw, indptr, node, weight, force, pull, a)
+        carried(model, parameters, state, xw, pull)
         done(crew, rank, 1)
     before += 1
     for substep in range(n_substeps):
@@ -208,26 +152,13 @@ def advance_step(
                     for c in range(3):
                         push[i, c] += xw[i, 3] * seam_growth[s, c]
                         seam_work -= seam_growth[s, c] * x[i, c]
-            begin_pairs(
-                xw,
-                indptr,
-                node,
-                weight,
-                kind,
-                shape,
-                pose[0],
-                quaternion[0],
-                h,
-                pair_start,
-                pair_rows,
-                pairs,
-            )
+            begin_pairs(model, parameters, contacts, xw, h)
             done(crew, rank, 1)
         before += 1
         if share > 0.0:
             first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
             while first < end:
-                note_shapes(ws, xw, nodes, volume, constants, law, solve.asked, solve.frame, first, end)
+                note_shapes(ws, xw, nodes, volume, constants, law, scratch.asked, scratch.frame, first, end)
                 first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
             before, stretch = before + len(nodes), stretch + 1
         first, end = first_share(crew, before, stretch, n, rank, LEAST)
@@ -236,8 +167,7 @@ def advance_step(
             first, end = next_share(crew, stretch, rank, end - first, LEAST)
         before, stretch = before + n, stretch + 1
         before, stretch = relax(
-            *(ws, xw, blocks, points, tools, contacts, stress, solve, substep, n_sweeps, kappa, h),
-            *(parts, rank, crew, before, stretch),
+            model, parameters, stress, scratch, substep, n_sweeps, h, parts, rank, crew, before, stretch, ws
         )
         first, end = first_share(crew, before, stretch, n, rank, LEAST)
         while first < end:
@@ -246,19 +176,9 @@ def advance_step(
         before, stretch = before + n, stretch + 1
         if rank == 0:
             # The positions in xw stay until the next prediction, which waits for this.
-            account_pairs(
-                xw,
-                indptr,
-                node,
-                weight,
-                pose[1],
-                1.0 / n_substeps,
-                pair_start,
-                pair_rows,
-                pairs,
-            )
+            account_pairs(model, parameters, contacts, xw, 1.0 / n_substeps)
     first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
-    applied = solve.asked if share > 0.0 else stress
+    applied = scratch.asked if share > 0.0 else stress
     while first < end:
         batch_energies(ws, xw, nodes, volume, constants, law, first, end, figures)
         batch_residuals(ws, xw, nodes, volume, applied, constants, law, first, end, figures)
@@ -267,22 +187,20 @@ def advance_step(
     if rank > 0:
         return
     wait_for(crew, before)
-    tool_work = store_pairs(pair_start, pair_rows, pairs, force, slip, state.force_mean, wrench)
+    tool_work = store_pairs(contacts, state, outputs.wrench)
     for s in range(len(seam)):
         for c in range(3):
             seam_work += seam_force[s, c] * x[seam[s], c]
     for s in range(len(seam_growth)):
         for c in range(3):
             seam_work += (n_substeps - 1) * seam_growth[s, c] * x[seam[s], c]
-    place_points(xw, indptr, node, weight, point_x)
-    follow(x, v, nodes_of.hanging)
-    summarise(
-        *(x, v, nodes_of.mass, nodes_of.x_rest, gravity, point_x, kind, shape, tools.near, pose[1], quaternion[1]),
-        *(force, pair_start, pair_rows, pairs, n_substeps, result),
-    )
+    place_points(model, parameters, xw, point_x)
+    follow(x, v, model.hanging)
+    summarise(parameters, state, contacts, n_substeps, result)
     result[STRAIN], result[LEAST_J] = strain_energy(figures)
     result[RESIDUAL], result[STRETCH] = residual(figures)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
     cell_distances(
-        *(x, nodes_of.cell_nodes, kind, shape, pose[1], quaternion[1], tools.near, scratch.node_gap, cell_distance)
+        *(x, model.cell_nodes, parameters.kind, parameters.shape, pose[1], quaternion[1], parameters.near),
+        *(scratch.node_gap, outputs.distance),
     )

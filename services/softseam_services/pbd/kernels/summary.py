@@ -26,8 +26,9 @@ def _size(pairs, group, column, lane):
 
 
 @njit(cache=True, error_model="numpy")
-def summarise_motion(x, v, mass, x_rest, gravity, result):
+def summarise_motion(parameters, x, v, result):
     """Energies, momenta and bounds at the end of the step into result (N_RESULTS,); the rest of it is not touched."""
+    mass, x_rest, gravity = parameters.mass, parameters.x_rest, parameters.gravity
     kinetic, gravity_energy = 0.0, 0.0
     mx, my, mz, ax, ay, az = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     low_x, low_y, low_z, high_x, high_y, high_z = np.inf, np.inf, np.inf, -np.inf, -np.inf, -np.inf
@@ -50,28 +51,13 @@ def summarise_motion(x, v, mass, x_rest, gravity, result):
 
 
 @njit(cache=True, error_model="numpy")
-def summarise(
-    x,
-    v,
-    mass,
-    x_rest,
-    gravity,
-    point_x,
-    kind,
-    shape,
-    near,
-    position,
-    orientation,
-    force,
-    pair_start,
-    rows,
-    pairs,
-    n_substeps,
-    result,
-):
+def summarise(parameters, state, contacts, n_substeps, result):
     """Energies, momenta, bounds and contact figures at the end of the step into result (N_RESULTS,)."""
+    kind, shape, near, point_x = parameters.kind, parameters.shape, parameters.near, contacts.point_x
+    position, orientation, force = contacts.position[1], contacts.orientation[1], state.force
+    pair_start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     result[:] = 0.0
-    summarise_motion(x, v, mass, x_rest, gravity, result)
+    summarise_motion(parameters, state.x, state.v, result)
     for tool in range(len(kind)):
         tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)

@@ -7,10 +7,8 @@ by the places x (k, 3); its energy is 1/2 C^2/compliance. It is compiled alone, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,47 +17,19 @@ from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.particles import ConstraintSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.table import Table
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import Floats
 from softseam_services.body.errors import ConstraintError, SettingError
 from softseam_services.body.particles import ParticleBody
-from softseam_services.jit import PrototypeError
 
 from .batches import batches
-from .kernels.constraint import N_COLUMNS, VALUE
+from .constraint import Constraint, Joins
+from .kernels.constraint import N_COLUMNS
+from .volume import VOLUME
+
+__all__ = ["CONSTRAINTS", "Constraint", "Joined", "Joins", "build_constraints", "constraints_of"]
 
 
-class Joins(NamedTuple):
-    """What m constraints of a kind join."""
-
-    particles: Ints
-    """(m, k)"""
-    parameters: Floats
-    """(m, n), as the constraint's function takes them"""
-    compliance: Floats
-    """(m,), of C squared a joule; 0 for a constraint that does not give"""
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """joins      which particles of a body a specification joins, and with which parameters
-    value      C and its gradient, of what numba can compile
-    one_sided  it holds C <= 0: it pulls where C is more, and lets go where C is less
-    """
-
-    joins: Callable[[Any, ParticleBody], Joins]
-    value: Callable[..., float]
-    one_sided: bool = False
-
-    @cached_property
-    def address(self) -> int:
-        """Of the compiled function. Raises ConstraintError where it does not compile."""
-        try:
-            return VALUE.compile(self.value)
-        except PrototypeError as error:
-            raise ConstraintError(str(error)) from error
-
-
-CONSTRAINTS: Table[Constraint] = Table("particle constraints")
+CONSTRAINTS: Table[Constraint] = Table("particle constraints", {"volume": VOLUME})
 """the constraint of each specification in softseam_protocol.scene.particles.CONSTRAINTS"""
 
 
@@ -75,13 +45,6 @@ class Joined:
     """(m,)"""
     most: tuple[int, int]
     """most particles and parameters of any"""
-
-    def arrays(self) -> tuple[Any, ...]:
-        """With alpha~, multipliers and workspaces of their own."""
-        particles, parameters = self.most
-        own = np.zeros_like(self.compliance), np.zeros_like(self.compliance)
-        room = np.zeros((particles, 3)), np.zeros(parameters), np.zeros((particles, 3))
-        return (self.families, self.particle, self.parameter, *own, *room)
 
 
 def build_constraints(body: ParticleBody, specs: Sequence[ConstraintSpec]) -> Joined:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from softseam_services.body.body import Floats
+from softseam_services.jit import record
 
 MAGIC = b"softseam particles 1\n"
 
 
-@dataclass(frozen=True)
-class ParticleState:
+@record
+class ParticleState(NamedTuple):
     """n particles, t tools; all fields are views of `buffer`, updated in place by the step."""
 
     buffer: Floats

@@ -19,7 +19,7 @@ from .kernels.tetrahedron import rest_shapes
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """m tetrahedra in b batches, ready for the kernels `neo_hookean`, `strain` and `volume`."""
+    """m tetrahedra in b batches, ready for the kernels `neo_hookean` and `strain`."""
 
     batches: Batches
     volume: Floats
@@ -39,18 +39,15 @@ class Tetrahedra:
         moduli = np.array([2.0 * elastic.mu, elastic.mu, elastic.lambda_])
         return self.batches.lanes(1.0 / (self.volume[:, None] * moduli * h**2))
 
-    def volumes(self, bulk: float, h: float) -> tuple[Floats, Floats]:
-        """V_0 (b, 8) and alpha/h^2 (b, 8) of the volume constraint for a bulk modulus [Pa]."""
-        return self.batches.lanes(self.volume), self.batches.lanes(self.volume / (bulk * h**2))
 
-
-def build_tetrahedra(x_rest: Floats, nodes: Ints) -> Tetrahedra:
-    """From rest positions (n, 3) and corners (m, 4). Raises ValueError where a tetrahedron is flat or inside out."""
+def build_tetrahedra(x_rest: Floats, nodes: Ints, laid_out: Batches | None = None) -> Tetrahedra:
+    """From rest positions (n, 3) and corners (m, 4), in batches where these are known. Raises ValueError where a
+    tetrahedron is flat or inside out."""
     nodes = np.ascontiguousarray(nodes, dtype=np.int32)
     inverse, volume = np.empty((len(nodes), 3, 3)), np.empty(len(nodes))
     rest_shapes(x_rest, nodes, inverse, volume)
     bad = np.flatnonzero(~(volume > 0.0))
     if len(bad):
         raise ValueError(f"tetrahedron {bad[0]} has the volume {volume[bad[0]]:.3g} m^3: order its corners outwards")
-    made = batches(len(x_rest), nodes)
+    made = batches(len(x_rest), nodes) if laid_out is None else laid_out
     return Tetrahedra(made, volume, made.lanes(inverse.reshape(-1, 9)))

@@ -3,8 +3,6 @@
 With energy 1/2 C^2/alpha (Macklin et al. 2016, "XPBD", eq. 18):
     d lambda = -(C + alpha~ lambda)/(sum w_i |grad_i C|^2 + alpha~),  x_i += w_i d lambda grad_i C,  alpha~ = alpha/h^2
 One that holds on one side only, C <= 0, keeps lambda <= 0: it pulls C down and pushes never.
-
-`joined` is (number, family, particle, parameter, soft, lambda, workspaces x, p, g) of `constraints.Joined`.
 """
 
 from __future__ import annotations
@@ -43,7 +41,7 @@ def _value(row, number, xw, particle, parameter, x, p, g):
 def project_constraints(xw, families, particle, parameter, soft, lam, x, p, g):
     """Project every constraint once, family after family; xw (n + 8, 4) and lam (m,) updated in place.
 
-    families (f, N_COLUMNS); particle, parameter: one list after another; soft (m,) alpha~
+    families (f, N_COLUMNS); particle, parameter: one list after another; soft (m,) alpha~; x, p, g: workspaces
     """
     for family in range(len(families)):
         row = families[family]

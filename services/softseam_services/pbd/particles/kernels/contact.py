@@ -20,31 +20,33 @@ N_PUSH = 8
 
 
 @njit(cache=True, error_model="numpy")
-def list_contacts(x, weight, n, kind, shape, tool_reach, position, orientation, within, particle, tool):
-    """Candidates: free particles within a distance [m] of a tool at these poses; returns how many, in place."""
+def list_contacts(parameters, contacts, xw, then, within):
+    """Candidates: free particles within a distance [m] of a tool at its pose `then`; returns how many, in place."""
+    kind, shape, position, orientation = parameters.kind, parameters.shape, contacts.position, contacts.orientation
     count = 0
     for t in range(len(kind)):
-        place, turn = three(position, t), four(orientation, t)
-        reach = tool_reach[t] + max(within, 0.0)
+        place, turn = three(position[then], t), four(orientation[then], t)
+        reach = parameters.reach[t] + max(within, 0.0)
         square = reach * reach
-        for i in range(n):
-            dx, dy, dz = x[i, 0] - place[0], x[i, 1] - place[1], x[i, 2] - place[2]
+        for i in range(len(parameters.mass)):
+            dx, dy, dz = xw[i, 0] - place[0], xw[i, 1] - place[1], xw[i, 2] - place[2]
             if dx * dx + dy * dy + dz * dz > square:
                 continue
-            if weight[i, 3] > 0.0 and tool_gap(kind[t], shape[t], place, turn, three(x, i))[0] < within:
-                particle[count], tool[count] = i, t
+            if xw[i, 3] > 0.0 and tool_gap(kind[t], shape[t], place, turn, three(xw, i))[0] < within:
+                contacts.particle[count], contacts.tool[count] = i, t
                 count += 1
     return count
 
 
 @njit(cache=True, error_model="numpy")
-def project_contacts(
-    xw, x_prev, count, particle, tool, kind, shape, friction, position, orientation, motion, radius, push
-):
-    """Project every candidate once. Poses are those at the end of the substep, motion leads there (see `tool_motions`).
+def project_contacts(parameters, contacts, xw, x_prev, count, then):
+    """Project every candidate once. Tools are at their pose `then`, motion leads there (see `tool_motions`).
 
     xw (n + 8, 4) updated in place; x_prev (n, 3) at the start of the substep; push (candidates, N_PUSH) in place
     """
+    kind, shape, friction, radius = parameters.kind, parameters.shape, parameters.friction, parameters.radius
+    particle, tool, push, motion = contacts.particle, contacts.tool, contacts.push, contacts.motion
+    position, orientation = contacts.position[then], contacts.orientation[then]
     for c in range(count):
         i, t = particle[c], tool[c]
         gap, nx, ny, nz = tool_gap(kind[t], shape[t], three(position, t), four(orientation, t), three(xw, i))
@@ -79,8 +81,9 @@ def project_contacts(
 
 
 @njit(cache=True, error_model="numpy")
-def note_approach(v, x_prev, count, particle, tool, motion, h, push):
+def note_approach(contacts, v, x_prev, count, h):
     """Normal speed of each touching particle relative to its tool before the substep, into push[:, 7] [m/s]."""
+    particle, tool, push, motion = contacts.particle, contacts.tool, contacts.push, contacts.motion
     for c in range(count):
         if push[c, 0] > 0.0:
             i = particle[c]
@@ -93,12 +96,13 @@ def note_approach(v, x_prev, count, particle, tool, motion, h, push):
 
 
 @njit(cache=True, error_model="numpy")
-def bounce(v, x_prev, count, particle, tool, motion, h, restitution, rest_speed, push):
+def bounce(parameters, contacts, v, x_prev, count, h, rest_speed):
     """Give touching particles that came faster than rest_speed [m/s] that share of their speed back; v in place.
 
     v_n = -e v_n(before), relative to the tool (Mueller et al. 2020, "Detailed rigid body simulation with extended
     position based dynamics"); slower ones are at rest, or gravity would make them tremble.
     """
+    particle, tool, push, motion = contacts.particle, contacts.tool, contacts.push, contacts.motion
     for c in range(count):
         approach = push[c, 7]
         if push[c, 0] > 0.0 and approach < -rest_speed:
@@ -109,7 +113,7 @@ def bounce(v, x_prev, count, particle, tool, motion, h, restitution, rest_speed,
             ux = v[i, 0] - (m[0] * px + m[1] * py + m[2] * pz + m[9] - px) / h
             uy = v[i, 1] - (m[3] * px + m[4] * py + m[5] * pz + m[10] - py) / h
             uz = v[i, 2] - (m[6] * px + m[7] * py + m[8] * pz + m[11] - pz) / h
-            change = -restitution * approach - (ux * nx + uy * ny + uz * nz)
+            change = -parameters.restitution * approach - (ux * nx + uy * ny + uz * nz)
             if change > 0.0:
                 v[i, 0] += change * nx
                 v[i, 1] += change * ny
@@ -117,13 +121,21 @@ def bounce(v, x_prev, count, particle, tool, motion, h, restitution, rest_speed,
 
 
 @njit(cache=True, error_model="numpy")
-def settle_contacts(x, x_prev, mass, count, particle, tool, position, motion, h, share, push, force, felt, wrench):
+def settle_contacts(parameters, contacts, outputs, x, x_prev, count, then, h, share):
     """Book a substep's contacts: mean force on particles (n, 3) [N], largest share of it by tool, wrenches; returns
     work.
 
     share is the substep's of the step; felt (n, t) [N] sums |force| by tool; wrench (t, 6) about the tools' positions,
     of the body on the tools. The work is what tools do on the particles in the substep [J].
     """
+    particle, tool, push, motion = contacts.particle, contacts.tool, contacts.push, contacts.motion
+    mass, position, force, felt, wrench = (
+        parameters.mass,
+        contacts.position[then],
+        outputs.mean,
+        outputs.felt,
+        outputs.wrench,
+    )
     work = 0.0
     for c in range(count):
         if push[c, 0] == 0.0:

@@ -1,4 +1,4 @@
-"""Corners of constraints: between particles and the workspace's rows four lanes at a time, or four in one lane."""
+"""Corners of constraints: between particles and the workspace's rows four lanes at a time, or edges of one lane."""
 
 from __future__ import annotations
 
@@ -39,34 +39,3 @@ def three_edges(xw, i, j, k, m):
         *(xw[k, 0] - x, xw[k, 1] - y, xw[k, 2] - z),
         *(xw[m, 0] - x, xw[m, 1] - y, xw[m, 2] - z),
     )
-
-
-@lane_kernel
-def _weighted(xw, i, g):
-    """w |g|^2 of a particle."""
-    return xw[i, 3] * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
-
-
-@lane_kernel
-def _moved(xw, i, change, g):
-    """x += w change g of a particle."""
-    step = change * xw[i, 3]
-    xw[i, 0], xw[i, 1], xw[i, 2] = xw[i, 0] + step * g[0], xw[i, 1] + step * g[1], xw[i, 2] + step * g[2]
-
-
-@lane_kernel
-def project_corners(xw, corners, gradients, value, alpha, share, lam, batch, lane):
-    """Solve a constraint C = value between four particles, with gradients of three values each; all in place.
-
-    dlambda = -share (C + alpha~ lambda)/(sum w |grad C|^2 + alpha~)                                            (1)
-    """
-    i, j, k, m = corners
-    gi, gj, gk, gm = gradients
-    weight = _weighted(xw, i, gi) + _weighted(xw, j, gj) + _weighted(xw, k, gk) + _weighted(xw, m, gm)
-    if weight > 0.0:
-        change = -share * (value + alpha * lam[batch, lane]) / (weight + alpha)  # eq. (1)
-        lam[batch, lane] += change
-        _moved(xw, i, change, gi)
-        _moved(xw, j, change, gj)
-        _moved(xw, k, change, gk)
-        _moved(xw, m, change, gm)

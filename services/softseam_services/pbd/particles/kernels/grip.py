@@ -10,18 +10,22 @@ from .contact import push_tool
 
 
 @njit(cache=True, error_model="numpy")
-def take_hold(x, v, mass, fixed, kind, shape, position, orientation, gripping, reach, held, local, grips):
-    """Let tools that begin to grip take the free particles within reach [m], and those that stop let theirs go.
+def take_hold(parameters, state, inputs):
+    """Let tools that begin to grip take the free particles within reach, and those that stop let theirs go.
 
-    gripping (t,) what is asked, grips (t,) float what was before, held (n,) float tool of each particle or -1, local
-    (n, 3) place in that tool's frame [m]: the last three updated in place.
+    What is asked is inputs.gripping; grips (t,) says what was before, held (n,) the tool of each particle or -1, local
+    (n, 3) the place in that tool's frame [m]: these three of the state are updated in place.
     """
+    kind, shape, reach, weight = parameters.kind, parameters.shape, parameters.hold, parameters.weight
+    x, held, local, grips = state.x, state.held, state.local, state.grips
     for t in range(len(kind)):
-        wanted = t < len(gripping) and gripping[t] != 0
+        wanted = inputs.gripping[t] != 0
         if wanted and grips[t] == 0.0:
-            place, turn = three(position, t), four(orientation, t)
+            place, turn = three(inputs.position, t), four(inputs.orientation, t)
             for i in range(len(held)):
-                if held[i] >= 0.0 or fixed[i] or tool_gap(kind[t], shape[t], place, turn, three(x, i))[0] > reach:
+                if held[i] >= 0.0 or weight[i] == 0.0:
+                    continue
+                if tool_gap(kind[t], shape[t], place, turn, three(x, i))[0] > reach:
                     continue
                 held[i] = t
                 local[i, 0], local[i, 1], local[i, 2] = rotate_back(
@@ -72,21 +76,28 @@ def list_holding(nodes, row, held, which):
 
 
 @njit(cache=True, error_model="numpy")
-def settle_held(
-    xw, x_prev, v, v_prev, mass, gravity, drag, force, count, ids, held, position, motion, h, share, mean, felt, wrench
-):
-    """Book what tools did to the particles they hold: f = m (a - g) + drag - forces of the constraints; returns work
-    [J].
+def settle_held(parameters, state, scratch, outputs, count, then, h, share):
+    """Book what tools did to the particles they hold: f = m (a - g) - forces of the constraints; returns work [J].
 
-    force (n, 3) of constraints on particles [N], zeroed for the held ones; see `settle_contacts` for the others
+    scratch.force (n + 8, 3) of constraints on particles [N], zeroed for the held ones; see `settle_contacts` for the
+    others
     """
+    mass, gravity, contacts, force = parameters.mass, parameters.gravity, scratch.contacts, scratch.force
+    xw, x_prev, v, v_prev = scratch.xw, scratch.x_prev, state.v, scratch.v_prev
+    position, motion, mean, felt, wrench = (
+        contacts.position[then],
+        contacts.motion,
+        outputs.mean,
+        outputs.felt,
+        outputs.wrench,
+    )
     work = 0.0
     for k in range(count):
-        i = ids[k]
-        t = int(held[i])
-        fx = mass[i] * ((v[i, 0] - v_prev[k, 0]) / h - gravity[0] + drag * v[i, 0]) - force[i, 0]
-        fy = mass[i] * ((v[i, 1] - v_prev[k, 1]) / h - gravity[1] + drag * v[i, 1]) - force[i, 1]
-        fz = mass[i] * ((v[i, 2] - v_prev[k, 2]) / h - gravity[2] + drag * v[i, 2]) - force[i, 2]
+        i = scratch.ids[k]
+        t = int(state.held[i])
+        fx = mass[i] * ((v[i, 0] - v_prev[k, 0]) / h - gravity[0]) - force[i, 0]
+        fy = mass[i] * ((v[i, 1] - v_prev[k, 1]) / h - gravity[1]) - force[i, 1]
+        fz = mass[i] * ((v[i, 2] - v_prev[k, 2]) / h - gravity[2]) - force[i, 2]
         force[i, 0], force[i, 1], force[i, 2] = 0.0, 0.0, 0.0
         work += push_tool(three(xw, i), three(x_prev, i), (fx, fy, fz), t, position, motion, share, wrench)
         mean[i, 0] += share * fx

@@ -18,12 +18,14 @@ def _bucket(i, j, k, mask):
 
 
 @njit(cache=True, error_model="numpy")
-def list_pairs(x, n, x_rest, within, apart, cube, start, order, first, second):
-    """Pairs of particles closer than `within` [m] that are at least `apart` from each other at rest [m].
+def list_pairs(parameters, contacts, x, within):
+    """Pairs of particles closer than `within` [m] that are at least parameters.apart from each other at rest [m].
 
-    cube (n, 3) int64, start (2^p + 1,) int32, order (n,) int32 are workspace; pairs go into first and second
+    Of the contacts cube (n, 3), start (2^p + 1,) and order (n,) are workspace; pairs go into first and second
     (capacity,). Returns their number; more than the capacity where not all found room.
     """
+    n, x_rest, apart = len(parameters.mass), parameters.x_rest, parameters.apart
+    cube, start, order, first, second = contacts.cube, contacts.start, contacts.order, contacts.first, contacts.second
     mask, per = len(start) - 2, 1.0 / within
     start[:] = 0
     for i in range(n):

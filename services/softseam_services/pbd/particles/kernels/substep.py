@@ -67,155 +67,137 @@ def _velocities(xw, x_prev, v, n, h, drag):
 
 
 @njit(cache=True, error_model="numpy")
-def advance_step(
-    x,
-    v,
-    held,
-    local,
-    mass,
-    weight,
-    x_rest,
-    gravity,
-    drag,
-    springs,
-    bends,
-    solid,
-    hyper,
-    joined,
-    compliance,
-    kind,
-    shape,
-    tool_reach,
-    friction,
-    position,
-    orientation,
-    position_next,
-    orientation_next,
-    radius,
-    restitution,
-    layers,
-    dt,
-    n_substeps,
-    n_sweeps,
-    stretch_share,
-    bending_share,
-    margin,
-    work,
-    contacts,
-    pairs,
-    poses,
-    mean,
-    felt,
-    wrench,
-    outcome,
-):
-    """Advance particles by dt; x, v (n, 3) updated in place.
+def _begin(model, parameters, state, scratch, h):
+    """Places and weights into xw, alpha~ and inverses of all constraints, and what tools hold: returns how many
+    particles, and in how many batches of springs and of bends these are."""
+    xw, held, of = scratch.xw, state.held, scratch.multipliers
+    for i in range(len(state.x)):
+        xw[i, 0], xw[i, 1], xw[i, 2] = state.x[i, 0], state.x[i, 1], state.x[i, 2]
+        xw[i, 3] = 0.0 if held[i] >= 0.0 else parameters.weight[i]
+    n_held = list_held(held, scratch.ids)
+    share = parameters.stretch_share
+    prepare_distances(xw, model.springs, parameters.spring_compliance, h, share, of.spring_inverse, of.spring_soft)
+    soften(parameters.strain_compliance, h, of.strain_soft)
+    soften(parameters.pair_compliance, h, of.pair_soft)
+    share, coefficient = parameters.bending_share, parameters.bend_coefficient
+    prepare_bends(xw, model.bends, coefficient, parameters.bend_compliance, h, share, of.bend_inverse, of.bend_soft)
+    for j in range(len(parameters.compliance)):
+        of.joined_soft[j] = parameters.compliance[j] / (h * h)
+    if n_held == 0:
+        return 0, 0, 0
+    n_springs = list_holding(model.springs, model.spring_row, held, scratch.holding_springs)
+    return n_held, n_springs, list_holding(model.bends, model.bend_row, held, scratch.holding_bends)
 
-    held, local     who holds each particle and where, see `take_hold`
-    weight          (n,)  inverse masses, 0 for clamped particles [1/kg]
-    springs         nodes, row, rest, compliance, inverse, soft, lambda, which of `distance`
-    bends           nodes, row, coefficient, compliance, inverse, soft, lambda, which of `bending`
-    solid           nodes, row, inverse, compliance, soft, lambda of `strain`
-    joined          families, particle, parameter, soft, lambda, workspaces of `constraint`; compliance (m,)
-    hyper           nodes, inverse, compliance, soft, lambda, gamma, pull, workspace of `neo_hookean`
-    layers          (apart, friction): pairs at least so far apart at rest keep 2 radius [m]; apart = 0 for none
-    stretch_share, bending_share  stiffness of classic PBD, 0 for XPBD
-    margin          way that a particle may make before contacts are listed anew [m]
-    work            xw, x_prev, x_listed, ids, v_prev, force, and the workspaces of springs and bends
-    contacts        particle, tool, push;  pairs  cube, start, order, first, second;  poses  position, orientation,
-                    motion
-    mean, felt, wrench, outcome   contact force on particles (n, 3) [N], its size by tool (n, t), wrenches (t, 6) and
-                    N_OUTCOMES figures, all overwritten
-    """
-    xw, x_prev, x_listed, ids, v_prev, force, ws_springs, ws_bends = work
-    particle, tool, push = contacts
-    cube, start, order, first, second = pairs
-    place, turn, motion = poses
+
+@njit(cache=True, error_model="numpy")
+def _sweep(model, parameters, scratch, outputs, count, n_pairs, then):
+    """Project all constraints and contacts once."""
+    xw, x_prev, of, contacts = scratch.xw, scratch.x_prev, scratch.multipliers, scratch.contacts
+    project_distances(
+        *(scratch.spring_work, xw, model.springs, parameters.spring_rest, of.spring_inverse, of.spring_soft, of.spring)
+    )
+    project_strains(
+        *(xw, model.tetrahedra, model.tetrahedron_row, parameters.strain_inverse, of.strain_soft, 1.0, of.strain)
+    )
+    project_neo_hookean(
+        *(scratch.pair_work, xw, model.paired, parameters.pair_inverse, of.pair_soft, parameters.pair_gamma, of.pair)
+    )
+    project_bends(
+        *(scratch.bend_work, xw, model.bends, parameters.bend_coefficient, of.bend_inverse, of.bend_soft, of.bend)
+    )
+    project_constraints(
+        *(xw, parameters.families, parameters.particle, parameters.parameter, of.joined_soft, of.joined),
+        *(scratch.x, scratch.p, scratch.g),
+    )
+    if n_pairs > 0:
+        distance, friction = 2.0 * parameters.radius, parameters.self_friction
+        outputs.outcome[TOUCHING] = project_pairs(
+            xw, x_prev, n_pairs, contacts.first, contacts.second, distance, friction
+        )
+    project_contacts(parameters, contacts, xw, x_prev, count, then)
+
+
+@njit(cache=True, error_model="numpy")
+def _book_held(model, parameters, state, scratch, outputs, counts, then, h, share):
+    """Forces of the constraints on what tools hold, and what these did to it; returns their work [J]."""
+    n_held, n_springs, n_bends = counts
+    xw, of, force = scratch.xw, scratch.multipliers, scratch.force
+    add_distance_forces(xw, n_springs, scratch.holding_springs, model.springs, model.spring_row, of.spring, h, force)
+    add_bend_forces(
+        *(n_bends, scratch.holding_bends, model.bends, model.bend_row, parameters.bend_coefficient, of.bend, h, force)
+    )
+    add_constraint_forces(
+        *(xw, parameters.families, parameters.particle, parameters.parameter, of.joined_soft, of.joined),
+        *(scratch.x, scratch.p, scratch.g, h, force),
+    )
+    work = settle_held(parameters, state, scratch, outputs, n_held, then, h, share)
+    force[:] = 0.0
+    return work
+
+
+@njit(cache=True, error_model="numpy")
+def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_substeps, n_sweeps):
+    """Advance particles by dt; the state is updated in place, what comes out overwritten. Returns how many candidates
+    for contact with tools there are at the end."""
+    x, v, xw, x_prev = state.x, state.v, scratch.xw, scratch.x_prev
+    contacts, of, outcome = scratch.contacts, scratch.multipliers, outputs.outcome
+    place, turn, gravity = contacts.position, contacts.orientation, parameters.gravity
+    start, start_turn, end, end_turn = (
+        inputs.position,
+        inputs.orientation,
+        inputs.position_next,
+        inputs.orientation_next,
+    )
+    restitution, margin = parameters.restitution, parameters.margin
     n, h = len(x), dt / n_substeps
-    for i in range(n):
-        xw[i, 0], xw[i, 1], xw[i, 2] = x[i, 0], x[i, 1], x[i, 2]
-        xw[i, 3] = 0.0 if held[i] >= 0.0 else weight[i]
-    n_held = list_held(held, ids)
-    s_nodes, s_row, s_rest, s_compliance, s_inverse, s_soft, s_lambda, s_which = springs
-    b_nodes, b_row, b_coefficient, b_compliance, b_inverse, b_soft, b_lambda, b_which = bends
-    prepare_distances(xw, s_nodes, s_compliance, h, stretch_share, s_inverse, s_soft)
-    t_nodes, t_row, t_inverse, t_compliance, t_soft, t_lambda = solid
-    soften(t_compliance, h, t_soft)
-    p_nodes, p_inverse, p_compliance, p_soft, p_lambda, p_gamma, p_pull, ws_pairs = hyper
-    soften(p_compliance, h, p_soft)
-    prepare_bends(xw, b_nodes, b_coefficient, b_compliance, h, bending_share, b_inverse, b_soft)
-    j_families, j_particle, j_parameter, j_soft, j_lambda, ws_x, ws_p, ws_g = joined
-    for j in range(len(compliance)):
-        j_soft[j] = compliance[j] / (h * h)
-    n_springs, n_bends = 0, 0
-    if n_held > 0:
-        n_springs = list_holding(s_nodes, s_row, held, s_which)
-        n_bends = list_holding(b_nodes, b_row, held, b_which)
-    travel = tool_travel(tool_reach, position, orientation, position_next, orientation_next, x) / n_substeps
-    mean[:] = 0.0
-    felt[:] = 0.0
-    wrench[:] = 0.0
+    counts = _begin(model, parameters, state, scratch, h)
+    travel = tool_travel(parameters.reach, start, start_turn, end, end_turn, x) / n_substeps
+    outputs.mean[:] = 0.0
+    outputs.felt[:] = 0.0
+    outputs.wrench[:] = 0.0
     outcome[:] = 0.0
     share = 1.0 / n_substeps
     listed, count, n_pairs = 0, 0, 0
-    tool_pose(0.0, position, orientation, position_next, orientation_next, place[0], turn[0])
+    tool_pose(0.0, start, start_turn, end, end_turn, place[0], turn[0])
     for s in range(n_substeps):
         now, then = s % 2, (s + 1) % 2
-        fraction = (s + 1) * share
-        tool_pose(fraction, position, orientation, position_next, orientation_next, place[then], turn[then])
-        tool_motions(place[now], turn[now], place[then], turn[then], motion)
-        for k in range(n_held):
+        tool_pose((s + 1) * share, start, start_turn, end, end_turn, place[then], turn[then])
+        tool_motions(place[now], turn[now], place[then], turn[then], contacts.motion)
+        for k in range(counts[0]):
             for axis in range(3):
-                v_prev[k, axis] = v[ids[k], axis]
+                scratch.v_prev[k, axis] = v[scratch.ids[k], axis]
         _predict(xw, x_prev, v, n, gravity, h)
-        carry(xw, n_held, ids, held, local, place[then], turn[then])
-        if s == 0 or np.sqrt(_farthest(xw, x_listed[0], n)) + (s - listed) * travel >= 0.5 * margin:
+        carry(xw, counts[0], scratch.ids, state.held, state.local, place[then], turn[then])
+        if s == 0 or np.sqrt(_farthest(xw, scratch.x_listed[0], n)) + (s - listed) * travel >= 0.5 * margin:
             listed = s
-            _note(xw, x_listed[0], n)
-            reach = radius + margin
-            count = list_contacts(xw, xw, n, kind, shape, tool_reach, place[then], turn[then], reach, particle, tool)
-        if layers[0] > 0.0 and (s == 0 or np.sqrt(_farthest(xw, x_listed[1], n)) >= 0.5 * margin):
-            _note(xw, x_listed[1], n)
-            reach = 2.0 * radius + margin
-            n_pairs = list_pairs(xw, n, x_rest, reach, layers[0], cube, start, order, first, second)
-            if n_pairs > len(first):
-                n_pairs = len(first)
+            _note(xw, scratch.x_listed[0], n)
+            count = list_contacts(parameters, contacts, xw, then, parameters.radius + margin)
+        if parameters.apart > 0.0 and (s == 0 or np.sqrt(_farthest(xw, scratch.x_listed[1], n)) >= 0.5 * margin):
+            _note(xw, scratch.x_listed[1], n)
+            n_pairs = list_pairs(parameters, contacts, xw, 2.0 * parameters.radius + margin)
+            if n_pairs > len(contacts.first):
+                n_pairs = len(contacts.first)
                 outcome[CROWDED] = 1.0
-        push[:count] = 0.0
-        s_lambda[:] = 0.0
-        b_lambda[:] = 0.0
-        t_lambda[:] = 0.0
-        j_lambda[:] = 0.0
-        begin_pairs(ws_pairs, xw, p_nodes, p_inverse, p_soft, p_gamma, p_lambda, p_pull)
+        contacts.push[:count] = 0.0
+        of.spring[:] = 0.0
+        of.bend[:] = 0.0
+        of.strain[:] = 0.0
+        of.joined[:] = 0.0
+        begin_pairs(
+            *(scratch.pair_work, xw, model.paired, parameters.pair_inverse, of.pair_soft, parameters.pair_gamma),
+            *(of.pair, scratch.pull),
+        )
         for _ in range(n_sweeps):
-            project_distances(ws_springs, xw, s_nodes, s_rest, s_inverse, s_soft, s_lambda)
-            project_strains(xw, t_nodes, t_row, t_inverse, t_soft, 1.0, t_lambda)
-            project_neo_hookean(ws_pairs, xw, p_nodes, p_inverse, p_soft, p_gamma, p_lambda)
-            project_bends(ws_bends, xw, b_nodes, b_coefficient, b_inverse, b_soft, b_lambda)
-            project_constraints(xw, j_families, j_particle, j_parameter, j_soft, j_lambda, ws_x, ws_p, ws_g)
-            if n_pairs > 0:
-                outcome[TOUCHING] = project_pairs(xw, x_prev, n_pairs, first, second, 2.0 * radius, layers[1])
-            project_contacts(
-                xw, x_prev, count, particle, tool, kind, shape, friction, place[then], turn[then], motion, radius, push
-            )
+            _sweep(model, parameters, scratch, outputs, count, n_pairs, then)
         if restitution > 0.0:
-            note_approach(v, x_prev, count, particle, tool, motion, h, push)
-        _velocities(xw, x_prev, v, n, h, drag)
+            note_approach(contacts, v, x_prev, count, h)
+        _velocities(xw, x_prev, v, n, h, parameters.drag)
         if restitution > 0.0:
             speed = 2.0 * h * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
-            bounce(v, x_prev, count, particle, tool, motion, h, restitution, speed, push)
-        outcome[TOOL_WORK] += settle_contacts(
-            xw, x_prev, mass, count, particle, tool, place[then], motion, h, share, push, mean, felt, wrench
-        )
-        if n_held > 0:
-            add_distance_forces(xw, n_springs, s_which, s_nodes, s_row, s_lambda, h, force)
-            add_bend_forces(n_bends, b_which, b_nodes, b_row, b_coefficient, b_lambda, h, force)
-            add_constraint_forces(xw, j_families, j_particle, j_parameter, j_soft, j_lambda, ws_x, ws_p, ws_g, h, force)
-            outcome[TOOL_WORK] += settle_held(
-                *(xw, x_prev, v, v_prev, mass, gravity, 0.0, force, n_held, ids, held, place[then], motion),
-                *(h, share, mean, felt, wrench),
-            )
-            force[:] = 0.0
+            bounce(parameters, contacts, v, x_prev, count, h, speed)
+        outcome[TOOL_WORK] += settle_contacts(parameters, contacts, outputs, xw, x_prev, count, then, h, share)
+        if counts[0] > 0:
+            outcome[TOOL_WORK] += _book_held(model, parameters, state, scratch, outputs, counts, then, h, share)
     for i in range(n):
         x[i, 0], x[i, 1], x[i, 2] = xw[i, 0], xw[i, 1], xw[i, 2]
     return count

@@ -14,10 +14,12 @@ N_RESULTS = 18
 
 
 @njit(cache=True, error_model="numpy")
-def summarise(
-    x, v, mass, x_rest, gravity, held, mean, count, particle, tool, kind, shape, position, orientation, radius, result
-):
+def summarise(parameters, state, inputs, contacts, outputs, count):
     """Fill result (N_RESULTS,): energies [J], momenta, bounds; `count` candidates tell the deepest penetration [m]."""
+    x, v, held, mean, result = state.x, state.v, state.held, outputs.mean, outputs.result
+    mass, x_rest, gravity = parameters.mass, parameters.x_rest, parameters.gravity
+    kind, shape, radius = parameters.kind, parameters.shape, parameters.radius
+    position, orientation = inputs.position_next, inputs.orientation_next
     result[:] = 0.0
     result[BOUNDS : BOUNDS + 3] = np.inf
     result[BOUNDS + 3 : BOUNDS + 6] = -np.inf
@@ -38,8 +40,8 @@ def summarise(
         elif mean[i, 0] != 0.0 or mean[i, 1] != 0.0 or mean[i, 2] != 0.0:
             result[N_CONTACTS] += 1.0
     for c in range(count):
-        t = tool[c]
-        gap = tool_gap(kind[t], shape[t], three(position, t), four(orientation, t), three(x, particle[c]))[0]
+        t, i = contacts.tool[c], contacts.particle[c]
+        gap = tool_gap(kind[t], shape[t], three(position, t), four(orientation, t), three(x, i))[0]
         result[PENETRATION] = max(result[PENETRATION], radius - gap)
     total = 0.0
     for figure in result:

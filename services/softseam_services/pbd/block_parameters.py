@@ -1,0 +1,118 @@
+"""The numbers of a region's blocks: volumes and constants, laid out as the blocks' structure is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.materials.point import NEO_HOOKEAN
+
+from .blocks import Blocks
+from .forms import SIGNS, build_forms
+from .hourglass import block_constants
+from .kernels.block import MU, Constants, G
+from .kernels.form import N_FORM
+from .kernels.lanes import LANES
+
+VERY_FLAT, MOSTLY = 5.0, 5.0
+"""longest edge over the shortest, and a damping time in longest undamped substeps (decision 24)"""
+
+
+@dataclass(frozen=True)
+class BlockParameters:
+    """Of n_batches * 4 padded blocks, see `Blocks`."""
+
+    volume: Floats
+    """fill times volume, 0 for padding (n_batches, 4 lanes) [m^3]"""
+    edges: Floats
+    """of boxes, else the shortest of all (3,) [m]"""
+    constants: Constants
+    padding: Floats
+    """constants of an empty block (N_FORM,); those of boxes are their material's (0,)"""
+    padding_x: Floats
+    """rest positions of the padding's nodes (8, 3) [m]"""
+    law: int
+    """number of the materials' kind in `body.materials.point`"""
+
+    def only(self, whole: Blocks, part: Blocks) -> BlockParameters:
+        """Of some blocks, `part`, of those that this tells of, `whole`."""
+        place = np.empty(len(whole.ids), dtype=np.int64)
+        real = whole.order >= 0
+        place[whole.order[real]] = np.flatnonzero(real)
+        lane = np.where(part.order >= 0, place[np.searchsorted(whole.ids, part.ids)][part.order], -1)
+        volume = np.where(lane >= 0, self.volume.ravel()[lane], 0.0)
+        if part.boxes:
+            return replace(self, volume=volume, constants=Constants(self.constants.table, part.material))
+        own = self.constants.table.transpose(0, 2, 1).reshape(-1, N_FORM)
+        table = np.where((lane >= 0)[:, :, None], own[lane], self.padding)
+        return replace(self, volume=volume, constants=_of_forms(table))
+
+
+def build_block_parameters(blocks: Blocks, body: Body, region: Region, hourglass: str) -> BlockParameters:
+    """Volumes and constants of a region's blocks."""
+    edges = body.edges if blocks.whole else body.edges / 2.0
+    fill = body.fill[region.cells].ravel()[blocks.ids]
+    padding_x = 0.5 * (1.0 + SIGNS) * edges
+    padding = np.zeros(0)
+    if blocks.boxes:
+        volume = fill * edges.prod()
+        table = np.stack([block_constants(each, edges, hourglass) for each in body.materials])
+        constants = Constants(table, blocks.material)
+    else:
+        x = np.concatenate([body.x_rest[region.nodes[blocks.corners]], padding_x[None]])
+        weight = None if blocks.weight is None else np.concatenate([blocks.weight, np.eye(8)[None]])
+        forms, volume = np.empty((len(x), N_FORM)), np.empty(len(x))
+        kind = np.append(blocks.kind, 0)
+        for number, material in enumerate(body.materials):
+            mine = kind == number
+            forms[mine], volume[mine] = build_forms(
+                x[mine], material, hourglass, None if weight is None else weight[mine]
+            )
+        volume = volume[:-1] * fill
+        padding = forms[-1]
+        constants = _of_forms(forms[blocks.order])
+    return BlockParameters(
+        volume=np.where(blocks.order >= 0, volume[blocks.order], 0.0),
+        edges=edges,
+        constants=constants,
+        padding=padding,
+        padding_x=padding_x,
+        law=body.material.number,
+    )
+
+
+def _of_forms(forms: Floats) -> Constants:
+    """Constants of blocks of any shape (b, LANES, N_FORM)."""
+    assert forms.shape[1] == LANES
+    return Constants(np.ascontiguousarray(forms.transpose(0, 2, 1)), np.arange(len(forms), dtype=np.int32))
+
+
+def make_viscous(blocks: BlockParameters, times: float) -> BlockParameters:
+    """Have neo-Hookean blocks count with the compliance of the axis that has most in their local solve.
+
+    With one for each axis (`kernels.block`, eq. (4)) what a sweep adds to a flat block's stress has a moment. Stress
+    catches up with shape within a few substeps, but not where it is viscous: there the moment turns the block, and
+    damping is half of what is asked for, or a fifth more. times: damping time in longest undamped substeps. Blocks that
+    are `VERY_FLAT` would gain energy below `MOSTLY`, and keep what they have there.
+    """
+    if blocks.law != NEO_HOOKEAN:
+        return blocks
+    table = blocks.constants.table.copy()
+    most, least = table[:, G : G + 3].max(axis=1), table[:, G : G + 3].min(axis=1)
+    even = (times > 1.0) & ((times > MOSTLY) | (most < VERY_FLAT**2 * least))
+    table[:, G : G + 3] = np.where(even[:, None], most[:, None], table[:, G : G + 3])
+    return replace(blocks, constants=Constants(table, blocks.constants.number))
+
+
+def mean_lag(blocks: BlockParameters, softness: Floats) -> float:
+    """8 max w_i V 2 mu G of the blocks, V/mu their weights [1/s^2]; softness (b, 4) is 8 max w_i [1/kg].
+
+    Shear is what slow modes are made of. Where materials differ, the softer one deforms.
+    """
+    own, boxes = blocks.constants.table[blocks.constants.number], blocks.constants.table.ndim == 2
+    mu, slope = (own[:, MU, None], own[:, G : G + 3, None]) if boxes else (own[:, MU], own[:, G : G + 3])
+    weight = blocks.volume / mu
+    lag = softness * blocks.volume * 2.0 * mu * slope.mean(axis=1)
+    return float((weight * lag).sum() / weight.sum())

@@ -1,0 +1,189 @@
+"""The numbers of a PBD region: masses, elasticity, damping, gravity, places at rest, tools.
+
+Another modulus, friction or size is another set of these on the same structure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.scene.models import PbdSpec
+from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.errors import SettingError
+from softseam_services.body.interpolate import point_weights
+from softseam_services.tools.tool_set import ToolSet
+
+from .block_parameters import BlockParameters, build_block_parameters, make_viscous, mean_lag
+from .edges import FaceParameters, build_face_parameters
+from .kernels.block import new_workspace
+from .kernels.damping import LEAST_KAPPA
+from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
+from .kernels.frequency import highest_frequency
+from .model import PbdModel
+from .records import ParameterArrays
+from .stability import EXPLICIT, EXPLICIT_LIMIT, KAPPA, SHOWN, STABLE, TOUCHED, TWO_SWEEPS, shorter_by
+
+MARGIN = 0.1
+"""points within this many block edges of a tool, and what speeds add to it, are tried for contact"""
+
+
+@dataclass(frozen=True)
+class PbdParameters:
+    """n nodes, b batches, p surface points, t tools."""
+
+    spec: PbdSpec
+    """with the damping that the material's viscosity asks for"""
+    tools: ToolSet
+    blocks: BlockParameters
+    faces: FaceParameters
+    gravity: Floats
+    """(3,) [m/s^2]"""
+    x_rest: Floats
+    """(n, 3) [m]"""
+    own_mass: Floats
+    """of nodes, each its own (n,) [kg]"""
+    mass: Floats
+    """of nodes, those that hang have given theirs away (n,) [kg]"""
+    inverse_mass: Floats
+    """0 for clamped nodes and nodes without mass (n,) [1/kg]"""
+    softness: Floats
+    """8 times the largest inverse mass of each block's nodes (b, 4) [1/kg]"""
+    weight: Floats
+    """of the nodes that points follow, see `point_weights` (entries,)"""
+    point_softness: Floats
+    """sum of w_i N_i^2 of each point (p,) [1/kg]"""
+    wave_speed: float
+    """the fastest P wave's [m/s]"""
+    least_mu: float
+    """[Pa]"""
+    frequency: float
+    """highest angular frequency of the region at rest [rad/s]"""
+    rate: float
+    """one over the longest stable substep without damping [1/s]"""
+
+    @property
+    def explicit(self) -> bool:
+        """Whether the region is stepped by leapfrog."""
+        return self.spec.method == "leapfrog"
+
+    @property
+    def viscous_times(self) -> float:
+        """The time of damping in proportion to stiffness, in longest substeps without it [1]."""
+        return self.rate * self.spec.damping.stiffness
+
+    def substeps(self, dt: float) -> int:
+        """`stable_substeps`, or the scene's number; SettingError where that is unstable for certain."""
+        given = self.spec.substeps
+        if given == "auto":
+            return self.stable_substeps(dt)
+        least = dt * self.frequency / (FREQUENCY_MARGIN * EXPLICIT_LIMIT)
+        if self.explicit and given < least:
+            raise SettingError(
+                f"models.pbd.substeps: leapfrog is unstable with {given} substeps in {dt:g} s, the least is "
+                f"{np.ceil(least):.0f}, and auto takes {self.stable_substeps(dt)}: leave it out, or use method: xpbd"
+            )
+        return given
+
+    def stable_substeps(self, dt: float) -> int:
+        """m = ceil(dt omega_max / limit)"""
+        if self.explicit:
+            return max(1, int(np.ceil(dt * self.frequency / EXPLICIT - 1e-9)))
+        return max(1, int(np.ceil(dt * self.rate * shorter_by(self.rate, self.spec.damping.stiffness) - 1e-9)))
+
+    @cached_property
+    def roundoff(self) -> float:
+        """Energy that is roundoff [J]."""
+        return 1e-8 * self.least_mu * float(self.blocks.volume.sum())
+
+    @cached_property
+    def arrays(self) -> ParameterArrays:
+        """The same for kernels."""
+        blocks, faces, tools, damping = self.blocks, self.faces, self.tools, self.spec.damping
+        return ParameterArrays(
+            mass=self.mass,
+            inverse_mass=self.inverse_mass,
+            x_rest=self.x_rest,
+            gravity=self.gravity,
+            volume=blocks.volume,
+            softness=self.softness,
+            constants=blocks.constants,
+            law=blocks.law,
+            kappa=KAPPA,
+            weight=self.weight,
+            point_softness=self.point_softness,
+            edged=faces.edged,
+            face_stiffness=faces.stiffness,
+            face_edge=faces.edge,
+            whole=faces.whole,
+            kind=tools.kind,
+            shape=tools.shape,
+            reach=tools.reach,
+            friction=tools.friction,
+            near=tools.near,
+            margin=MARGIN * float(blocks.edges.min()),
+            mass_rate=damping.mass,
+            stiffness_time=damping.stiffness,
+            lag=SHOWN * LEAST_KAPPA * mean_lag(blocks, self.softness),
+            tolerance=self.spec.residual or 0.0,
+        )
+
+
+def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> PbdParameters:
+    """The numbers of a region of the model's structure. Raises SettingError where the material has state."""
+    if body.material.n_state:
+        raise SettingError(f"regions: pbd does not know the state of {body.material.kind}: give all cells to fem")
+    if body.material.retardation_time > 0.0:
+        damping = spec.damping.model_copy(update={"stiffness": body.material.retardation_time})
+        spec = spec.model_copy(update={"damping": damping})
+    blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)
+    mass = model.levels.gathered(region.mass)
+    inverse_mass = np.zeros(len(region.nodes))
+    free = ~region.fixed & (mass > 0.0)
+    inverse_mass[free] = 1.0 / mass[free]
+    x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
+    _, _, weight = model.levels.rows(*point_weights(body, region, "hex8"))
+    frequency = highest_frequency(
+        *(new_workspace(), x_rest, inverse_mass, model.blocks.nodes),
+        *(blocks.volume, blocks.constants, blocks.law, blocks.padding_x),
+    )
+    rate = frequency / _limit(model, body, region, spec)
+    return PbdParameters(
+        spec=spec,
+        tools=tools,
+        blocks=make_viscous(blocks, rate * spec.damping.stiffness),
+        faces=build_face_parameters(model.faces, body, region, tools),
+        gravity=body.gravity,
+        x_rest=x_rest,
+        own_mass=region.mass,
+        mass=mass,
+        inverse_mass=inverse_mass,
+        softness=block_softness(model.blocks.nodes, inverse_mass),
+        weight=weight,
+        point_softness=np.add.reduceat(weight**2 * inverse_mass[model.node], model.indptr[:-1])
+        if len(weight)
+        else np.zeros(0),
+        wave_speed=body.wave_speed,
+        least_mu=min(material.mu for material in body.materials),
+        frequency=frequency,
+        rate=rate,
+    )
+
+
+def block_softness(nodes: NDArray[np.int32], inverse_mass: Floats) -> Floats:
+    """8 times the largest inverse mass of each block's nodes (b, 4); nodes (b, 8, 4), those of the padding last."""
+    padded = np.concatenate([inverse_mass, np.zeros(8)])
+    return np.ascontiguousarray(8.0 * padded[nodes].max(axis=1))
+
+
+def _limit(model: PbdModel, body: Body, region: Region, spec: PbdSpec) -> float:
+    """Largest omega_max h that is stable, by the materials' Poisson ratios."""
+    touched = bool(model.active.any() and model.n_tools > 0)
+    table = TOUCHED if touched else STABLE
+    used = np.unique(body.octant_material[region.cells][body.fill[region.cells] > 0.0])
+    here = (body.materials[number] for number in used)
+    limit = min(float(np.interp(0.5 * material.young / material.mu - 1.0, *table)) for material in here)
+    return limit * TWO_SWEEPS if spec.sweeps > 1 else limit

@@ -1,0 +1,163 @@
+"""The numbers of a body of particles: masses, lengths and compliances of its constraints, contact, tools."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from softseam_protocol.scene.models import PbdSpec
+from softseam_protocol.scene.particles import ConstraintSpec
+from softseam_services.body.body import Floats
+from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.particles import ParticleBody
+from softseam_services.tools.tool_set import ToolSet
+
+from .constraints import Joined, build_constraints
+from .model import ParticleModel, lay_out
+from .records import ParameterArrays
+from .tetrahedra import build_tetrahedra
+
+SLACK = 0.005
+"""strain of a body that hangs by its edge from sweeps that are not finished, which the automatic substeps allow"""
+COURANT = 0.25
+"""wave times of a tetrahedron that a substep with one sweep lasts; strains, whose multipliers begin at zero, are then
+1 % too soft"""
+FEWEST = 4
+"""automatic substeps a step, at least"""
+APART = 1.5
+"""particles closer than this many spacings at rest are neighbours: layers that touch are farther apart"""
+MARGIN = 0.8
+"""spacings that a particle may move before contacts are searched anew"""
+
+
+@dataclass(frozen=True)
+class ParticleParameters:
+    """n particles, laid out as the batches of the structure are; 8 lanes."""
+
+    body: ParticleBody
+    tools: ToolSet
+    spec: PbdSpec
+    weight: Floats
+    """inverse masses, 0 for clamped particles (n,) [1/kg]"""
+    spring_rest: Floats
+    """(b, 8) [m]; 1 in empty lanes"""
+    spring_compliance: Floats
+    """(b, 8) [m/N]"""
+    bend_coefficient: Floats
+    """(c, 4, 8)"""
+    bend_compliance: Floats
+    """(c, 8) [m/N]"""
+    strain_inverse: Floats
+    """D_m^-1 of tetrahedra held by strains (d, 9, 8) [1/m]"""
+    strain_compliance: Floats
+    """of stretches, shears and the trace (d, 3, 8) [1/J]"""
+    pair_inverse: Floats
+    """D_m^-1 of tetrahedra held by neo-Hookean pairs (e, 9, 8) [1/m]"""
+    pair_compliance: Floats
+    """of C_D and C_H (e, 2, 8) [1/J]"""
+    pair_gamma: Floats
+    """(e, 8) [1]"""
+    joined: Joined
+    """by constraints that the scene adds: whom these join may depend on numbers"""
+
+    @property
+    def classic(self) -> bool:
+        """Whether stiffnesses are classic PBD's shares."""
+        return self.spec.method == "pbd"
+
+    def shares(self) -> tuple[float, float]:
+        """Stiffness of a projection of springs and of bends in classic PBD; 0 for XPBD."""
+        if not self.classic:
+            return 0.0, 0.0
+        given = self.spec.classic
+        if given.per_substep:
+            n = self.spec.sweeps
+            return 1.0 - (1.0 - given.stretch) ** (1.0 / n), 1.0 - (1.0 - given.bending) ** (1.0 / n)
+        return given.stretch, given.bending
+
+    def substeps(self, dt: float) -> int:
+        """The scene's number, or so many that unfinished sweeps let a hanging body stretch by no more than `SLACK`.
+
+        A sweep moves a particle by all that its neighbours ask, but news of the load travels one spacing a sweep. A
+        line of N spacings s that hangs by its end wants h^2 g of correction at each particle in each substep; the
+        uppermost spring passes N of them on, so it is stretched by up to 2 N h^2 g however stiff it is: h = sqrt(SLACK
+        s/(2 N g)).
+        """
+        if self.spec.substeps != "auto":
+            return self.spec.substeps
+        body = self.body
+        if body.solid is not None:
+            return max(FEWEST, int(np.ceil(dt / (COURANT * np.sqrt(self.spec.sweeps) * body.solid.wave_time) - 1e-9)))
+        gravity = float(np.linalg.norm(body.gravity))
+        count = body.reach / body.spacing
+        h = np.sqrt(SLACK * body.spacing / (2.0 * count * max(gravity, 1e-12))) * np.sqrt(self.spec.sweeps)
+        return max(FEWEST, int(np.ceil(dt / h - 1e-9)))
+
+    @cached_property
+    def arrays(self) -> ParameterArrays:
+        """The same for kernels."""
+        body, tools, joined = self.body, self.tools, self.joined
+        stretch, bending = self.shares()
+        return ParameterArrays(
+            x_rest=body.x_rest,
+            mass=body.mass,
+            weight=self.weight,
+            gravity=body.gravity,
+            drag=float(body.damping),
+            spring_rest=self.spring_rest,
+            spring_compliance=self.spring_compliance,
+            stretch_share=float(stretch),
+            bend_coefficient=self.bend_coefficient,
+            bend_compliance=self.bend_compliance,
+            bending_share=float(bending),
+            strain_inverse=self.strain_inverse,
+            strain_compliance=self.strain_compliance,
+            pair_inverse=self.pair_inverse,
+            pair_compliance=self.pair_compliance,
+            pair_gamma=self.pair_gamma,
+            families=joined.families,
+            particle=joined.particle,
+            parameter=joined.parameter,
+            compliance=joined.compliance,
+            kind=tools.kind,
+            shape=tools.shape,
+            reach=tools.reach,
+            friction=tools.friction,
+            radius=float(body.radius),
+            restitution=float(body.restitution),
+            apart=APART * float(body.spacing) if body.self_contact else 0.0,
+            self_friction=float(body.self_friction),
+            margin=MARGIN * float(body.spacing),
+            hold=float(body.radius + body.spacing),
+        )
+
+
+def build_parameters(
+    model: ParticleModel, body: ParticleBody, tools: ToolSet, spec: PbdSpec, constraints: Sequence[ConstraintSpec] = ()
+) -> ParticleParameters:
+    """The numbers of a body of the model's structure. Raises as `build_constraints`."""
+    layout = lay_out(body, spec)
+    m = len(layout.bends)
+    strains = build_tetrahedra(body.x_rest, layout.tetrahedra, model.tetrahedra)
+    pairs = build_tetrahedra(body.x_rest, layout.paired, model.paired)
+    elastic = ElasticConstants(1.0, 1.0) if body.solid is None else body.solid.elastic
+    pair_compliance, pair_gamma = pairs.pair(elastic, 1.0)
+    return ParticleParameters(
+        body=body,
+        tools=tools,
+        spec=spec,
+        weight=np.where(body.fixed, 0.0, 1.0 / body.mass),
+        spring_rest=model.springs.lanes(body.springs.rest, 1.0),
+        spring_compliance=model.springs.lanes(1.0 / body.springs.stiffness, 1.0),
+        bend_coefficient=model.bends.lanes(body.bends.coefficient[:m]),
+        bend_compliance=model.bends.lanes(1.0 / body.bends.stiffness[:m], 1.0),
+        strain_inverse=strains.inverse,
+        strain_compliance=strains.strains(elastic, 1.0),
+        pair_inverse=pairs.inverse,
+        pair_compliance=pair_compliance,
+        pair_gamma=pair_gamma,
+        joined=build_constraints(body, constraints),
+    )

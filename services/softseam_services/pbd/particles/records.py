@@ -1,0 +1,246 @@
+"""What kernels of particles take by reference: structure, parameters, inputs, scratch and what comes out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_services.body.body import Floats, Ints
+from softseam_services.jit import record
+from softseam_services.pbd.kernels.lanes import aligned
+
+from .kernels import bending, distance, neo_hookean, strain
+from .kernels.contact import N_PUSH
+from .kernels.substep import N_OUTCOMES
+from .kernels.summary import N_RESULTS
+
+Longs = NDArray[np.int64]
+
+PAIRS = 24
+"""pairs of touching layers that find room, per particle"""
+
+
+@record
+class ModelArrays(NamedTuple):
+    """Structure, as of `ParticleModel`: particles of the constraints in each lane, and whose lane it is."""
+
+    springs: Ints
+    spring_row: Longs
+    bends: Ints
+    bend_row: Longs
+    tetrahedra: Ints
+    tetrahedron_row: Longs
+    paired: Ints
+
+
+@record
+class ParameterArrays(NamedTuple):
+    """Numbers, as of `ParticleParameters`."""
+
+    x_rest: Floats
+    mass: Floats
+    weight: Floats
+    gravity: Floats
+    drag: float
+    """[1/s]"""
+    spring_rest: Floats
+    spring_compliance: Floats
+    stretch_share: float
+    """stiffness of classic PBD, 0 for XPBD, as is that of bends [1]"""
+    bend_coefficient: Floats
+    bend_compliance: Floats
+    bending_share: float
+    strain_inverse: Floats
+    strain_compliance: Floats
+    pair_inverse: Floats
+    pair_compliance: Floats
+    pair_gamma: Floats
+    # constraints that the scene adds, as of `constraints.Joined`
+    families: Longs
+    particle: Longs
+    parameter: Floats
+    compliance: Floats
+    # contact
+    kind: Longs
+    shape: Floats
+    reach: Floats
+    friction: Floats
+    radius: float
+    """[m]"""
+    restitution: float
+    apart: float
+    """pairs at least so far apart at rest keep 2 radius; 0 for none [m]"""
+    self_friction: float
+    margin: float
+    """way that a particle may make before contacts are listed anew [m]"""
+    hold: float
+    """distance at which tools that grip take particles [m]"""
+
+
+@record
+class Inputs(NamedTuple):
+    """What a step is told: t tools."""
+
+    position: Floats
+    """at the start of the step (t, 3) [m]"""
+    orientation: Floats
+    """(t, 4)"""
+    position_next: Floats
+    """and at its end"""
+    orientation_next: Floats
+    gripping: NDArray[np.int8]
+    """1 for tools that hold what is within reach (t,)"""
+
+
+@record
+class Outputs(NamedTuple):
+    """What a step tells beside the state, overwritten: n particles, t tools."""
+
+    mean: Floats
+    """contact force on particles, mean over the step (n, 3) [N]"""
+    felt: Floats
+    """its size by tool (n, t) [N]"""
+    wrench: Floats
+    """on the body (t, 6) [N, N m]"""
+    outcome: Floats
+    """(N_OUTCOMES,)"""
+    result: Floats
+    """see `kernels.summary` (N_RESULTS,)"""
+
+
+@record
+class Contacts(NamedTuple):
+    """Candidates for contact with tools, where tools are before and after a substep, and pairs of layers."""
+
+    particle: Ints
+    tool: Ints
+    push: Floats
+    position: Floats
+    """before and after a substep in turn (2, t, 3) [m]"""
+    orientation: Floats
+    motion: Floats
+    """see `tool_motion` (2, t, 12)"""
+    cube: Longs
+    """as of `self_contact`, and so is the rest"""
+    start: Ints
+    order: Ints
+    first: Ints
+    second: Ints
+
+
+@record
+class Multipliers(NamedTuple):
+    """Multipliers, alpha~ and inverses of denominators of every family of constraints."""
+
+    spring_inverse: Floats
+    spring_soft: Floats
+    spring: Floats
+    bend_inverse: Floats
+    bend_soft: Floats
+    bend: Floats
+    strain_soft: Floats
+    strain: Floats
+    pair_soft: Floats
+    pair: Floats
+    joined_soft: Floats
+    joined: Floats
+
+
+@record
+class Scratch(NamedTuple):
+    """Of a step; n particles. Rows after the particles' are those of empty lanes."""
+
+    xw: Floats
+    """positions and inverse masses (n + 8, 4)"""
+    x_prev: Floats
+    x_listed: Floats
+    """where particles were as contacts with tools, and of layers, were listed (2, n, 3)"""
+    ids: Longs
+    """of particles that tools hold"""
+    v_prev: Floats
+    """their velocities before a substep"""
+    force: Floats
+    """of constraints on them (n + 8, 3) [N]"""
+    holding_springs: Longs
+    """batches with a held particle"""
+    holding_bends: Longs
+    spring_work: Floats
+    bend_work: Floats
+    pair_work: Floats
+    pull: Floats
+    """see `neo_hookean.begin_pairs` (n + 8, 4)"""
+    x: Floats
+    """of one constraint that the scene adds: places, parameters and gradient"""
+    p: Floats
+    g: Floats
+    multipliers: Multipliers
+    contacts: Contacts
+
+
+def new_inputs(t: int) -> Inputs:
+    """Room for t tools."""
+    poses = np.zeros((t, 3)), np.zeros((t, 4)), np.zeros((t, 3)), np.zeros((t, 4))
+    return Inputs(*poses, np.zeros(t, dtype=np.int8))
+
+
+def new_outputs(n: int, t: int) -> Outputs:
+    """Room for n particles and t tools."""
+    return Outputs(np.zeros((n, 3)), np.zeros((n, t)), np.zeros((t, 6)), np.zeros(N_OUTCOMES), np.zeros(N_RESULTS))
+
+
+def new_scratch(model: ModelArrays, parameters: ParameterArrays, most: tuple[int, int]) -> Scratch:
+    """most: particles and parameters of any constraint that the scene adds"""
+    n, particles = len(parameters.mass), most[0]
+    return Scratch(
+        xw=aligned(n + 8, 4),
+        x_prev=np.zeros((n, 3)),
+        x_listed=np.zeros((2, n, 3)),
+        ids=np.zeros(n, dtype=np.int64),
+        v_prev=np.zeros((n, 3)),
+        force=np.zeros((n + 8, 3)),
+        holding_springs=np.zeros(len(model.springs), dtype=np.int64),
+        holding_bends=np.zeros(len(model.bends), dtype=np.int64),
+        spring_work=aligned(distance.N_WORK),
+        bend_work=aligned(bending.N_WORK),
+        pair_work=aligned(neo_hookean.N_WORK),
+        pull=aligned(n + 8, 4),
+        x=np.zeros((particles, 3)),
+        p=np.zeros(most[1]),
+        g=np.zeros((particles, 3)),
+        multipliers=new_multipliers(model, parameters),
+        contacts=new_contacts(n, len(parameters.kind), parameters.apart > 0.0),
+    )
+
+
+def new_multipliers(model: ModelArrays, parameters: ParameterArrays) -> Multipliers:
+    """All zero."""
+    springs, bends, c = model.spring_row.shape, model.bend_row.shape, parameters.compliance
+    strains, pairs = parameters.strain_compliance, parameters.pair_compliance
+    of_springs = np.zeros(springs), np.zeros(springs), np.zeros(springs)
+    of_bends = np.zeros(bends), np.zeros(bends), np.zeros((len(model.bends), 3, 8))
+    of_strains = np.zeros_like(strains), np.zeros((len(model.tetrahedra), strain.N_STRAINS, 8))
+    return Multipliers(
+        *(*of_springs, *of_bends, *of_strains, np.zeros_like(pairs), np.zeros_like(pairs)),
+        *(np.zeros_like(c), np.zeros_like(c)),
+    )
+
+
+def new_contacts(n: int, t: int, layers: bool) -> Contacts:
+    """Room for n particles and t tools, and for pairs of layers where these may touch."""
+    m = n if layers else 0
+    buckets = 1 << max(1, (2 * m - 1).bit_length()) if m else 2
+    return Contacts(
+        particle=np.zeros(n * t, dtype=np.int32),
+        tool=np.zeros(n * t, dtype=np.int32),
+        push=np.zeros((n * t, N_PUSH)),
+        position=np.zeros((2, t, 3)),
+        orientation=np.zeros((2, t, 4)),
+        motion=np.zeros((2, t, 12)),
+        cube=np.zeros((m, 3), dtype=np.int64),
+        start=np.zeros(buckets + 1, dtype=np.int32),
+        order=np.zeros(m, dtype=np.int32),
+        first=np.zeros(PAIRS * m, dtype=np.int32),
+        second=np.zeros(PAIRS * m, dtype=np.int32),
+    )
