@@ -76,25 +76,6 @@ def n_bytes(record: object) -> int:
     return arrays + sum(n_bytes(part) for part in parts if isinstance(part, _Record))
 
 
-_types_of_arrays: dict[tuple[Any, ...], types.Type] = {}
-
-
-def _type_of(value: Any) -> Any:
-    """Numba's type of a value; of arrays remembered, because it takes longer to find than all else of a record."""
-    if not isinstance(value, np.ndarray):
-        return typeof(value)
-    flags = value.flags
-    kind = value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable
-    if kind not in _types_of_arrays:
-        _types_of_arrays[kind] = typeof(value)
-    return _types_of_arrays[kind]
-
-
-@cache
-def _record_type(title: str, fields: tuple[tuple[str, int, types.Type], ...]) -> RecordType:
-    return RecordType(title, fields)
-
-
 def _words(name: str, value: Any) -> list[int]:
     """A value as 64-bit numbers; an array as number and bytes of its items, address, shape, strides."""
     if isinstance(value, np.ndarray):
