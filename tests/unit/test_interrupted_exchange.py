@@ -62,7 +62,7 @@ def test_an_interrupt_leaves_nobody_at_work(who: str) -> None:
     transport = EmbeddedTransport()
     slow = Slow(interrupts=who == "waiting")
     transport._servers = {"near": Quick(slow, interrupted=who == "at work"), "far": slow}
-    transport._seconds = {"near": 1.0, "far": 1.0}
+    transport._seconds = {("near", Commit): 1.0, ("far", Commit): 1.0}
     requests = {name: Commit(Header(SCHEMA_VERSION, "test", name, 0, 0, 0, 0.0)) for name in ("near", "far")}
     with pytest.raises(KeyboardInterrupt):
         transport.exchange(requests)
