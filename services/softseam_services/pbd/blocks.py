@@ -87,7 +87,7 @@ class Blocks:
     def n_batches(self) -> int:
         return len(self.nodes)
 
-    def only(self, ids: Ints) -> Blocks:
+    def only(self, ids: Ints | Longs) -> Blocks:
         """Some of these blocks, those of `ids`, laid out anew."""
         kept = np.flatnonzero(np.isin(self.ids, ids))
         corners = self.corners[kept]
