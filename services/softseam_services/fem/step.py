@@ -6,7 +6,6 @@ not converge the step is tried again with a new factor, then carefully, then in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -41,9 +40,8 @@ AT_ONCE = substeps.Substeps(n_accepted=1)
 """what a step takes as a rule"""
 
 
-@dataclass(frozen=True)
-class StepInputs:
-    """What acts on a region over one step (s seam nodes); seam as of `Advance`."""
+class StepInputs(NamedTuple):
+    """What acts on a region over one step, but for its length (s seam nodes); the seam as of `Advance`."""
 
     tools: Tools
     seam_force: Floats
@@ -98,6 +96,7 @@ class Stepper:
             self._tolerance = min(self._tolerance, _UNSEEN * self._bound)
             self._both.append(build_work(model, parameters, n_tools))
         self._settings: dict[tuple[int, bool], NewtonSettings] = {}
+        self._inputs: Inputs | None = None
         self.result = build_result(len(model.cell_nodes), len(model.seam), n_tools, kernel.N_OUT)
         self.forget()
 
@@ -253,7 +252,10 @@ class Stepper:
         past = raised(now.past, parts_left) if static and task == kernel.STEP else now.past
         if self._model.n_state:
             self.look(now, dt)
-        inputs = Inputs(dt, tools, force, past, pace, push)
+        inputs = self._inputs_of(dt, tools, past, pace)
+        inputs.seam_force[:] = force
+        if task == kernel.CORRECT:
+            inputs.push[:] = push
         status: int = kernel.advance(
             *(self.scheme, self._model, self._parameters, now.arrays, end.arrays),
             *(inputs, self._newton(most, careful), self.work, self.result, task),
@@ -262,6 +264,14 @@ class Stepper:
             end.past = past if static else dt
         self._remember(status, task, end)
         return status
+
+    def _inputs_of(self, dt: float, tools: Tools, past: float, pace: float) -> Inputs:
+        """With forces to be filled in; one record as long as nothing else changes, since making it takes its time."""
+        kept = self._inputs
+        if kept is None or kept.tools is not tools or (kept.dt, kept.past, kept.pace) != (dt, past, pace):
+            forces = np.zeros((2, len(self._model.seam), 3))
+            kept = self._inputs = Inputs(dt, tools, forces[0], past, pace, forces[1])
+        return kept
 
     def _newton(self, most: int, careful: bool) -> NewtonSettings:
         """So many iterations at most, careful or not."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from functools import cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -29,6 +28,7 @@ from numba.extending import (
 
 _T = TypeVar("_T")
 _WORD = ir.IntType(64)
+_INTEGER, _DOUBLE = struct.Struct("q"), struct.Struct("d")
 
 
 def record(declared: type[_T]) -> type[_T]:
@@ -49,16 +49,11 @@ class _Record:
     def __init__(self, *arguments: Any, **named: Any) -> None:
         values = self._declared(*arguments, **named)
         words: list[int] = []
-        fields = []
         for name, value in zip(values._fields, values, strict=True):
-            fields.append((name, len(words), _type_of(value)))
             words += _words(name, value)
         block = np.array(words, dtype=np.int64)
         vars(self).update(
-            values._asdict(),
-            _block=block,
-            _address=block.ctypes.data,
-            _numba_type_=_record_type(self._declared.__name__, tuple(fields)),
+            values._asdict(), _block=block, _address=block.__array_interface__["data"][0], _numba_type_=_type_of(values)
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -79,33 +74,37 @@ def n_bytes(record: object) -> int:
 def _words(name: str, value: Any) -> list[int]:
     """A value as 64-bit numbers; an array as number and bytes of its items, address, shape, strides."""
     if isinstance(value, np.ndarray):
-        return [value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+        return [value.size, value.itemsize, value.__array_interface__["data"][0], *value.shape, *value.strides]
     if isinstance(value, _Record):
         return [value._address]
     if isinstance(value, bool | int):
         return [int(value)]
     if isinstance(value, float):
-        return [struct.unpack("q", struct.pack("d", value))[0]]
+        return [_INTEGER.unpack(_DOUBLE.pack(value))[0]]
     raise TypeError(f"{name} is {type(value).__name__}: records for kernels hold arrays, numbers and records")
 
 
-_ARRAY_TYPES: dict[tuple[np.dtype[Any], int, int], types.Type] = {}
+_KNOWN: dict[tuple[object, ...], RecordType] = {}
 
 
-def _type_of(value: Any) -> types.Type:
-    """Numba's type of a value: numba itself takes longer for an array than a step may for a record of its inputs."""
-    if type(value) is not np.ndarray:
-        kind: types.Type = typeof(value)
-        return kind
-    key = value.dtype, value.ndim, value.flags.num
-    if key not in _ARRAY_TYPES:
-        _ARRAY_TYPES[key] = typeof(value)
-    return _ARRAY_TYPES[key]
+def _type_of(values: Any) -> RecordType:
+    """Numba's type of a record with these values. A record of a step's inputs is made each step, which cannot wait for
+    numba to find the type of every value."""
+    key = type(values), *map(_kind, values)
+    if key not in _KNOWN:
+        fields, place = [], 0
+        for name, value in zip(values._fields, values, strict=True):
+            fields.append((name, place, typeof(value)))
+            place += len(_words(name, value))
+        _KNOWN[key] = RecordType(type(values).__name__, tuple(fields))
+    return _KNOWN[key]
 
 
-@cache
-def _record_type(title: str, fields: tuple[tuple[str, int, types.Type], ...]) -> RecordType:
-    return RecordType(title, fields)
+def _kind(value: Any) -> object:
+    """What the type of a value follows from."""
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.num
+    return value._numba_type_.name if isinstance(value, _Record) else type(value)
 
 
 class RecordType(types.Type):
