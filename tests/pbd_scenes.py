@@ -11,7 +11,7 @@ from rich.table import Table
 
 from softseam.chart.measure import measure
 from softseam_services.pbd.kernels.lanes import LANES
-from softseam_services.pbd.pair import Pair
+from softseam_services.pbd.two_threads import TwoThreads
 
 TIP = -0.1504
 """lowest tip of scene A [m], two independent codes"""
@@ -74,7 +74,7 @@ def two_threads(console: Console) -> None:
     console.print(table)
 
 
-def _force(pair: Pair, two: bool) -> None:
+def _force(pair: TwoThreads, two: bool) -> None:
     """Let the next step be taken by one thread, or by two."""
     pair._seconds = [1.0, 0.5] if two else [0.5, 1.0]
     pair._n_runs = 0

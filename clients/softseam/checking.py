@@ -186,7 +186,7 @@ def _large(scene: Scene, n_unknowns: int) -> list[str]:
 
 def _locks(scene: Scene) -> list[str]:
     """That FEM's element is too stiff for the scene's material."""
-    from softseam_services.orchestrator.notices import locking
+    from softseam_services.orchestrator.step_warnings import locking
 
     found = locking(scene)
     return [f"models.fem.element: {found}"] if found else []

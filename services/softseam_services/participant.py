@@ -31,7 +31,7 @@ class Solver(Protocol):
     def advance(self, request: Advance) -> Advanced: ...
 
     def correct(self, request: Correct) -> Advanced:
-        """Move the tentative step on by its linear answer to a force on the seam, if its reply said that it settles;
+        """Move the tentative step on by its linear answer to a force on the seam, if its reply said that it can be;
         the reply as it stands then. Raises ValueError where it does not."""
 
     @property

@@ -24,7 +24,7 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
     start = request.seam_force_start
     if start.shape not in ((0, 3), (n_seam, 3)):
         return f"the seam force at the step's start has shape {start.shape}, this region's seam needs ({n_seam}, 3)"
-    if len(start) and len(request.seam_anchor):
+    if len(start) and len(request.seam_target):
         return "a seam force that is linear in time beside an anchor: send one of the two"
     if not all_finite(*poses, force) or (len(start) and not np.isfinite(start).all()):
         if not (np.isfinite(force).all() and np.isfinite(start).all()):
@@ -43,15 +43,15 @@ def problem_of_correction(request: Correct, n_seam: int) -> str:
     return ""
 
 
-def problem_of_anchor(request: Advance, n_seam: int, knows_stiffness: bool) -> str:
-    """What is wrong with how the other side of the seam is said to resist, or ''; `knows_stiffness`: from before."""
-    anchor, stiffness = request.seam_anchor, request.seam_stiffness
+def problem_of_target(request: Advance, n_seam: int, knows_impedance: bool) -> str:
+    """What is wrong with how the other side of the seam is said to resist, or ''; `knows_impedance`: from before."""
+    anchor, stiffness = request.seam_target, request.seam_impedance
     if not len(anchor):
         return ""
     n = 3 * n_seam
     if anchor.shape != (n_seam, 3) or stiffness.shape not in ((n, n), (0, 0)):
         return f"a seam anchor ({n_seam}, 3) needs a stiffness ({n}, {n}) beside it, or none"
-    if not stiffness.size and not knows_stiffness:
+    if not stiffness.size and not knows_impedance:
         return "a seam anchor without a stiffness, and none came since the last snapshot: send it again"
     if not (np.isfinite(anchor).all() and np.isfinite(stiffness).all()):
         return "the seam's anchor or stiffness is not finite"

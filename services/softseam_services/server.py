@@ -49,7 +49,7 @@ from softseam_services.tools.symmetry import check_symmetry
 from softseam_services.tools.tool_set import ToolSet
 
 _BUNDLES_KEPT = 4
-_SEATS_KEPT = 64
+_SLOTS_KEPT = 64
 """of sessions whose orchestrators may have died without a Release"""
 _TIMED_HERE = (Committed, Fields, SnapshotTaken, Restored)
 """replies whose seconds are those of the whole answer; a solver tells its own of a step"""
@@ -125,7 +125,7 @@ def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tu
 
 
 @dataclass
-class _Seat:
+class _Slot:
     """One participant of one session."""
 
     solver: Solver
@@ -142,7 +142,7 @@ class ParticipantServer:
     """Answers requests for any number of sessions; not thread-safe: one thread owns it."""
 
     def __init__(self) -> None:
-        self._seats: dict[tuple[str, str], _Seat] = {}
+        self._slots: dict[tuple[str, str], _Slot] = {}
         self._setups: dict[bytes, dict[str, Setup]] = {}  # these two in the order of their last use
         self._built = Built()
 
@@ -168,38 +168,38 @@ class ParticipantServer:
 
     def _serve(self, request: Request) -> Reply:
         key = (request.header.session, request.header.part)
-        seat = self._used(key)
+        slot = self._used(key)
         if isinstance(request, Configure):
-            if seat is not None:
-                kept = seat.replies.get(Configure)
-                untouched = seat.committed == request.header.step and seat.exchange < 0
+            if slot is not None:
+                kept = slot.replies.get(Configure)
+                untouched = slot.committed == request.header.step and slot.exchange < 0
                 if kept is not None and kept[0].header == request.header and untouched:
                     return kept[1]
-                if request.header.epoch < seat.epoch:
-                    return _stale(request, seat)
+                if request.header.epoch < slot.epoch:
+                    return _stale(request, slot)
             return self._configure(key, request)
         if isinstance(request, Release):
-            self._seats.pop(key, None)
+            self._slots.pop(key, None)
             return Released(request.header)
-        if seat is None:
+        if slot is None:
             return Failure(FailureKind.NOT_CONFIGURED, f"no part {key[1]!r} of session {key[0]!r} is configured here")
-        kept = seat.replies.get(type(request))
+        kept = slot.replies.get(type(request))
         if kept is not None and kept[0].header == request.header:
             return kept[1]
         began = perf_counter()
-        reply = self._answer(seat, request)
+        reply = self._answer(slot, request)
         if isinstance(reply, _TIMED_HERE):
             reply = replace(reply, seconds=perf_counter() - began)
         if not isinstance(reply, _NOT_KEPT):
-            seat.replies[type(request)] = (request, reply)
+            slot.replies[type(request)] = (request, reply)
         return reply
 
-    def _used(self, key: tuple[str, str]) -> _Seat | None:
-        """A seat, which is then the last of all to be given up."""
-        seat = self._seats.pop(key, None)
-        if seat is not None:
-            self._seats[key] = seat
-        return seat
+    def _used(self, key: tuple[str, str]) -> _Slot | None:
+        """A slot, which is then the last of all to be given up."""
+        slot = self._slots.pop(key, None)
+        if slot is not None:
+            self._slots[key] = slot
+        return slot
 
     def _configure(self, key: tuple[str, str], request: Configure) -> Reply:
         began = perf_counter()
@@ -207,10 +207,10 @@ class ParticipantServer:
         setup = setups[name] = setups.get(name) or build_setup(request.bundle, name)
         solver, reply = build_solver(setup, request, self._built)
         reply = replace(reply, seconds=perf_counter() - began)
-        self._seats.pop(key, None)
-        while len(self._seats) >= _SEATS_KEPT:
-            self._seats.pop(next(iter(self._seats)))  # an orchestrator that still wants it configures it again
-        self._seats[key] = _Seat(solver, request.header.epoch, request.header.step, -1, {Configure: (request, reply)})
+        self._slots.pop(key, None)
+        while len(self._slots) >= _SLOTS_KEPT:
+            self._slots.pop(next(iter(self._slots)))  # an orchestrator that still wants it configures it again
+        self._slots[key] = _Slot(solver, request.header.epoch, request.header.step, -1, {Configure: (request, reply)})
         return reply
 
     def _setups_of(self, bundle: Bundle) -> dict[str, Setup]:
@@ -222,56 +222,56 @@ class ParticipantServer:
         self._setups[digest] = setups
         return setups
 
-    def _answer(self, seat: _Seat, request: Request) -> Reply:
+    def _answer(self, slot: _Slot, request: Request) -> Reply:
         header = request.header
-        if header.epoch != seat.epoch:
-            return _stale(request, seat)
+        if header.epoch != slot.epoch:
+            return _stale(request, slot)
         if isinstance(request, Advance):
             began = perf_counter()
-            if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat)
-            if header.step != seat.committed or header.exchange <= seat.exchange:
-                return _stale(request, seat)
-            return _with_fields(seat, request, seat.solver.advance(request), began)
+            if header.step == slot.committed + 1 and slot.exchange >= 0:
+                _commit(slot)
+            if header.step != slot.committed or header.exchange <= slot.exchange:
+                return _stale(request, slot)
+            return _with_fields(slot, request, slot.solver.advance(request), began)
         if isinstance(request, Correct):
             began = perf_counter()
-            if header.step != seat.committed or not 0 <= seat.exchange < header.exchange:
-                return _stale(request, seat)
-            return _with_fields(seat, request, seat.solver.correct(request), began)
+            if header.step != slot.committed or not 0 <= slot.exchange < header.exchange:
+                return _stale(request, slot)
+            return _with_fields(slot, request, slot.solver.correct(request), began)
         if isinstance(request, Observe):
-            return seat.solver.fields(header, request.indicators, request.own)
+            return slot.solver.fields(header, request.indicators, request.own)
         if isinstance(request, Commit | Snapshot):
-            if header.step == seat.committed + 1 and seat.exchange >= 0:
-                _commit(seat)
-            if header.step != seat.committed:
-                return _stale(request, seat)
-            if seat.exchange >= 0:  # a step that failed on the other side
-                seat.solver.discard()
-                seat.exchange = -1
+            if header.step == slot.committed + 1 and slot.exchange >= 0:
+                _commit(slot)
+            if header.step != slot.committed:
+                return _stale(request, slot)
+            if slot.exchange >= 0:  # a step that failed on the other side
+                slot.solver.discard()
+                slot.exchange = -1
             if isinstance(request, Commit):
-                return Committed(header, seat.solver.fields(header) if request.fields else None)
-            return SnapshotTaken(header, seat.solver.snapshot())
+                return Committed(header, slot.solver.fields(header) if request.fields else None)
+            return SnapshotTaken(header, slot.solver.snapshot())
         if isinstance(request, Restore):
-            seat.solver.restore(request.state)
-            seat.committed, seat.exchange = header.step, -1
-            seat.replies = {Configure: seat.replies[Configure]}
+            slot.solver.restore(request.state)
+            slot.committed, slot.exchange = header.step, -1
+            slot.replies = {Configure: slot.replies[Configure]}
             return Restored(header)
         return Failure(FailureKind.INVALID, f"a participant does not answer {type(request).__name__}")
 
 
-def _with_fields(seat: _Seat, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
+def _with_fields(slot: _Slot, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
     """The reply to a tentative step, with the fields where they are asked for."""
     if request.fields:  # the solver's clock runs while it advances only
-        reply = replace(reply, fields=seat.solver.fields(request.header), seconds=perf_counter() - began)
-    seat.exchange = request.header.exchange
+        reply = replace(reply, fields=slot.solver.fields(request.header), seconds=perf_counter() - began)
+    slot.exchange = request.header.exchange
     return reply
 
 
-def _commit(seat: _Seat) -> None:
+def _commit(slot: _Slot) -> None:
     """Commit the tentative step."""
-    seat.solver.commit()
-    seat.committed += 1
-    seat.exchange = -1
+    slot.solver.commit()
+    slot.committed += 1
+    slot.exchange = -1
 
 
 def _digest(bundle: Bundle) -> bytes:
@@ -281,10 +281,10 @@ def _digest(bundle: Bundle) -> bytes:
     return digest.digest()
 
 
-def _stale(request: Request, seat: _Seat) -> Failure:
+def _stale(request: Request, slot: _Slot) -> Failure:
     header = request.header
     return Failure(
         FailureKind.STALE,
         f"{type(request).__name__} of epoch {header.epoch}, step {header.step}, exchange {header.exchange} does not "
-        f"follow epoch {seat.epoch}, {seat.committed} committed steps, exchange {seat.exchange}",
+        f"follow epoch {slot.epoch}, {slot.committed} committed steps, exchange {slot.exchange}",
     )

@@ -31,7 +31,7 @@ SCENES = ("tofu_slab", "tofu_grasp", "cantilever")
 RUNS = 3
 PARTS: tuple[tuple[str, Any, str], ...] = (
     ("FEM: steps", fem_step.Stepper, "step"),
-    ("FEM: yield of the seam", fem_step.Stepper, "news_of_yield"),
+    ("FEM: yield of the seam", fem_step.Stepper, "new_compliance_root"),
     ("FEM: corrections", fem.FemSolver, "correct"),
     ("FEM: Python", fem.FemSolver, "advance"),
     ("PBD: steps", pbd, "step"),

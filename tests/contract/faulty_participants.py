@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from softseam.examples.participant.requests import Participant, Seat
+from softseam.examples.participant.requests import Participant, Slot
 from softseam_protocol.errors import Refused, SchemaMismatch
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
@@ -46,8 +46,8 @@ class Faulty(Participant):
         reply = decode(super().__call__(encode(self._asked(self, request))))
         return encode(replace(self._said(self, request, reply), header=request.header))
 
-    def seat_of(self, request: Any) -> Seat:
-        return self.seats[request.header.session, request.header.part]
+    def seat_of(self, request: Any) -> Slot:
+        return self.slots[request.header.session, request.header.part]
 
 
 class Lenient(Participant):
@@ -64,8 +64,8 @@ class Lenient(Participant):
             kind = error.failure.kind if isinstance(error, Refused) else "schema"
             text = self._text or (error.failure.message if isinstance(error, Refused) else str(error))
             if self._acts:
-                for seat in self.seats.values():
-                    seat.block.x = seat.block.x + 1e-3
+                for slot in self.slots.values():
+                    slot.block.x = slot.block.x + 1e-3
             raise Refused(Failure(FailureKind(self._becomes if kind == self._kind else kind), text)) from None
         except Exception:
             if self._kind != "garbage":
@@ -76,57 +76,57 @@ class Lenient(Participant):
 def _anew(self: Faulty, request: Any) -> Any:
     """Forgets what it was asked: every Advance is another one."""
     if isinstance(request, Advance):
-        seat = self.seats.get((request.header.session, request.header.part))
-        if seat is not None:
-            seat.kept.pop(Advance, None)
-            seat.exchange = -1 if request.header.step == seat.committed else seat.exchange
+        slot = self.slots.get((request.header.session, request.header.part))
+        if slot is not None:
+            slot.kept.pop(Advance, None)
+            slot.exchange = -1 if request.header.step == slot.committed else slot.exchange
     return request
 
 
 def _goes_on(self: Faulty, request: Any) -> Any:
     """A redone step begins where the one before ended."""
     if isinstance(request, Advance) and request.header.exchange:
-        seat = self.seat_of(request)
-        if seat.tentative is not None and request.header.exchange > seat.exchange:
-            seat.block.x, seat.block.v = seat.tentative
+        slot = self.seat_of(request)
+        if slot.tentative is not None and request.header.exchange > slot.exchange:
+            slot.block.x, slot.block.v = slot.tentative
     return request
 
 
 def _forgets_commit(self: Faulty, request: Any) -> Any:
     """A new step does not commit the one before."""
     if isinstance(request, Advance) and request.header.step:
-        seat = self.seat_of(request)
-        if seat.tentative is not None and request.header.step == seat.committed + 1:
-            seat.tentative = seat.block.x, seat.block.v
+        slot = self.seat_of(request)
+        if slot.tentative is not None and request.header.step == slot.committed + 1:
+            slot.tentative = slot.block.x, slot.block.v
     return request
 
 
 def _commit_drags(self: Faulty, request: Any) -> Any:
     """A Commit alone loses some of the velocity."""
     if isinstance(request, Commit):
-        seat = self.seat_of(request)
-        if seat.tentative is not None:
-            seat.tentative = seat.tentative[0], 0.9999 * seat.tentative[1]
+        slot = self.seat_of(request)
+        if slot.tentative is not None:
+            slot.tentative = slot.tentative[0], 0.9999 * slot.tentative[1]
     return request
 
 
 def _keeps(self: Faulty, request: Any) -> Any:
     """A Commit of the tentative step keeps it."""
     if isinstance(request, Commit):
-        seat = self.seat_of(request)
-        if seat.tentative is not None and request.header.step == seat.committed:
-            seat.block.x, seat.block.v = seat.tentative
+        slot = self.seat_of(request)
+        if slot.tentative is not None and request.header.step == slot.committed:
+            slot.block.x, slot.block.v = slot.tentative
     return request
 
 
 def _forgets_the_tentative(self: Faulty, request: Any) -> Any:
     """What is refused is forgotten with what came before."""
     if isinstance(request, Advance) and request.header.step > 1:
-        seat = self.seat_of(request)
-        seat.kept.clear()
-        seat.exchange = -1
-        assert seat.tentative is not None
-        seat.block.x = seat.tentative[0]
+        slot = self.seat_of(request)
+        slot.kept.clear()
+        slot.exchange = -1
+        assert slot.tentative is not None
+        slot.block.x = slot.tentative[0]
     return request
 
 
@@ -184,10 +184,10 @@ class AnyShape(Faulty):
 def _torque(self: Faulty, request: Any) -> Any:
     """A spin that dies away."""
     if isinstance(request, Advance) and request.header.step:
-        seat = self.seat_of(request)
-        if seat.tentative is not None:
-            x, v = seat.tentative
-            seat.tentative = x, 0.98 * v + 0.02 * v.mean(axis=0)
+        slot = self.seat_of(request)
+        if slot.tentative is not None:
+            x, v = slot.tentative
+            slot.tentative = x, 0.98 * v + 0.02 * v.mean(axis=0)
     return request
 
 
@@ -213,7 +213,7 @@ def changed(kind: type, **change: Callable[[Any], Any]) -> Callable[[], Particip
     return lambda: Faulty(said=altered(kind, lambda r: replace(r, **{k: f(getattr(r, k)) for k, f in change.items()})))
 
 
-def _on_state(change: Callable[[Seat], None]) -> Callable[[Faulty, Any], Any]:
+def _on_state(change: Callable[[Slot], None]) -> Callable[[Faulty, Any], Any]:
     """What a step of the example begins with is changed."""
 
     def asked(self: Faulty, request: Any) -> Any:
@@ -224,10 +224,10 @@ def _on_state(change: Callable[[Seat], None]) -> Callable[[Faulty, Any], Any]:
     return asked
 
 
-def _deaf(seat: Seat) -> None:
+def _deaf(slot: Slot) -> None:
     """Forces on the coupling nodes do nothing."""
-    seat.block.coupling = seat.block.coupling.copy()
-    inverse = seat.block.inverse(0.002)
+    slot.block.coupling = slot.block.coupling.copy()
+    inverse = slot.block.inverse(0.002)
     inverse[:] = 0.0
 
 
@@ -286,6 +286,6 @@ FAULTS: list[tuple[str, str, Callable[[], Participant]]] = [
     ("compliance_predicts", "a compliance of shape (27, 27)", changed(Advanced, compliance=lambda _: NONE)),
     ("correct", "the move that was told", _push_of(lambda push: 1.1 * push)),
     ("correct", "what redoing the step gives", _yields_more),
-    ("correct", "a step that can be corrected", changed(Advanced, settles=lambda _: False)),
+    ("correct", "a step that can be corrected", changed(Advanced, correctable=lambda _: False)),
     ("correct", "Advanced.seam_x of shape (9, 3)", changed(Advanced, seam_x=lambda x: x[:1])),
 ]

@@ -17,7 +17,7 @@ from faulty_participants import FAULTS, Faulty, altered, changed
 from rich.console import Console
 
 from softseam.conform.command import FAILED, NOT_CLAIMED, NOT_RUN, PASSED, Row, conform, run_checks, wait_answers
-from softseam.conform.seat import Service
+from softseam.conform.part_under_test import Service
 from softseam.conform.table import CHECKS
 from softseam.errors import BadInput
 from softseam.examples.participant.requests import Participant
@@ -105,7 +105,7 @@ def test_no_session_is_left_behind(bus: Bus, endpoint: str) -> None:
     """Whether a check passes or fails."""
     faulty = changed(Advanced, momentum=lambda p: 0.99 * p)()
     assert {row.outcome for row in rows(bus, endpoint, faulty, "momentum", "energy")} == {PASSED, FAILED}
-    assert not faulty.seats
+    assert not faulty.slots
 
 
 def test_what_is_not_claimed_is_not_checked(bus: Bus, endpoint: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam.conform.seat import EDGE, FAR_END, mesh
+from softseam.conform.part_under_test import EDGE, FAR_END, mesh
 from softseam.examples.participant.requests import Participant
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
@@ -38,7 +38,7 @@ def test_each_of_several_bodies_has_its_own_material() -> None:
     for name in ("soft", "stiff"):
         request = configure(name, soft={}, stiff=stiff)
         assert isinstance(decode(participant(encode(request))), Configured)
-    soft, hard = (participant.seats["here", f"{name}.far"].block for name in ("soft", "stiff"))
+    soft, hard = (participant.slots["here", f"{name}.far"].block for name in ("soft", "stiff"))
     np.testing.assert_allclose(hard.K, 3.0 * soft.K, atol=1e-9 * np.abs(hard.K).max())
 
 

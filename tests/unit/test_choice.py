@@ -60,7 +60,7 @@ def test_one_model_alone_needs_no_seam() -> None:
         softseam.open("cantilever", settings=["models.fem.integrator=newmark"])
 
 
-class Pair(SceneEnv):
+class TwoThreads(SceneEnv):
     """Its actions are said by the class."""
 
     action_space = Box(-1.0, 1.0, (2,), np.float32)
@@ -70,6 +70,6 @@ class Pair(SceneEnv):
 
 
 def test_an_action_space_of_the_class_is_kept() -> None:
-    env = Pair("tofu_grasp", settings=["duration=0.1"])
+    env = TwoThreads("tofu_grasp", settings=["duration=0.1"])
     assert env.action_space.shape == (2,)
     env.close()

@@ -38,7 +38,7 @@ def _coupled(run: FemRun, force: Floats, exchange: int, velocities: dict[str, tu
     """With a stiffness beside it as of what is missing, told in every request."""
     request = run.request(velocities, force=force, exchange=exchange)
     anchor = run.body.x_rest[run.region.nodes[run.region.seam]]
-    return dataclasses.replace(request, seam_anchor=anchor, seam_stiffness=40.0 * np.eye(3 * len(anchor)))
+    return dataclasses.replace(request, seam_target=anchor, seam_impedance=40.0 * np.eye(3 * len(anchor)))
 
 
 def _fem_squeezed() -> FemRun:
@@ -61,7 +61,7 @@ def _fem_squeezed() -> FemRun:
 
 def known_move(reply: Advanced, force: Floats) -> Floats:
     """What the seam moves by where it is pushed by `force`, as the reply tells (s, 3) [m]."""
-    known = reply.seam_yield_root @ reply.seam_yield_root.T
+    known = reply.seam_compliance_root @ reply.seam_compliance_root.T
     return (known @ force.ravel()).reshape(-1, 3)
 
 
@@ -76,7 +76,7 @@ def test_fem_settled_is_nearly_fem_solved_again() -> None:
         run.solver.restore(state)  # so that the factor is this step's
         force = size * direction
         reply = run.solver.advance(_coupled(run, np.zeros_like(force), 3 * n, {}))
-        assert reply.settles
+        assert reply.correctable
         before = run.x.copy(), run.solver.state.v.copy()
         acted = reply.seam_force - 40.0 * known_move(reply, force) + force
         corrected = _correct(run, force, acted, 3 * n + 1)
@@ -123,12 +123,12 @@ def test_fem_tells_its_yield_once_a_factor_and_anew_after_a_snapshot() -> None:
     force = np.zeros((len(run.region.seam), 3))
     first = run.solver.advance(_coupled(run, force, 0, {}))
     again = run.solver.advance(_coupled(run, force, 1, {}))
-    assert first.seam_yield_root.size and not again.seam_yield_root.size
+    assert first.seam_compliance_root.size and not again.seam_compliance_root.size
     run.solver.snapshot()
     run.n_steps += 1
     after = run.solver.advance(_coupled(run, force, 0, {}))
-    assert after.seam_yield_root.shape == first.seam_yield_root.shape
-    assert run.solver.advance(run.request(exchange=1)).settles, "by a factor without a stiffness beside it, too"
+    assert after.seam_compliance_root.shape == first.seam_compliance_root.shape
+    assert run.solver.advance(run.request(exchange=1)).correctable, "by a factor without a stiffness beside it, too"
 
 
 def test_fem_tells_the_yield_of_the_factor_after_a_hard_step_however_many_came_before() -> None:
@@ -139,10 +139,10 @@ def test_fem_tells_the_yield_of_the_factor_after_a_hard_step_however_many_came_b
         run.solver.restore(rest)
         for n in range(n_before):
             request = _coupled(run, still, n, {})
-            stiffness = (1.0 + n) * request.seam_stiffness
-            assert run.solver.advance(dataclasses.replace(request, seam_stiffness=stiffness)).seam_yield_root.size
-        assert not run.solver.advance(_coupled(run, still + 0.01, n_before, {})).settles
-        assert run.solver.advance(_coupled(run, still, n_before + 1, {})).seam_yield_root.size, n_before
+            stiffness = (1.0 + n) * request.seam_impedance
+            assert run.solver.advance(dataclasses.replace(request, seam_impedance=stiffness)).seam_compliance_root.size
+        assert not run.solver.advance(_coupled(run, still + 0.01, n_before, {})).correctable
+        assert run.solver.advance(_coupled(run, still, n_before + 1, {})).seam_compliance_root.size, n_before
 
 
 def _pbd(length: int, spin: bool = False) -> PbdRun:
@@ -168,7 +168,7 @@ def test_pbd_settled_is_nearly_pbd_advanced_again(length: int) -> None:
     run.n_steps += 1
     more = 1e-4 * rng.standard_normal(force.shape)
     reply = run.solver.advance(run.request(force))
-    assert reply.settles
+    assert reply.correctable
     before = run.solver.fields(run.header())
     _correct(run, more, force + more, 1)
     settled = run.solver.fields(run.header())
@@ -191,7 +191,7 @@ def test_a_restored_pbd_settles_to_the_same_bits() -> None:
     found = []
     for run in (one, other):
         run.n_steps += 1
-        assert run.solver.advance(run.request(force)).settles
+        assert run.solver.advance(run.request(force)).correctable
         _correct(run, 0.1 * force, 1.1 * force, 1)
         found.append(run.solver.snapshot())
     assert found[0] == found[1]
@@ -204,7 +204,7 @@ def test_what_cannot_be_corrected_is_refused(model: str) -> None:
     with pytest.raises(ValueError, match="cannot be corrected"):
         _correct(run, none, none, 1)
     reply = run.solver.advance(run.request())
-    assert reply.settles == (model == "fem"), "PBD's answers are not known before they were probed"
+    assert reply.correctable == (model == "fem"), "PBD's answers are not known before they were probed"
     if model == "pbd":
         with pytest.raises(ValueError, match="cannot be corrected"):
             _correct(run, none, none, 1)

@@ -12,7 +12,7 @@ from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem import dissection
 from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal, seam_inverse, solve
-from softseam_services.fem.kernels.pair import factor
+from softseam_services.fem.kernels.two_threads import factor
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.structures import build_tables

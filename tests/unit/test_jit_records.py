@@ -89,7 +89,7 @@ from numba import njit
 from softseam_services.jit import record
 
 @record
-class Pair(NamedTuple):
+class TwoThreads(NamedTuple):
     a: np.ndarray
     b: float
 
@@ -99,7 +99,7 @@ def total(pair):
 
 if __name__ == "__main__":
     import total_of
-    print(total_of.total(total_of.Pair(np.arange(4.0), 0.5)), sum(total_of.total.stats.cache_hits.values()))
+    print(total_of.total(total_of.TwoThreads(np.arange(4.0), 0.5)), sum(total_of.total.stats.cache_hits.values()))
 """
 
 

@@ -85,7 +85,8 @@ class Part:
         header, three = Header(2, "test", "part", 0, 0, 0, 0.0), np.zeros(3)
         return Advanced(
             header, Status.CONVERGED, self.x.copy(), told, np.zeros((0, 6)), 0.0, 0.0, 0.0, 0.0, 0.0, three, three,
-            0.0, 0.0, 0, 1, 0.0, np.zeros(0), np.zeros((2, 3)), self.force, settles=self.corrects, seam_yield_root=root,
+            0.0, 0.0, 0, 1, 0.0, np.zeros(0), np.zeros((2, 3)), self.force, correctable=self.corrects,
+            seam_compliance_root=root,
         )  # fmt: skip
 
 

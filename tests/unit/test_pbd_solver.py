@@ -246,8 +246,8 @@ def test_requests_that_are_not_finite_are_answered_and_change_nothing(what: str)
 def test_a_seam_that_yields_is_refused_by_name() -> None:
     run = _split()
     before = run.solver.snapshot()
-    request = dataclasses.replace(run.request(compliance=True), seam_anchor=run.x[run.region.seam])
-    assert "seam_anchor" in run.solver.advance(request).why
+    request = dataclasses.replace(run.request(compliance=True), seam_target=run.x[run.region.seam])
+    assert "seam_target" in run.solver.advance(request).why
     assert run.solver.snapshot() == before
 
 

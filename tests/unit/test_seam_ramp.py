@@ -145,7 +145,7 @@ def test_ramps_that_make_no_sense_are_refused(name: str) -> None:
     cases = {
         "at the step's start has shape": dataclasses.replace(good, seam_force_start=np.zeros((1, 3))),
         "not finite": dataclasses.replace(good, seam_force_start=np.full_like(end, np.nan)),
-        "send one of the two": dataclasses.replace(good, seam_anchor=np.zeros_like(end)),
+        "send one of the two": dataclasses.replace(good, seam_target=np.zeros_like(end)),
     }
     before = run.solver.snapshot()
     for words, request in cases.items():

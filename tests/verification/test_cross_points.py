@@ -19,8 +19,8 @@ from softseam_coupling.regions import CellGrid
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
+from softseam_services.orchestrator.seam_faces import seam_faces, tie_sides
 from softseam_services.orchestrator.sides import Sides, cut
-from softseam_services.orchestrator.tie import seam_faces, tie_sides
 
 Floats = NDArray[np.float64]
 Grid = NDArray[np.int32]

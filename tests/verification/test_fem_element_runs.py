@@ -18,7 +18,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.materials import point
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.kernels.crushed import share_cells
+from softseam_services.fem.kernels.quadrature_blending import share_cells
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -100,8 +100,8 @@ def test_cells_pass_to_full_quadrature_one_by_one_and_back() -> None:
     back = {name: (-vx, 0.0, 0.0) for name, (vx, _, _) in CLOSE.items()}
     for _ in range(145):
         run.step(back, dt=0.005)
-    assert reply.n_crushed == 8
-    assert run.step(back, dt=0.005).n_crushed == 0
+    assert reply.n_blended == 8
+    assert run.step(back, dt=0.005).n_blended == 0
 
 
 def _face_share(trace: str) -> Floats:

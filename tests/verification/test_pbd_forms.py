@@ -21,8 +21,8 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
+from softseam_services.orchestrator.seam_faces import tie_sides
 from softseam_services.orchestrator.sides import cut
-from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.pbd.forms import MODES, mean_slopes
 
 KINDS = tuple(MATERIALS)

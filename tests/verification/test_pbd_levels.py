@@ -22,9 +22,9 @@ from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.seam_faces import tie_sides
 from softseam_services.orchestrator.sides import cut
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_services.orchestrator.tie import tie_sides
 from softseam_services.pbd.levels import coarse_cells
 
 Coarse = dict[str, Any]
@@ -222,12 +222,12 @@ def seam_run(coarse: dict[str, Any]) -> PbdRun:
     return PbdRun(scene, cells=far, seam=shared_nodes(body, near, far))
 
 
-@pytest.mark.parametrize(("boxes", "rank"), [(ALL, 27), ({"boxes": [{"min": [-1, 0, -1], "max": [1, 1, 1]}]}, 48)])
-def test_the_compliance_of_a_seam_that_hangs_is_what_a_step_does(boxes: dict[str, Any], rank: int) -> None:
-    """25 nodes follow 9, or 16, which are the rank. A step is settled as it would be solved."""
+@pytest.mark.parametrize(("boxes", "worker"), [(ALL, 27), ({"boxes": [{"min": [-1, 0, -1], "max": [1, 1, 1]}]}, 48)])
+def test_the_compliance_of_a_seam_that_hangs_is_what_a_step_does(boxes: dict[str, Any], worker: int) -> None:
+    """25 nodes follow 9, or 16, which are the worker. A step is settled as it would be solved."""
     run = seam_run(boxes)
     h = run.solver.advance(run.request(compliance=True)).compliance
-    assert np.linalg.matrix_rank(h, tol=1e-8 * np.abs(h).max()) == rank == 3 * len(run.solver.model.seam)
+    assert np.linalg.matrix_rank(h, tol=1e-8 * np.abs(h).max()) == worker == 3 * len(run.solver.model.seam)
     force = 1e-3 * np.random.default_rng(0).standard_normal((25, 3))
     rest = run.solver.advance(run.request(exchange=1)).seam_x
     pushed = run.solver.advance(run.request(force, exchange=2)).seam_x

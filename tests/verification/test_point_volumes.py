@@ -15,8 +15,8 @@ from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.integrators.table import longest_substep
-from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, strain_energy, watch_cells
+from softseam_services.fem.kernels.quadrature_blending import share_cells
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 

@@ -91,7 +91,7 @@ def told_the_same(one: Advanced, other: Advanced, weight: float, size: float) ->
     same(one.cell_distance, other.cell_distance, size)
     assert one.penetration == pytest.approx(other.penetration, abs=ALIKE * size)
     assert one.slip == pytest.approx(other.slip, abs=ALIKE * size)
-    assert one.n_contacts == other.n_contacts and one.n_crushed == other.n_crushed
+    assert one.n_contacts == other.n_contacts and one.n_blended == other.n_blended
 
 
 def reads_the_same(one: FemRun, other: FemRun) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam.conform.seat import Floats, Seat, Service, expect, near, some_force
+from softseam.conform.part_under_test import Floats, PartUnderTest, Service, expect, near, some_force
 from softseam_protocol.messages.participant import Advanced
 
 _SYMMETRIC, _CORRECTED, _TOLD = 0.03, 0.03, 1e-6
@@ -13,9 +13,9 @@ correction may be off by, which FEM is by 0.0005, to second order, and XPBD by 0
 [1]"""
 
 
-def _told(seat: Seat, reply: Advanced, before: Floats | None = None) -> Floats:
+def _told(part: PartUnderTest, reply: Advanced, before: Floats | None = None) -> Floats:
     """The compliance that a reply tells, in either form, or what was told before. Raises Unmet."""
-    root, n = reply.seam_yield_root, 3 * len(seat.coupling)
+    root, n = reply.seam_compliance_root, 3 * len(part.coupling)
     H = root @ root.T if root.size else reply.compliance
     if before is not None and not H.size:
         return before
@@ -25,8 +25,8 @@ def _told(seat: Seat, reply: Advanced, before: Floats | None = None) -> Floats:
 
 def definite(service: Service) -> None:
     """The compliance is symmetric and positive definite, where nothing touches the part."""
-    seat = Seat(service)
-    H = _told(seat, seat.advance(0, 0, None, compliance=True))
+    part = PartUnderTest(service)
+    H = _told(part, part.advance(0, 0, None, compliance=True))
     size = float(np.abs(H).max())
     near("a symmetric compliance", H, H.T, _SYMMETRIC * size)
     least = float(np.linalg.eigvalsh(0.5 * (H + H.T)).min())
@@ -35,10 +35,10 @@ def definite(service: Service) -> None:
 
 def predicts(service: Service) -> None:
     """The compliance tells how far a small force moves the coupling nodes in a step, to 5 %."""
-    seat, force = Seat(service), some_force()
-    still = seat.advance(0, 0, None, compliance=True)
-    went = seat.advance(0, 1, force).seam_x - still.seam_x
-    told = (_told(seat, still) @ force.ravel()).reshape(-1, 3)
+    part, force = PartUnderTest(service), some_force()
+    still = part.advance(0, 0, None, compliance=True)
+    went = part.advance(0, 1, force).seam_x - still.seam_x
+    told = (_told(part, still) @ force.ravel()).reshape(-1, 3)
     near("the move that the compliance tells", told, went, 0.05 * float(np.abs(went).max()))
 
 
@@ -47,16 +47,16 @@ def corrects(service: Service) -> None:
 
     The part turns meanwhile: what was told first is not what would be told now.
     """
-    seat, push, H = Seat(service), some_force(), np.zeros((0, 0))
+    part, push, H = PartUnderTest(service), some_force(), np.zeros((0, 0))
     for step in range(4):
         pull = some_force(2e-2 if step else 2e-3, 1)
-        reply = seat.advance(step, 0, pull, compliance=step == 0)
-        expect(reply.settles, "a step that can be corrected, as declared", "settles: false")
-        H = _told(seat, reply, H if step else None)
-        moved = seat.correct(step, 1, push, pull + push).seam_x - reply.seam_x
+        reply = part.advance(step, 0, pull, compliance=step == 0)
+        expect(reply.correctable, "a step that can be corrected, as declared", "correctable: false")
+        H = _told(part, reply, H if step else None)
+        moved = part.correct(step, 1, push, pull + push).seam_x - reply.seam_x
         size = float(np.abs(moved).max())
         near("the move that was told", moved, (H @ push.ravel()).reshape(-1, 3), 1e-9 + _TOLD * size)
         expect(size > 0.0, "a move", "none")
         if step == 0:
-            redone = seat.advance(step, 2, pull + push).seam_x - reply.seam_x
+            redone = part.advance(step, 2, pull + push).seam_x - reply.seam_x
             near("what redoing the step gives", moved, redone, _CORRECTED * size)

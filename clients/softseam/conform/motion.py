@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam.conform.seat import (
+from softseam.conform.part_under_test import (
     DENSITY,
     EDGE,
     ENDS,
@@ -13,7 +13,7 @@ from softseam.conform.seat import (
     REST,
     STEP,
     YOUNG,
-    Seat,
+    PartUnderTest,
     Service,
     expect,
     near,
@@ -35,10 +35,10 @@ def _turned(angle: float) -> np.ndarray:
 def momentum(service: Service) -> None:
     """A free part: dt (weight + coupling forces) is the change of momentum."""
     gravity = (1.0, -2.0, -9.81)
-    seat, before, size = Seat(service, gravity=gravity), np.zeros(3), MASS * 9.81 * STEP
+    part, before, size = PartUnderTest(service, gravity=gravity), np.zeros(3), MASS * 9.81 * STEP
     for step in range(5):
         force = some_force(5e-3, step)
-        reply = seat.advance(step, 0, force)
+        reply = part.advance(step, 0, force)
         gained = STEP * (MASS * np.array(gravity) + force.sum(axis=0))
         near("momentum that changes by dt (weight + forces)", reply.momentum - before, gained, 1e-6 * size)
         before = reply.momentum
@@ -48,8 +48,8 @@ def angular(service: Service) -> None:
     """A free part that spins keeps its angular momentum to 1 % over ten steps."""
     spin = np.array([0.3, -0.5, 0.8])
     v = np.cross(spin, REST - _CENTRE)
-    seat = Seat(service, v=v)
-    replies = [seat.advance(step).angular_momentum for step in range(10)]
+    part = PartUnderTest(service, v=v)
+    replies = [part.advance(step).angular_momentum for step in range(10)]
     size = float(np.abs(replies[0]).max())
     expect(size > 0.1 * MASS * EDGE**2 / 6.0, "angular momentum of a part that spins", f"{replies[0]}")
     near("the same angular momentum", replies[-1], replies[0], 0.01 * size)
@@ -58,19 +58,19 @@ def angular(service: Service) -> None:
 def energy(service: Service) -> None:
     """Kinetic, strain and gravity's energy are those of the state; forces work by what the nodes move."""
     v, lift, stretch = np.array([0.1, 0.2, -0.1]), 0.01, 1e-3
-    seat = Seat(service, v=np.tile(v, (len(REST), 1)))
+    part = PartUnderTest(service, v=np.tile(v, (len(REST), 1)))
     kinetic = 0.5 * MASS * float(v @ v)
-    near("kinetic energy of a part that flies", seat.advance(0).kinetic, kinetic, 1e-3 * kinetic)
-    seat = Seat(service, gravity=(0.0, 0.0, -9.81), x=REST + np.array([0.0, 0.0, lift]))
+    near("kinetic energy of a part that flies", part.advance(0).kinetic, kinetic, 1e-3 * kinetic)
+    part = PartUnderTest(service, gravity=(0.0, 0.0, -9.81), x=REST + np.array([0.0, 0.0, lift]))
     gained = MASS * 9.81 * lift
-    near("gravity's energy of a part that was lifted", seat.configured.gravity, gained, 1e-3 * gained)
-    seat = Seat(service, x=REST * (1.0 + stretch * np.array([1.0, -POISSON, -POISSON])))
+    near("gravity's energy of a part that was lifted", part.configured.gravity, gained, 1e-3 * gained)
+    part = PartUnderTest(service, x=REST * (1.0 + stretch * np.array([1.0, -POISSON, -POISSON])))
     strain = 0.5 * YOUNG * stretch**2 * _VOLUME
-    near("strain energy of a uniform stretch", seat.configured.strain, strain, 0.02 * strain)
-    seat = Seat(service)
+    near("strain energy of a uniform stretch", part.configured.strain, strain, 0.02 * strain)
+    part = PartUnderTest(service)
     force = some_force()
-    reply = seat.advance(0, 0, force)
-    work = float((force * (reply.seam_x - REST[seat.coupling])).sum())
+    reply = part.advance(0, 0, force)
+    work = float((force * (reply.seam_x - REST[part.coupling])).sum())
     near("work of the coupling forces", reply.seam_work, work, 1e-3 * work)
     found = reply.kinetic + reply.strain
     expect(
@@ -82,34 +82,34 @@ def rigid(service: Service) -> None:
     """A part that was moved and turned rigidly (by 0.01, for linear solids) has no strain, and stays."""
     angle = 0.01
     x = (REST - _CENTRE) @ _turned(angle).T + _CENTRE + np.array([0.3, -0.2, 0.1])
-    seat = Seat(service, x=x)
+    part = PartUnderTest(service, x=x)
     mistaken = 0.5 * YOUNG * angle**2 * _VOLUME
     expect(
-        abs(seat.configured.strain) <= 1e-3 * mistaken,
+        abs(part.configured.strain) <= 1e-3 * mistaken,
         f"no strain energy (below {1e-3 * mistaken:.2g} J) of a rigid motion",
-        f"{seat.configured.strain:.3g} J",
+        f"{part.configured.strain:.3g} J",
     )
-    reply = seat.advance(0)
-    near("coupling nodes that stay where they are", reply.seam_x, x[seat.coupling], 1e-4 * angle * EDGE)
+    reply = part.advance(0)
+    near("coupling nodes that stay where they are", reply.seam_x, x[part.coupling], 1e-4 * angle * EDGE)
 
 
 def uniform(service: Service) -> None:
     """Patch test: forces on both ends that hold a uniform stretch sum to E strain area, and nothing else moves."""
     stretch = 1e-3
     x = REST * (1.0 + stretch * np.array([1.0, -POISSON, -POISSON]))
-    seat = Seat(service, x=x, coupling=ENDS)
-    free = seat.advance(0).seam_x
+    part = PartUnderTest(service, x=x, coupling=ENDS)
+    free = part.advance(0).seam_x
     n, push = 3 * len(ENDS), 1e-4
     moves = np.empty((n, n))
     for i in range(n):
         force = np.zeros(n)
         force[i] = push
-        moves[:, i] = (seat.advance(0, 1 + i, force.reshape(-1, 3)).seam_x - free).ravel() / push
+        moves[:, i] = (part.advance(0, 1 + i, force.reshape(-1, 3)).seam_x - free).ravel() / push
     held = np.linalg.lstsq(moves, (x[ENDS] - free).ravel(), rcond=None)[0].reshape(-1, 3)
-    reply = seat.advance(0, 1 + n, held)
+    reply = part.advance(0, 1 + n, held)
     near("ends that are held", reply.seam_x, x[ENDS], 0.01 * stretch * EDGE)
     wanted = YOUNG * stretch * EDGE**2
     right = REST[ENDS][:, 0] > 0.0
     near("a force of E strain area on one end", held[right].sum(axis=0), [wanted, 0.0, 0.0], 0.02 * wanted)
     near("and the opposite on the other", held[~right].sum(axis=0), [-wanted, 0.0, 0.0], 0.02 * wanted)
-    near("a uniform stretch that stays", seat.observe(1).x, x, 0.02 * stretch * EDGE)
+    near("a uniform stretch that stays", part.observe(1).x, x, 0.02 * stretch * EDGE)

@@ -171,7 +171,7 @@ class OneWay:
                 raise StepRefused(exchange)  # a part that stands where it began says nothing of the others
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
             found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
-            if all(reply.settles for reply in replies.values()):
+            if all(reply.correctable for reply in replies.values()):
                 if self._is_linear_enough(moves):
                     corrections = self._corrections(replies, found, pushes, moves)
                 else:
@@ -271,7 +271,7 @@ class OneWay:
                 # the factor that it reported is not that of the end of the step
                 linearity.renew = linearity.renew or (self._reports_every_factor(name) and linearity.kappa > _STALE)
                 change = requests[name].force - asked[name].force
-                if part.compliance.size and replies[name].settles and np.any(change):
+                if part.compliance.size and replies[name].correctable and np.any(change):
                     self._closure.update(name, miss, change)
 
     def _receive(self, replies: Mapping[str, Advanced], requests: Mapping[str, PartRequest]) -> None:
@@ -279,7 +279,7 @@ class OneWay:
         news = False
         for name, part in self._parts.items():
             reply, linearity = replies[name], self._linearity[name]
-            root, compliance = reply.seam_yield_root, reply.compliance
+            root, compliance = reply.seam_compliance_root, reply.compliance
             if not (root.size or compliance.size) or not np.isfinite(root).all() or not np.isfinite(compliance).all():
                 continue
             if name == self._impedance_part:

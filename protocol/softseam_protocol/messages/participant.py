@@ -104,7 +104,7 @@ class Capabilities:
     corrects: bool
     """moves a tentative step on by its linear answer to a force (`Correct`)"""
     impedance: bool
-    """takes the parts beyond its coupling nodes into its own solve (`Advance.seam_stiffness`)"""
+    """takes the parts beyond its coupling nodes into its own solve (`Advance.seam_impedance`)"""
     substeps: Count
     """substeps a step; 1: none"""
     stress: bool
@@ -161,17 +161,17 @@ class Advance:
     tools: ToolMotion
     compliance: bool = False
     """also return d(seam_x)/d(seam_force); where the force is linear in time, d(seam_v)/d(seam_force)"""
-    seam_anchor: Vectors = field(default_factory=NO_VECTORS)
+    seam_target: Vectors = field(default_factory=NO_VECTORS)
     """where the other side would be without a change of force (s, 3) [m]; empty: the seam force is constant"""
-    seam_stiffness: Matrix = field(default_factory=NO_MATRIX)
+    seam_impedance: Matrix = field(default_factory=NO_MATRIX)
     """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x);
     empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
     fields: bool = False
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
     seam_force_start: Vectors = field(default_factory=NO_VECTORS)
     """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
-    repeat_yield: bool = False
-    """tell `Advanced.seam_yield_root` also if it was told before"""
+    repeat_compliance: bool = False
+    """tell `Advanced.seam_compliance_root` also if it was told before"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +224,7 @@ class Advanced:
     seam_force: Vectors = field(default_factory=NO_VECTORS)
     """force that acted on the seam nodes (s, 3) [N]; empty: the one that was asked for"""
     fields: Fields | None = None
-    n_crushed: Count = 0
+    n_blended: Count = 0
     """cells squeezed so far that they count in part with full quadrature"""
     particles: ParticleReport | None = None
     """of a sheet or rope"""
@@ -240,9 +240,9 @@ class Advanced:
     """what the participant's monitor saw and did about it in this step; empty where that was nothing"""
     seam_v: Vectors = field(default_factory=NO_VECTORS)
     """seam velocities at the end of the step (s, 3) [m/s]; empty where the seam force was constant"""
-    settles: bool = False
+    correctable: bool = False
     """whether this tentative step can be corrected (`Correct`)"""
-    seam_yield_root: Matrix = field(default_factory=NO_MATRIX)
+    seam_compliance_root: Matrix = field(default_factory=NO_MATRIX)
     """R with d(seam_x)/d(seam_force) = R R^T by which it would be corrected, beside an anchor with the stiffness
     (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
     why: str = ""

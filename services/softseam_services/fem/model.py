@@ -46,12 +46,12 @@ class FemModel(NamedTuple):
     """of the matrix's fronts, in that order"""
     general: bool
     """cells have the element of `FemParameters.rule`; else hex27, or its kin, and a material that splits"""
-    crushable: bool
-    """cells may pass to the element of `FemParameters.full`, see kernels/crushed.py"""
+    blends: bool
+    """cells may pass to the element of `FemParameters.full`, see kernels/quadrature_blending.py"""
     kind: int
     """of the materials, for body.materials.point"""
     n_state: int
-    """numbers that the material remembers, see kernels/remembered.py; 0 of an elastic one"""
+    """numbers that the material remembers, see kernels/internal_variables.py; 0 of an elastic one"""
     respond: int
     """address of its response, where it remembers any; `kind` is 0 then"""
     linear: bool
@@ -114,7 +114,7 @@ class Connectivity:
             "cell_nodes": region.cell_nodes,
             "cell_grid": body.cell_grid[region.cells],
             "general": general,
-            "crushable": element in SHARES and not material.small and not material.n_state,
+            "blends": element in SHARES and not material.small and not material.n_state,
             "kind": material.number,
             "n_state": material.n_state,
             "respond": material.respond,

@@ -22,8 +22,8 @@ from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, patterns
 from softseam_services.fem.elements.table import Table
 from softseam_services.fem.face_points import SOFT, face_points, point_edges
+from softseam_services.fem.internal_variables import check_internal_variables
 from softseam_services.fem.model import FemModel
-from softseam_services.fem.remembers import check_remembers
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
@@ -139,14 +139,14 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
         return build_rule(table, fill, of_cell, body, region.cells), table
 
     # the fast path needs no table of points but that of crushed cells
-    full, table = rule_of("hex27_full" if model.crushable else element)
+    full, table = rule_of("hex27_full" if model.blends else element)
     mean_gradient = (
         np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
     )
-    rule = rule_of(element)[0] if general and model.crushable else full
+    rule = rule_of(element)[0] if general and model.blends else full
     viscous = rule_of(element)[0] if material.retardation_time > 0.0 and not general else rule
     if material.n_state:
-        check_remembers(body, region, spec, len(rule.group_nodes) > 0)
+        check_internal_variables(body, region, spec, len(rule.group_nodes) > 0)
     return {
         "rule": rule,
         "full": full,

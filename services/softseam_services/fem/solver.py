@@ -26,9 +26,9 @@ from softseam_services.fem.step import AT_ONCE, StepInputs, Stepper, StepResult
 from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
-from softseam_services.request_check import problem_of, problem_of_anchor, problem_of_correction
-from softseam_services.standing import Standing
+from softseam_services.request_check import problem_of, problem_of_correction, problem_of_target
 from softseam_services.tools.tool_set import ToolSet
+from softseam_services.totals import Totals
 
 _NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
 """no matrix of the seam, and no vectors"""
@@ -95,11 +95,11 @@ class FemSolver:
     def _take_over(self, whole: FemState) -> None:
         """Go on from a state of the whole region."""
         reduction = self._reduction
-        self._go_on(whole if reduction is None else reduction.fold(whole, self.tables.images))
+        self._go_on(whole if reduction is None else reduction.restrict(whole, self.tables.images))
 
-    def _unfolded(self, state: FemState) -> FemState:
+    def _extended(self, state: FemState) -> FemState:
         """Of the whole region."""
-        return state if self._reduction is None else self._reduction.unfold(state, self.tables.images)
+        return state if self._reduction is None else self._reduction.extend(state, self.tables.images)
 
     @property
     def n_nodes(self) -> int:
@@ -118,7 +118,7 @@ class FemSolver:
     @property
     def state(self) -> FemState:
         """State at the end of the last advanced step, or the committed one."""
-        return self._unfolded(self._now)
+        return self._extended(self._now)
 
     @property
     def _now(self) -> FemState:
@@ -155,7 +155,7 @@ class FemSolver:
             self.commit()
         self._step, self._request = key, request
         problem = problem_of(request, self._n_tools, len(self._region.seam))
-        problem = problem or problem_of_anchor(request, len(self._region.seam), self._stepper.knows_stiffness)
+        problem = problem or problem_of_target(request, len(self._region.seam), self._stepper.knows_impedance)
         if problem:
             return self._failed(request, Status.REFUSED, problem, began)
         tools = moved(self._tools, request.tools)
@@ -187,8 +187,8 @@ class FemSolver:
 
     def _stand(self, now: FemState) -> None:
         """What a step that failed reports: the whole region where it stands."""
-        whole, out = self._unfolded(now), self._stepper.result.out
-        standing = Standing.of(whole.x, whole.v, self.tables.whole.parameters.mass)
+        whole, out = self._extended(now), self._stepper.result.out
+        standing = Totals.of(whole.x, whole.v, self.tables.whole.parameters.mass)
         out[kernel.KINETIC], out[kernel.STRAIN] = standing.kinetic, self.strain
         out[kernel.GRAVITY] = self.moving[1]
         out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = standing.momentum
@@ -206,7 +206,7 @@ class FemSolver:
         if reduction is not None and converged:
             reduction.add_up(self._next, self._tools, out, wrench)
         numbers = out.tolist()
-        settles = converged and stepper.settles
+        correctable = converged and stepper.correctable
         whole = request.compliance and converged
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
@@ -230,14 +230,14 @@ class FemSolver:
             told.distance.copy() if reduction is None else told.distance[reduction.cell],
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
-            n_crushed=self.times * int(stepper.work.mixed[0]),
+            n_blended=self.times * int(stepper.work.mixed[0]),
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
             alarm=alarm,
             seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
-            settles=settles,
-            seam_yield_root=stepper.news_of_yield(request.repeat_yield) if settles else _NONE,
+            correctable=correctable,
+            seam_compliance_root=stepper.new_compliance_root(request.repeat_compliance) if correctable else _NONE,
             why=why,
             alarm_details=[Detail.INSIDE_OUT] if alarm else [],
         )
@@ -245,7 +245,7 @@ class FemSolver:
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam; see `kernels.linear_answer`."""
         began, stepper = time.perf_counter(), self._stepper
-        if not (self._tentative and stepper.settles):
+        if not (self._tentative and stepper.correctable):
             raise ValueError("this step cannot be corrected: only one that implicit Euler solved at once can")
         problem = problem_of_correction(request, len(self._region.seam))
         if problem:
@@ -289,7 +289,7 @@ class FemSolver:
     def snapshot(self) -> bytes:
         """Commit, drop the factor and the first guess, and return the state."""
         self.commit()
-        whole = self._unfolded(self._committed)
+        whole = self._extended(self._committed)
         self._take_over(whole)  # as who restores it does, to the last bit
         self._forget()
         past = np.array([whole.past, float(whole.level)])

@@ -48,15 +48,15 @@ class StepInputs(NamedTuple):
     """(s, 3) [N]"""
     seam_force_start: Floats
     """(s, 3) [N], (0, 3) where the force is constant"""
-    seam_anchor: Floats
+    seam_target: Floats
     """(s, 3) [m], (0, 3) where nothing beyond the seam resists"""
-    seam_stiffness: Floats
+    seam_impedance: Floats
     """(3s, 3s) [N/m], (0, 0) where it is as told before"""
 
     @classmethod
     def of(cls, request: Advance, tools: Tools) -> StepInputs:
         """What a request says, with the tools over the step."""
-        return cls(tools, request.seam_force, request.seam_force_start, request.seam_anchor, request.seam_stiffness)
+        return cls(tools, request.seam_force, request.seam_force_start, request.seam_target, request.seam_impedance)
 
 
 class StepResult(NamedTuple):
@@ -77,7 +77,7 @@ class Stepper:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
         self._told = -1.0  # factor whose yield of the seam was last told
-        self.knows_stiffness = False
+        self.knows_impedance = False
         """whether the other side's stiffness at the seam was ever told"""
         self._take_up(model, parameters)
 
@@ -119,7 +119,7 @@ class Stepper:
         if end is None:
             end = state.copy()
             end.x += dt * state.v
-        self._couple(inputs.seam_anchor, inputs.seam_stiffness)
+        self._couple(inputs.seam_target, inputs.seam_impedance)
         status = self._take(state, end, inputs, dt)
         return end, StepResult(status, self.result, self._parts or AT_ONCE)
 
@@ -138,11 +138,11 @@ class Stepper:
         work, coupled = self.work, len(anchor) > 0
         same = coupled == bool(work.seam_coupled[0])
         if coupled:
-            work.seam_anchor[:] = anchor
-            if stiffness.size and not np.array_equal(stiffness, work.seam_stiffness):
-                work.seam_stiffness[:] = stiffness
+            work.seam_target[:] = anchor
+            if stiffness.size and not np.array_equal(stiffness, work.seam_impedance):
+                work.seam_impedance[:] = stiffness
                 same = False
-            self.knows_stiffness = True
+            self.knows_impedance = True
         if not same:
             self.work.memo[FACTORED] = 0.0
         work.seam_coupled[0] = coupled
@@ -195,7 +195,7 @@ class Stepper:
 
     def forget(self) -> None:
         """Drop the factors, and what the other side told."""
-        self.knows_stiffness = False
+        self.knows_impedance = False
         self._told = -1.0
         for work in self._both:
             work.memo[:] = 0.0
@@ -209,11 +209,11 @@ class Stepper:
         return bool(self.scheme.kind == IMPLICIT_EULER and not self.by_error)
 
     @property
-    def settles(self) -> bool:
+    def correctable(self) -> bool:
         """Whether the last step has a factor that says how it would answer a force on the seam."""
         return bool(self.at_once and self._parts is None and self.work.memo[FACTORED])
 
-    def news_of_yield(self, anyway: bool) -> Floats:
+    def new_compliance_root(self, anyway: bool) -> Floats:
         """A root of d(seam_x)/d(seam_force) of the factor at hand (3s, 3s); empty if told before, unless `anyway`."""
         if self._told == self.work.memo[N_FACTORS] and not anyway:
             return np.zeros((0, 0))

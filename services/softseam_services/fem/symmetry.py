@@ -81,7 +81,7 @@ class Reduction:
         and wrench (t, 6), in place."""
         add_images(self.axis, self.place, self.image, self.on, state.contact, tools.position_next, out, wrench)
 
-    def unfold(self, state: FemState, points: PointImages) -> FemState:
+    def extend(self, state: FemState, points: PointImages) -> FemState:
         """The whole's state of that of the part."""
         x, v = np.empty_like(self.sign), np.empty_like(self.sign)
         history = np.empty((len(state.history), *self.sign.shape))
@@ -92,7 +92,7 @@ class Reduction:
         unfold_contact(self.axis, self.place, self.image, self.on, points.of_image, state.contact, contact)
         return FemState(x, v, contact, history, state.past, state.level)
 
-    def fold(self, state: FemState, points: PointImages) -> FemState:
+    def restrict(self, state: FemState, points: PointImages) -> FemState:
         """The part's of a state of the whole: the mean of a node's images, which keeps momentum where another solver
         led to the state and is symmetric up to its own errors; contact as on the side that is kept."""
         model, parameters = self.tables

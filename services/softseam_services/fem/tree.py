@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.fem.kernels.pair import start_address
 from softseam_services.fem.kernels.panel import STRIP
+from softseam_services.fem.kernels.two_threads import start_address
 from softseam_services.jit import record
 
 Ints = NDArray[np.int32]

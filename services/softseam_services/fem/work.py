@@ -104,16 +104,16 @@ class Work(NamedTuple):
     seam_block: Floats
     seam_coupled: Ints
     """1 where the other side's stiffness acts on the seam (1,)"""
-    seam_stiffness: Floats
+    seam_impedance: Floats
     """(3s, 3s) [N/m]"""
-    seam_anchor: Floats
+    seam_target: Floats
     """(s, 3) [m]"""
     seam_away: Floats
     """anchor - x (3s, 1) [m]"""
     seam_actual: Floats
     """force on the seam nodes at the end of the step (s, 3) [N]"""
     material_state: Floats
-    """what a material with state remembers at the start of the step, see kernels/remembered.py (c, 8, n)"""
+    """what a material with state remembers at the start of the step, see kernels/internal_variables.py (c, 8, n)"""
     material_dt: Floats
     """length of that step (1,) [s]"""
 
@@ -179,8 +179,8 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         node_gap=np.zeros(n_nodes),
         seam_block=np.empty((2, 9 * len(model.seam) ** 2)),
         seam_coupled=np.zeros(1, dtype=np.int32),
-        seam_stiffness=np.zeros((3 * len(model.seam), 3 * len(model.seam))),
-        seam_anchor=np.zeros((len(model.seam), 3)),
+        seam_impedance=np.zeros((3 * len(model.seam), 3 * len(model.seam))),
+        seam_target=np.zeros((len(model.seam), 3)),
         seam_away=np.zeros((3 * len(model.seam), 1)),
         seam_actual=np.zeros((len(model.seam), 3)),
         material_state=np.zeros((n_cells, 8, model.n_state)),

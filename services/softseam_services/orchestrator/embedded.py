@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 from softseam_protocol.messages.participant import Advanced, Bundle, Failure, Reply, Request
 from softseam_services.orchestrator.transport import ParticipantFailed
-from softseam_services.pbd.pair import cores
+from softseam_services.pbd.two_threads import cores
 from softseam_services.server import ParticipantServer, Setup
 
 _WORTH_A_THREAD = 3e-4

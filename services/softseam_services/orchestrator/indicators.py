@@ -12,8 +12,8 @@ from softseam_protocol.messages.participant import Fields
 from softseam_protocol.messages.session import Indicators
 from softseam_services.body.body import Body
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE
+from softseam_services.orchestrator.seam_faces import face_corners, seam_faces
 from softseam_services.orchestrator.sides import Sides
-from softseam_services.orchestrator.tie import face_corners, seam_faces
 
 Floats = NDArray[np.float64]
 

@@ -42,8 +42,8 @@ from softseam_protocol.messages.participant import (
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
-from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.subdivided_step import SubdividedStep
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 

@@ -24,10 +24,10 @@ from softseam_services.orchestrator.goal_watch import GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.near_cells import LOOK_EVERY, RETRY, NearCells
 from softseam_services.orchestrator.no_cells import NoCells
-from softseam_services.orchestrator.notices import Tell
 from softseam_services.orchestrator.participants import Kept, Participants, Tied
+from softseam_services.orchestrator.seam_faces import tie_sides
 from softseam_services.orchestrator.sides import Sides, cut, merged_state, part_mesh, whole_frame
-from softseam_services.orchestrator.tie import tie_sides
+from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.server import Setup
 

@@ -16,13 +16,13 @@ from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
 from softseam_services.orchestrator.error_estimate import ErrorEstimator
-from softseam_services.orchestrator.notices import Notices, Tell
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import Quantities
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedBody
 from softseam_services.orchestrator.sides import resting_state
+from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.server import Setup
 
@@ -62,7 +62,7 @@ class SimulatedBody:
         self.participants = self.regions.participants
         """that hold the parts"""
         self.errors = ErrorEstimator(self.body, self.scene)
-        self.notices = Notices(self.scene, tell)
+        self.warnings = StepWarnings(self.scene, tell)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
         self._probes = Probes(self.body, points) if isinstance(self.body, Body) else None
         self.wants_fields = bool(points) or self._quantities.need_fields

@@ -26,7 +26,6 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
-from softseam_services.orchestrator.notices import Tell, ToolNotices
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.recovery import RecoveringTransport
@@ -34,6 +33,7 @@ from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, worst
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
+from softseam_services.orchestrator.step_warnings import Tell, ToolWarnings
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.server import build_setup
@@ -81,7 +81,7 @@ class Simulation:
             transport.adopt(bundle, setups)
         self._moving = MovingTools(self.scene, self.tools, bodies)
         self._duration = self.scene.duration
-        self._notices = ToolNotices(self._event)
+        self._warnings = ToolWarnings(self._event)
         self._clock = Clock(session, self.scene.step) if clock is None else clock.at_pace(self.scene.step)
         self._stopwatch = Stopwatch()
         recovering = RecoveringTransport(transport, on_event=self._event)
@@ -181,9 +181,9 @@ class Simulation:
 
     def _forget(self) -> None:
         """The last step is another's."""
-        self._notices.forget()
+        self._warnings.forget()
         for body in self.bodies.values():
-            body.notices.forget()
+            body.warnings.forget()
         self._report: StepReport | None = None
         self._frames: dict[str, Frame] | None = None
         self._unseen = False  # their fields were asked for, and lost
@@ -292,10 +292,10 @@ class Simulation:
         """Tell what of the step is worth an event."""
         at = self._clock.step - 1
         for name, body in self.bodies.items():
-            body.notices.follow(at, solutions[name].replies, body.balance.raised, estimates.get(name))
+            body.warnings.follow(at, solutions[name].replies, body.balance.raised, estimates.get(name))
         if moved.missed:
             self._event("force", f"step {at}: {moved.missed}")
-        self._notices.follow(at, move.too_far, self._moving.met)
+        self._warnings.follow(at, move.too_far, self._moving.met)
 
     # ---- what is known
 

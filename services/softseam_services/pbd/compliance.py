@@ -15,9 +15,9 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
 from .kernels.block import new_workspace
-from .kernels.crew import new_crew
 from .kernels.probe import probe_seam
 from .kernels.share import find_shares
+from .kernels.thread_team import new_team
 from .model import PbdModel
 from .parameters import PbdParameters, block_softness
 from .records import new_inputs, new_scratch, new_shares
@@ -49,7 +49,7 @@ class Probing(NamedTuple):
     share_of_edge: Floats
     """of its mass (e,)"""
     parts: Ints
-    crew: NDArray[np.int64]
+    team: NDArray[np.int64]
     """alone"""
     compliance: Floats
     """(3s, 3s) [m/N]"""
@@ -142,7 +142,7 @@ class SeamProbe:
             edge=number[beyond],
             share_of_edge=mass[: len(beyond)] / max(mass.sum(), 1e-300),
             parts=np.array([0, blocks.n_batches], dtype=np.int32),
-            crew=new_crew(alone=True),
+            team=new_team(alone=True),
             compliance=np.zeros((columns, columns)),
             ways=np.zeros((columns, 2, n + 1, 3)) if self.keeps_ways else no_ways(),
         )

@@ -17,7 +17,7 @@ from . import watch
 from .compliance import SeamProbe, Ways, no_ways
 from .field_reader import FieldReader
 from .kernels import summary as k
-from .kernels.settle import settle
+from .kernels.linear_correction import correct_linearly
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
 from .levels import hand_on, thin_out
 from .model import PbdModel, build_model
@@ -120,7 +120,7 @@ class PbdSolver:
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
         refused = problem_of(request, self.model.n_tools, len(self._region.seam))
-        if not refused and len(request.seam_anchor):
+        if not refused and len(request.seam_target):
             refused = watch.Fault.ANCHOR.value
         if refused:
             self._taken = stay(self.parameters, self._committed, self._scratch)
@@ -163,7 +163,7 @@ class PbdSolver:
             residual=numbers[k.RESIDUAL],
             alarm="; ".join(taken.notice.values()),
             seam_v=seam_v,
-            settles=self._settles(),
+            correctable=self._correctable(),
             why=why,
             alarm_details=list(taken.notice),
         )
@@ -194,7 +194,7 @@ class PbdSolver:
         )
         return self._probe.compliance(x, force, position, orientation, ramp)
 
-    def _settles(self) -> bool:
+    def _correctable(self) -> bool:
         """Whether the tentative step is one that the probe speaks of."""
         planned = self._to_plan and not self.parameters.explicit and len(self._probed) > 0
         return bool(
@@ -204,7 +204,7 @@ class PbdSolver:
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam, as the probe found it."""
         began = time.perf_counter()
-        if not (self._tentative and self._settles()):
+        if not (self._tentative and self._correctable()):
             raise ValueError("this step cannot be corrected: only one as long as the probed one, taken to plan, can")
         problem = problem_of_correction(request, len(self._region.seam))
         if problem:
@@ -214,7 +214,7 @@ class PbdSolver:
         probe, work, scratch, seam = self._probe, self._scratch.next, self._scratch, self._region.seam
         assert probe is not None
         result = self._taken.figures
-        settle(
+        correct_linearly(
             *(self.model.arrays, self.parameters.arrays, work, self.model.seam_force(request.push)),
             *(probe.ids, probe.beyond, self._ways, np.empty(self._ways.shape[1:]), scratch.arrays, result, scratch.ws),
         )

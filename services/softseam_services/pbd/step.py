@@ -9,7 +9,7 @@ import numpy as np
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
-from softseam_services.standing import Standing
+from softseam_services.totals import Totals
 
 from . import watch
 from .kernels import summary as k
@@ -20,10 +20,10 @@ from .kernels.share import find_shares, slip_of_patches
 from .kernels.split import split_forces
 from .kernels.substep import advance_step
 from .model import PbdModel
-from .pair import Pair
 from .parameters import PbdParameters
 from .records import Leap, Scratch, new_inputs, new_leap, new_outputs, new_scratch, new_used
 from .state import PbdState, new_state
+from .two_threads import TwoThreads
 
 TOUCH = 1e-3
 """gap below which a handed-over point touches a tool, in block edges"""
@@ -73,7 +73,7 @@ class StepScratch:
     def __init__(self, model: PbdModel, parameters: PbdParameters, dt: float) -> None:
         """dt: of the steps that are expected [s]"""
         self.ws = new_workspace()
-        self.pair = Pair(self.ws, model.blocks.colours, model.n_nodes)
+        self.pair = TwoThreads(self.ws, model.blocks.colours, model.n_nodes)
         self.inputs = new_inputs(model.n_tools, len(model.seam))
         self.outputs = new_outputs(model.n_tools, len(model.cell_nodes))
         self.next = new_state(model.n_nodes, model.blocks.n_batches, model.n_points, model.n_tools)
@@ -147,7 +147,7 @@ def stay(parameters: PbdParameters, state: PbdState, scratch: StepScratch) -> St
     np.copyto(scratch.next.buffer, state.buffer)
     result = outputs.result
     result[:], outputs.wrench[:], outputs.distance[:] = 0.0, 0.0, 0.0
-    standing = Standing.of(state.x, state.v, parameters.own_mass)
+    standing = Totals.of(state.x, state.v, parameters.own_mass)
     result[k.KINETIC], result[k.STRAIN] = standing.kinetic, monitor[watch.STRAIN]
     result[k.GRAVITY] = monitor[watch.GRAVITY]
     result[k.MOMENTUM : k.MOMENTUM + 3], result[k.ANGULAR : k.ANGULAR + 3] = standing.momentum, standing.angular

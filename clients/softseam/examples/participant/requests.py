@@ -24,7 +24,7 @@ _MOST = 64
 
 
 @dataclass
-class Seat:
+class Slot:
     """A part of a session: its block stands at the committed state, the tentative one is beside it."""
 
     block: LinearBlock
@@ -42,7 +42,7 @@ class Participant:
     """Bytes in, bytes out, for any number of sessions; one thread calls it."""
 
     def __init__(self) -> None:
-        self.seats: dict[tuple[str, str], Seat] = {}
+        self.slots: dict[tuple[str, str], Slot] = {}
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, and DecodeError or SchemaMismatch, which the bus answers with a Failure."""
@@ -53,115 +53,115 @@ class Participant:
             raise refused("invalid", str(error)) from None
         if isinstance(reply, messages.Worked) and not reply.seconds:
             reply = replace(reply, seconds=perf_counter() - began)
-        seat = self.seats.get((request.header.session, request.header.part))
-        if seat is not None:
-            seat.kept[type(request)] = reply
+        slot = self.slots.get((request.header.session, request.header.part))
+        if slot is not None:
+            slot.kept[type(request)] = reply
         return encode(reply)
 
     def answer(self, request: messages.Request) -> messages.Reply:
         """Raises Refused and ValueError."""
         header = request.header
         key = (header.session, header.part)
-        seat = self.seats.get(key)
+        slot = self.slots.get(key)
         if isinstance(request, messages.Release):
-            self.seats.pop(key, None)
+            self.slots.pop(key, None)
             return messages.Released(header)
-        if seat is not None:
-            kept = seat.kept.get(type(request))
-            begun = isinstance(request, messages.Configure) and (seat.committed, seat.exchange) != (header.step, -1)
+        if slot is not None:
+            kept = slot.kept.get(type(request))
+            begun = isinstance(request, messages.Configure) and (slot.committed, slot.exchange) != (header.step, -1)
             if kept is not None and not isinstance(kept, messages.Failure) and kept.header == header and not begun:
                 return kept
         if isinstance(request, messages.Configure):
-            if seat is not None and header.epoch < seat.epoch:
-                raise stale(header, seat)
+            if slot is not None and header.epoch < slot.epoch:
+                raise stale(header, slot)
             return self.configure(key, request)
-        if seat is None:
+        if slot is None:
             raise refused("not_configured", f"session {header.session!r} has no part here: send Configure first")
-        if header.epoch != seat.epoch:
-            raise stale(header, seat)
-        follows = header.step == seat.committed + 1 and seat.exchange >= 0
+        if header.epoch != slot.epoch:
+            raise stale(header, slot)
+        follows = header.step == slot.committed + 1 and slot.exchange >= 0
         if follows and isinstance(request, messages.Advance | messages.Commit | messages.Snapshot):
-            commit(seat)
+            commit(slot)
         if isinstance(request, messages.Advance):
-            if header.step != seat.committed or header.exchange <= seat.exchange:
-                raise stale(header, seat)
-            return advance(seat, request)
+            if header.step != slot.committed or header.exchange <= slot.exchange:
+                raise stale(header, slot)
+            return advance(slot, request)
         if isinstance(request, messages.Correct):
-            if header.step != seat.committed or not 0 <= seat.exchange < header.exchange:
-                raise stale(header, seat)
-            return correct(seat, request)
+            if header.step != slot.committed or not 0 <= slot.exchange < header.exchange:
+                raise stale(header, slot)
+            return correct(slot, request)
         if isinstance(request, messages.Observe):
-            return fields(seat, header)
+            return fields(slot, header)
         if isinstance(request, messages.Restore):
-            seat.block.take(request.state)
-            seat.committed, seat.exchange, seat.tentative, seat.kept = header.step, -1, None, {}
+            slot.block.take(request.state)
+            slot.committed, slot.exchange, slot.tentative, slot.kept = header.step, -1, None, {}
             return messages.Restored(header)
-        if header.step != seat.committed:
-            raise stale(header, seat)
-        seat.exchange, seat.tentative = -1, None  # a step that failed elsewhere
+        if header.step != slot.committed:
+            raise stale(header, slot)
+        slot.exchange, slot.tentative = -1, None  # a step that failed elsewhere
         if isinstance(request, messages.Commit):
-            return messages.Committed(header, fields(seat, header) if request.fields else None)
-        return messages.SnapshotTaken(header, seat.block.to_bytes())
+            return messages.Committed(header, fields(slot, header) if request.fields else None)
+        return messages.SnapshotTaken(header, slot.block.to_bytes())
 
     def configure(self, key: tuple[str, str], request: messages.Configure) -> messages.Configured:
         """Build the part anew."""
         if request.model not in MODELS:
             raise refused("invalid", f"no model is called {request.model!r} here: ask for one of {', '.join(MODELS)}")
         block = LinearBlock(request)
-        self.seats.pop(key, None)
-        while len(self.seats) >= _MOST:
-            self.seats.pop(next(iter(self.seats)))
-        self.seats[key] = Seat(block, request.header.epoch, request.header.step)
+        self.slots.pop(key, None)
+        while len(self.slots) >= _MOST:
+            self.slots.pop(next(iter(self.slots)))
+        self.slots[key] = Slot(block, request.header.epoch, request.header.step)
         kinetic, strain, gravity = block.energies(block.x, block.v)
         can = messages.Capabilities(True, True, False, 1, True, False, 0.0)
         n_nodes, n_cells = len(block.rest), len(request.cells)
         return messages.Configured(request.header, n_nodes, n_cells, 1, strain, kinetic, gravity, capabilities=can)
 
 
-def advance(seat: Seat, request: messages.Advance) -> messages.Advanced:
+def advance(slot: Slot, request: messages.Advance) -> messages.Advanced:
     """Take the step tentatively."""
-    check(seat, request.seam_force)
+    check(slot, request.seam_force)
     if not (np.isfinite(request.dt) and request.dt > 0.0):
         raise ValueError(f"the time step is {request.dt} s: send one that is positive")
-    if len(request.seam_anchor) or len(request.seam_force_start):
+    if len(request.seam_target) or len(request.seam_force_start):
         raise ValueError("this participant takes constant forces alone: send no anchor and no force at the start")
-    seat.tentative = seat.block.step(request.dt, request.seam_force)
-    seat.exchange, seat.asked = request.header.exchange, request
-    return told(seat, request.header, request.seam_force, request.compliance, request.fields)
+    slot.tentative = slot.block.step(request.dt, request.seam_force)
+    slot.exchange, slot.asked = request.header.exchange, request
+    return told(slot, request.header, request.seam_force, request.compliance, request.fields)
 
 
-def correct(seat: Seat, request: messages.Correct) -> messages.Advanced:
+def correct(slot: Slot, request: messages.Correct) -> messages.Advanced:
     """Move the tentative step on by the compliance that was told."""
-    assert seat.asked is not None and seat.tentative is not None
-    check(seat, request.push)
-    check(seat, request.force)
-    if seat.block.told_dt != seat.asked.dt:
+    assert slot.asked is not None and slot.tentative is not None
+    check(slot, request.push)
+    check(slot, request.force)
+    if slot.block.told_dt != slot.asked.dt:
         raise ValueError("the compliance of steps of this length was not told: ask for it first")
-    way = seat.block.answer(request.push)
-    x, v = seat.tentative
-    seat.tentative, seat.exchange = (x + way, v + way / seat.asked.dt), request.header.exchange
-    return told(seat, request.header, request.force, False, request.fields)
+    way = slot.block.answer(request.push)
+    x, v = slot.tentative
+    slot.tentative, slot.exchange = (x + way, v + way / slot.asked.dt), request.header.exchange
+    return told(slot, request.header, request.force, False, request.fields)
 
 
-def check(seat: Seat, force: Floats) -> None:
+def check(slot: Slot, force: Floats) -> None:
     """Raises ValueError for what is no force on the coupling nodes."""
-    n = len(seat.block.coupling)
+    n = len(slot.block.coupling)
     if force.shape != (n, 3) or not np.isfinite(force).all():
         raise ValueError(f"a force of shape {force.shape}: this part's coupling nodes need ({n}, 3) finite numbers")
 
 
-def told(seat: Seat, header: Header, force: Floats, compliance: bool, with_fields: bool) -> messages.Advanced:
+def told(slot: Slot, header: Header, force: Floats, compliance: bool, with_fields: bool) -> messages.Advanced:
     """What the tentative step says of itself."""
-    assert seat.asked is not None and seat.tentative is not None
-    block, (x, v) = seat.block, seat.tentative
+    assert slot.asked is not None and slot.tentative is not None
+    block, (x, v) = slot.block, slot.tentative
     kinetic, strain, gravity = block.energies(x, v)
     momentum = block.mass[:, None] * v
     return messages.Advanced(
         header=header,
         status=Status.CONVERGED,
         seam_x=x[block.coupling],
-        compliance=block.compliance(seat.asked.dt) if compliance else np.zeros((0, 0)),
-        wrench=np.zeros((len(seat.asked.tools.position), 6)),  # it touches no tool
+        compliance=block.compliance(slot.asked.dt) if compliance else np.zeros((0, 0)),
+        wrench=np.zeros((len(slot.asked.tools.position), 6)),  # it touches no tool
         kinetic=kinetic,
         strain=strain,
         gravity=gravity,
@@ -176,15 +176,15 @@ def told(seat: Seat, header: Header, force: Floats, compliance: bool, with_field
         seconds=0.0,
         cell_distance=np.full(len(block.mesh.cell_nodes), np.inf),
         bounds=np.stack([x.min(axis=0), x.max(axis=0)]),
-        settles=block.told_dt == seat.asked.dt,
-        fields=fields(seat, header) if with_fields else None,
+        correctable=block.told_dt == slot.asked.dt,
+        fields=fields(slot, header) if with_fields else None,
     )
 
 
-def fields(seat: Seat, header: Header) -> messages.Fields:
+def fields(slot: Slot, header: Header) -> messages.Fields:
     """Of the tentative state, where there is one."""
-    block, points = seat.block, seat.block.mesh.points
-    x, v = seat.tentative or (block.x, block.v)
+    block, points = slot.block, slot.block.mesh.points
+    x, v = slot.tentative or (block.x, block.v)
     return messages.Fields(
         header=header,
         nodes=block.mesh.nodes,
@@ -199,15 +199,15 @@ def fields(seat: Seat, header: Header) -> messages.Fields:
     )
 
 
-def commit(seat: Seat) -> None:
+def commit(slot: Slot) -> None:
     """What is tentative stays."""
-    assert seat.tentative is not None
-    seat.block.x, seat.block.v = seat.tentative
-    seat.committed, seat.exchange, seat.tentative = seat.committed + 1, -1, None
+    assert slot.tentative is not None
+    slot.block.x, slot.block.v = slot.tentative
+    slot.committed, slot.exchange, slot.tentative = slot.committed + 1, -1, None
 
 
-def stale(header: Header, seat: Seat) -> Refused:
-    here = f"epoch {seat.epoch}, step {seat.committed}, exchanges above {seat.exchange}"
+def stale(header: Header, slot: Slot) -> Refused:
+    here = f"epoch {slot.epoch}, step {slot.committed}, exchanges above {slot.exchange}"
     return refused("stale", f"epoch {header.epoch}, step {header.step}, exchange {header.exchange}: send {here}")
 
 

@@ -1,6 +1,7 @@
 """Forces, tangents, energies, stresses of hex27 and hex27_reduced: split quadrature (fem/elements/hex27_box.py, eq. 1).
 
-The fast path of kernels/elements.py. A cell counts with its work.part, 1 but for crushed cells (kernels/crushed.py).
+The fast path of kernels/elements.py. A cell counts with its work.part, 1 but for crushed
+cells (kernels/quadrature_blending.py).
 With w_q = f_q V/8, H = cof F, mu and the volumetric part of the octant's material, s = dpsi_J/dJ, ds = d2psi_J/dJ2:
   f_ia = sum_q w_q (mu F + s H)_ij dN_a,j + mean(mu) sum_b S_ab x_ib                                            (1)
   K_ia,kb = delta_ik L_ab + sum_q w_q [(ds + s/J) h_ia h_kb - s/J h_ka h_ib],  h_a = H grad N_a                 (2)

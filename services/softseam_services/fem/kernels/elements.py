@@ -1,7 +1,7 @@
 """Forces, tangents, energies and stresses of a region's cells, whatever their element.
 
 A model is general, or takes the fast path of hex27 and hex27_reduced with a material of which mu/2 I1 splits off. Cells
-of these that are crushed count in part with full quadrature, see kernels/crushed.py.
+of these that are crushed count in part with full quadrature, see kernels/quadrature_blending.py.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, hold, seam_inverse, solve
 from softseam_services.fem.kernels.lapack import multiply
-from softseam_services.fem.kernels.pair import factor
+from softseam_services.fem.kernels.two_threads import factor
 from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
@@ -82,8 +82,8 @@ def seam_pull(x, model, work):
     for t in range(len(model.seam)):
         node = model.seam[t]
         for k in range(3):
-            away[3 * t + k, 0] = work.seam_anchor[t, k] - x[node, k]
-    multiply(work.seam_stiffness, away, work.seam_actual, n, 1, n, False, work.ints)
+            away[3 * t + k, 0] = work.seam_target[t, k] - x[node, k]
+    multiply(work.seam_impedance, away, work.seam_actual, n, 1, n, False, work.ints)
 
 
 @njit(cache=True, error_model="numpy")
@@ -148,7 +148,7 @@ def refactor(x, x0, model, parameters, tree, tools, count, inertia, share, safe,
                 work.values[i] *= share
         work.memo[FACTOR_TOUCHES] = add_contact_tangents(model, parameters, tree, count, ahead, work)
         if work.seam_coupled[0]:
-            add_seam_stiffness(tree, work.values, work.seam_stiffness)
+            add_seam_stiffness(tree, work.values, work.seam_impedance)
         hold(tree, work.values, model.rollers)
         work.memo[N_FACTORS] += 1.0
         if factor(tree, work.values, work.factoring) == 0:

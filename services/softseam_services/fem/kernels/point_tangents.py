@@ -12,9 +12,9 @@ import numpy as np
 
 from softseam_services.body.materials.point import stress, tangent
 from softseam_services.fem.kernels.cells import gather
+from softseam_services.fem.kernels.internal_variables import respond
 from softseam_services.fem.kernels.mean_volume import mean_pressure, modify, modify_tangent
 from softseam_services.fem.kernels.points import group_volumes, point_gradients
-from softseam_services.fem.kernels.remembered import respond
 from softseam_services.jit import njit
 
 

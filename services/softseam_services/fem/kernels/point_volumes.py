@@ -297,4 +297,4 @@ def strain_energy(x, model, parameters, work):
 @njit(cache=True, error_model="numpy")
 def loses_volume(model):
     """Whether cells of this model have this energy at all."""
-    return model.crushable and not model.general
+    return model.blends and not model.general

@@ -12,13 +12,13 @@ import numpy as np
 
 from softseam_services.body.materials.point import energy, stress
 from softseam_services.fem.kernels.cells import gather
+from softseam_services.fem.kernels.internal_variables import respond, respond_all
 from softseam_services.fem.kernels.mean_volume import (
     mean_pressure,
     modify,
     positive_volume,
     volume_gradient,
 )
-from softseam_services.fem.kernels.remembered import respond, respond_all
 from softseam_services.jit import njit
 
 

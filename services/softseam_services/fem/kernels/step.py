@@ -20,7 +20,6 @@ from softseam_services.fem.kernels.contact import (
     next_anchor,
     point_position,
 )
-from softseam_services.fem.kernels.crushed import share_cells
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.linear_answer import move_on
 from softseam_services.fem.kernels.newton import (
@@ -33,6 +32,7 @@ from softseam_services.fem.kernels.newton import (
     seam_pull,
 )
 from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, loses_volume, watch_cells
+from softseam_services.fem.kernels.quadrature_blending import share_cells
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel

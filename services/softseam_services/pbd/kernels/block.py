@@ -10,7 +10,7 @@ P = V (mu F + s cof F + sum_m q_m t_m^T),  t = K F^T q,  T_m = V F t_m,  f_i = -
 
 Local solve. Moving the nodes by x_i -= h^2 w_i (dL_P b_i + sum_m h_mi dL_m) changes F by about -dL_P diag(G) and q_m
 by about -g dL_m, G_b = g/(16 l_b^2), g = kappa h^2 8 max w_i (exact for equal masses, kappa = 1). With
-R = P - Lambda_P, D_b = 1/(1 + V (mu + |s| sqrt(I)) G_b), I = max(1, F:F/3), and the rank-one term V ds cof F cof F^T
+R = P - Lambda_P, D_b = 1/(1 + V (mu + |s| sqrt(I)) G_b), I = max(1, F:F/3), and the worker-one term V ds cof F cof F^T
 kept by the Sherman-Morrison formula:
 z = V ds sum G_b D_b C_ab R_ab / (1 + V ds sum G_b D_b C_ab^2),  dL_ab = D_b (R_ab - z C_ab)                  (4)
 dL_m = (T_m - Lambda_m)/(1 + g V k_m I),  k_m = max_c sum |K_(m,c),.|                                         (5)

@@ -35,13 +35,13 @@ from .block import (
     spread,
     store_stress,
 )
-from .crew import done, first_share, next_share, wait_for
 from .hanging import follow
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
 from .monitor import batch_residuals, residual
 from .summary import APPARENT, HASTE, LEAST_J, RESIDUAL, STRAIN, STRETCH, summarise_motion
 from .sweep import batch_energies, block_forces, strain_energy
+from .thread_team import done, first_range, next_range, wait_for
 
 LEAST, LEAST_BATCHES = 256, 8
 """nodes and batches that a thread takes at least"""
@@ -142,45 +142,45 @@ def end_step(state, leap, h, half_drag):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance_leapfrog(model, parameters, state, leap, outputs, dt, m, parts, crew, rank, ws):
+def advance_leapfrog(model, parameters, state, leap, outputs, dt, m, parts, team, worker, ws):
     """Advance the state by dt in m substeps; the results are those of `advance_step` for a body that nothing touches.
 
-    Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
+    Run by one thread, or by two with a workspace `ws` each and the same `team`; what is not shared is worker 0's.
     """
     n, h, drag_rate, result = len(state.x), dt / m, parameters.mass_rate, outputs.result
     half_drag = 0.5 * h * drag_rate
     gain = h / (1.0 + half_drag)
     before, stretch = 1, 0
     apparent = 0.0
-    if rank == 0:
+    if worker == 0:
         apparent = begin(state, leap, h, half_drag)
         outputs.distance[:] = np.inf
-        done(crew, rank, 1)
+        done(team, worker, 1)
     for substep in range(m):
-        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        first, end = first_range(team, before, stretch, n, worker, LEAST)
         while first < end:
             drift(leap.place, leap.speed, leap.push, gain if substep > 0 else 0.5 * h, h, first, end)
             if drag_rate > 0.0 and substep < m - 1:
                 drag(leap.speed, (1.0 - half_drag) / (1.0 + half_drag), first, end)
-            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+            first, end = next_range(team, stretch, worker, end - first, LEAST)
         before, stretch = before + n, stretch + 1
         if substep == m - 1:
             break
         for part in range(len(parts) - 1):
             start, n_batches = parts[part], parts[part + 1] - parts[part]
-            first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
+            first, end = first_range(team, before, stretch, n_batches, worker, LEAST_BATCHES)
             while first < end:
                 kick(model, parameters, leap.place, leap.speed, gain, start + first, start + end, ws)
-                first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+                first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
             before, stretch = before + n_batches, stretch + 1
-    if rank == 0:
-        wait_for(crew, before)
+    if worker == 0:
+        wait_for(team, before)
         leap.pull[:] = 0.0
-        done(crew, rank, 1)
+        done(team, worker, 1)
     before += 1
     for part in range(len(parts) - 1):
         start, n_batches = parts[part], parts[part + 1] - parts[part]
-        first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
+        first, end = first_range(team, before, stretch, n_batches, worker, LEAST_BATCHES)
         while first < end:
             low, high = start + first, start + end
             at = ws, leap.place, model.blocks, parameters.volume
@@ -189,11 +189,11 @@ def advance_leapfrog(model, parameters, state, leap, outputs, dt, m, parts, crew
             block_forces(ws, model.blocks, state.stress, constants, leap.pull, low, high)
             batch_energies(*at, constants, law, low, high, leap.figures)
             batch_residuals(*at, state.stress, constants, law, low, high, leap.figures)
-            first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+            first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
         before, stretch = before + n_batches, stretch + 1
-    if rank > 0:
+    if worker > 0:
         return
-    wait_for(crew, before)
+    wait_for(team, before)
     total, own = end_step(state, leap, h, half_drag)
     result[:] = 0.0
     result[APPARENT], result[HASTE] = total - apparent, own

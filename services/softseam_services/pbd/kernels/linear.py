@@ -57,7 +57,7 @@ def _rows(k, f, q, V):
 def project_lanes_linear(ws, constants, kappa, hh):
     """Solve four blocks once.
 
-    P is linear, so dL_P solves (1 + V C G) dL_P = R exactly: 2 x 2 for shear, rank one for the trace.
+    P is linear, so dL_P solves (1 + V C G) dL_P = R exactly: 2 x 2 for shear, worker one for the trace.
     """
     hoisted = hoist(ws, constants)
     for lane in range(LANES):

@@ -71,7 +71,7 @@ def probe_seam(model, parameters, start, state, inputs, scratch, probing, dt, n_
             if damped > 0.0:
                 note_shapes(ws, xw, nodes, volume, constants, law, scratch.asked, scratch.frame, 0, len(nodes))
             predict(xw, scratch.x_star, x, v, a, push, keep, h, 0, n)
-            relax(model, parameters, stress, scratch, 0, n_sweeps, h, probing.parts, 0, probing.crew, 0, 0, ws)
+            relax(model, parameters, stress, scratch, 0, n_sweeps, h, probing.parts, 0, probing.team, 0, 0, ws)
             finish(xw, scratch.x_star, x, v, a, h, 0, n)
         if column < 0:
             copy_rows(rest[0], x)

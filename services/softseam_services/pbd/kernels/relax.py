@@ -7,18 +7,18 @@ import numpy as np
 from softseam_services.jit import njit
 
 from .contact import project_contacts
-from .crew import done, first_share, next_share, wait_for
 from .damping import LEAST_KAPPA, begin_damping, damping_share, end_damping
 from .hold import soften_held_blocks
 from .monitor import batch_residuals, residual
 from .sweep import sweep
+from .thread_team import done, first_range, next_range, wait_for
 
 LEAST = 4
 """batches that a thread takes at least"""
 
 
 @njit(cache=True, error_model="numpy")
-def sweep_together(model, parameters, stress, scratch, kappa, h, parts, rank, crew, before, stretch, ws):
+def sweep_together(model, parameters, stress, scratch, kappa, h, parts, worker, team, before, stretch, ws):
     """Project every block once; the batches parts[p] .. parts[p + 1] - 1 are one stretch, with no node in common.
 
     before (items) and stretch count up to this sweep; returns both after it.
@@ -26,19 +26,19 @@ def sweep_together(model, parameters, stress, scratch, kappa, h, parts, rank, cr
     nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
     for part in range(len(parts) - 1):
         begin, n = parts[part], parts[part + 1] - parts[part]
-        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        first, end = first_range(team, before, stretch, n, worker, LEAST)
         while first < end:
             sweep(
                 *(ws, scratch.xw, nodes, volume, scratch.softness, stress, constants, law),
                 *(kappa, h, begin + first, begin + end),
             )
-            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+            first, end = next_range(team, stretch, worker, end - first, LEAST)
         before, stretch = before + n, stretch + 1
     return before, stretch
 
 
 @njit(cache=True, error_model="numpy")
-def relax(model, parameters, stress, scratch, substep, n_sweeps, h, parts, rank, crew, before, stretch, ws):
+def relax(model, parameters, stress, scratch, substep, n_sweeps, h, parts, worker, team, before, stretch, ws):
     """Move scratch.xw from the prediction to the end of the substep, and stress (b, N_STRESS) with it.
 
     Contacts come first, because the carried contact force throws a point that has just stopped off its tool, and the
@@ -54,62 +54,62 @@ def relax(model, parameters, stress, scratch, substep, n_sweeps, h, parts, rank,
     for round_ in range(n_sweeps + 1):
         if round_ > 0:
             before, stretch = sweep_together(
-                model, parameters, stress, scratch, kappa, blocks_h, parts, rank, crew, before, stretch, ws
+                model, parameters, stress, scratch, kappa, blocks_h, parts, worker, team, before, stretch, ws
             )
         elif share > 0.0:
             for part in range(len(parts) - 1):
                 begin, n = parts[part], parts[part + 1] - parts[part]
-                first, end = first_share(crew, before, stretch, n, rank, LEAST)
+                first, end = first_range(team, before, stretch, n, worker, LEAST)
                 while first < end:
                     begin_damping(
                         *(ws, xw, model.blocks, parameters.constants, parameters.law, share, h * h),
                         *(scratch.asked, scratch.frame, stress),
                         *(begin + first, begin + end),
                     )
-                    first, end = next_share(crew, stretch, rank, end - first, LEAST)
+                    first, end = next_range(team, stretch, worker, end - first, LEAST)
                 before, stretch = before + n, stretch + 1
-        if rank == 0:
-            wait_for(crew, before)
+        if worker == 0:
+            wait_for(team, before)
             project_contacts(model, parameters, contacts, xw, h * h)
             if round_ < n_sweeps:
                 soften_held_blocks(model, parameters, contacts, scratch.softness)
-            done(crew, rank, 1)
+            done(team, worker, 1)
         before += 1
         if parameters.tolerance > 0.0 and 0 < round_:
             before, stretch = look_at_residual(
-                model, parameters, stress, scratch, substep, round_, rank, crew, before, stretch, ws
+                model, parameters, stress, scratch, substep, round_, worker, team, before, stretch, ws
             )
             if scratch.used[substep] == round_:
                 break
     if share > 0.0:
-        first, end = first_share(crew, before, stretch, len(model.blocks), rank, LEAST)
+        first, end = first_range(team, before, stretch, len(model.blocks), worker, LEAST)
         while first < end:
             end_damping(share, scratch.asked, stress, first, end)
-            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+            first, end = next_range(team, stretch, worker, end - first, LEAST)
         before, stretch = before + len(model.blocks), stretch + 1
     return before, stretch
 
 
 @njit(cache=True, error_model="numpy")
-def look_at_residual(model, parameters, stress, scratch, substep, sweeps, rank, crew, before, stretch, ws):
+def look_at_residual(model, parameters, stress, scratch, substep, sweeps, worker, team, before, stretch, ws):
     """Note in scratch.used where the blocks' stress is close enough to what their shapes ask for after so many sweeps.
 
     A thread that comes late finds what was noted for its substep, and stops after the same sweep. Returns before and
     stretch as they are then.
     """
     nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
-    first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST)
+    first, end = first_range(team, before, stretch, len(nodes), worker, LEAST)
     while first < end:
         batch_residuals(
             *(ws, scratch.xw, nodes, volume, stress, constants, law, first, end, scratch.figures),
         )
-        first, end = next_share(crew, stretch, rank, end - first, LEAST)
+        first, end = next_range(team, stretch, worker, end - first, LEAST)
     before, stretch = before + len(nodes), stretch + 1
-    wait_for(crew, before)
-    if rank == 0:
+    wait_for(team, before)
+    if worker == 0:
         if residual(scratch.figures)[0] <= parameters.tolerance:
             scratch.used[substep] = sweeps
-        done(crew, rank, 1)
+        done(team, worker, 1)
     before += 1
-    wait_for(crew, before)
+    wait_for(team, before)
     return before, stretch

@@ -14,7 +14,6 @@ from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .contact import account_pairs, begin_pairs
 from .copy_rows import copy_rows
-from .crew import done, first_share, next_share, wait_for
 from .damping import damping_share, note_shapes
 from .hanging import follow
 from .hold import find_held_blocks
@@ -23,6 +22,7 @@ from .pairs import find_pairs, place_points, store_pairs
 from .relax import relax
 from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, strain_energy
+from .thread_team import done, first_range, next_range, wait_for
 from .tool_motion import tool_motions, tool_pose
 
 LEAST, LEAST_BATCHES = 256, 8
@@ -80,10 +80,10 @@ def finish(xw, x_star, x, v, a, h, first, end):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_substeps, n_sweeps, parts, crew, rank, ws):
+def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_substeps, n_sweeps, parts, team, worker, ws):
     """Advance the state by dt; what comes out is overwritten, and is that of `Advanced`.
 
-    Run by one thread, or by two with a workspace `ws` each and the same `crew`; what is not shared is rank 0's.
+    Run by one thread, or by two with a workspace `ws` each and the same `team`; what is not shared is worker 0's.
     """
     x, v, a, stress = state.x, state.v, state.a, state.stress
     nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
@@ -99,7 +99,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
     share = damping_share(parameters.stiffness_time, parameters.lag, h, n_sweeps)
     before, stretch = 1, 0
     seam_work = 0.0
-    if rank == 0:
+    if worker == 0:
         state.force_mean[:] = 0.0
         for i in range(n):
             free = xw[i, 3] > 0.0
@@ -125,22 +125,22 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         copy_rows(scratch.softness, parameters.softness)
         find_held_blocks(model, parameters, contacts)
         tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
-        done(crew, rank, 1)
+        done(team, worker, 1)
     for part in range(len(parts) - 1):
         begin, n_batches = parts[part], parts[part + 1] - parts[part]
-        first, end = first_share(crew, before, stretch, n_batches, rank, LEAST_BATCHES)
+        first, end = first_range(team, before, stretch, n_batches, worker, LEAST_BATCHES)
         while first < end:
             block_forces(ws, nodes, stress, constants, pull, begin + first, begin + end)
-            first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+            first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
         before, stretch = before + n_batches, stretch + 1
-    if rank == 0:
-        wait_for(crew, before)
+    if worker == 0:
+        wait_for(team, before)
         carried(model, parameters, state, xw, pull)
-        done(crew, rank, 1)
+        done(team, worker, 1)
     before += 1
     for substep in range(n_substeps):
-        if rank == 0:
-            wait_for(crew, before)
+        if worker == 0:
+            wait_for(team, before)
             copy_rows(pose[0], pose[1])
             copy_rows(quaternion[0], quaternion[1])
             fraction = (substep + 1) / n_substeps
@@ -153,40 +153,40 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
                         push[i, c] += xw[i, 3] * seam_growth[s, c]
                         seam_work -= seam_growth[s, c] * x[i, c]
             begin_pairs(model, parameters, contacts, xw, h)
-            done(crew, rank, 1)
+            done(team, worker, 1)
         before += 1
         if share > 0.0:
-            first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
+            first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
             while first < end:
                 note_shapes(ws, xw, nodes, volume, constants, law, scratch.asked, scratch.frame, first, end)
-                first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+                first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
             before, stretch = before + len(nodes), stretch + 1
-        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        first, end = first_range(team, before, stretch, n, worker, LEAST)
         while first < end:
             predict(xw, x_star, x, v, a, push, keep, h, first, end)
-            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+            first, end = next_range(team, stretch, worker, end - first, LEAST)
         before, stretch = before + n, stretch + 1
         before, stretch = relax(
-            model, parameters, stress, scratch, substep, n_sweeps, h, parts, rank, crew, before, stretch, ws
+            model, parameters, stress, scratch, substep, n_sweeps, h, parts, worker, team, before, stretch, ws
         )
-        first, end = first_share(crew, before, stretch, n, rank, LEAST)
+        first, end = first_range(team, before, stretch, n, worker, LEAST)
         while first < end:
             finish(xw, x_star, x, v, a, h, first, end)
-            first, end = next_share(crew, stretch, rank, end - first, LEAST)
+            first, end = next_range(team, stretch, worker, end - first, LEAST)
         before, stretch = before + n, stretch + 1
-        if rank == 0:
+        if worker == 0:
             # The positions in xw stay until the next prediction, which waits for this.
             account_pairs(model, parameters, contacts, xw, 1.0 / n_substeps)
-    first, end = first_share(crew, before, stretch, len(nodes), rank, LEAST_BATCHES)
+    first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
     applied = scratch.asked if share > 0.0 else stress
     while first < end:
         batch_energies(ws, xw, nodes, volume, constants, law, first, end, figures)
         batch_residuals(ws, xw, nodes, volume, applied, constants, law, first, end, figures)
-        first, end = next_share(crew, stretch, rank, end - first, LEAST_BATCHES)
+        first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
     before += len(nodes)
-    if rank > 0:
+    if worker > 0:
         return
-    wait_for(crew, before)
+    wait_for(team, before)
     tool_work = store_pairs(contacts, state, outputs.wrench)
     for s in range(len(seam)):
         for c in range(3):

@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class Totals:
     """Of nodes at places x (n, 3) [m] with velocities v (n, 3) [m/s] and masses (n,) [kg]."""
 
     kinetic: float
@@ -24,6 +24,6 @@ class Standing:
     """lowest and highest coordinates (2, 3) [m]"""
 
     @classmethod
-    def of(cls, x: Floats, v: Floats, mass: Floats) -> Standing:
+    def of(cls, x: Floats, v: Floats, mass: Floats) -> Totals:
         kinetic = 0.5 * float(mass @ (v * v).sum(axis=1))
         return cls(kinetic, mass @ v, mass @ np.cross(x, v), np.stack([x.min(axis=0), x.max(axis=0)]))

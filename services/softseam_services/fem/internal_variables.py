@@ -10,7 +10,7 @@ INTEGRATORS = ("implicit_euler", "static")
 """take internal forces at the end of the step, where the state that follows belongs"""
 
 
-def check_remembers(body: Body, region: Region, spec: FemSpec, grouped: bool) -> None:
+def check_internal_variables(body: Body, region: Region, spec: FemSpec, grouped: bool) -> None:
     """Raise SettingError, with its key and the remedy, for a body whose material has state.
 
     grouped: the element has mean volume ratios

@@ -1,4 +1,4 @@
-"""One or two threads at a step, whichever is faster; the result is the same. What they share is in `kernels.crew`."""
+"""One or two threads at a step, whichever is faster; the result is the same. See `kernels.thread_team`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from softseam_services.body.body import Floats, Ints
 
 from .kernels.block import new_workspace
-from .kernels.crew import MASK, new_crew, start_crew
+from .kernels.thread_team import MASK, new_team, start_team
 
 WORTH_TWO = 400
 """batches from which on a second thread pays; with half as many it gains nothing"""
@@ -35,7 +35,7 @@ def _second() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, thread_name_prefix="pbd")
 
 
-class Pair:
+class TwoThreads:
     """Runs a kernel by this thread, and by a second one beside it where the region is large and a core is free."""
 
     def __init__(self, ws: Floats, colours: Ints, n_nodes: int) -> None:
@@ -43,18 +43,18 @@ class Pair:
         self.possible = n_batches >= WORTH_TWO and n_nodes < MASK and cores() > 1
         """whether a second thread is ever tried"""
         self._all, self._colours = np.array([0, n_batches], dtype=np.int32), colours
-        self._alone, self._crew = new_crew(alone=True), new_crew(alone=False)
+        self._alone, self._crew = new_team(alone=True), new_team(alone=False)
         self._ws = ws
         self._other_ws = new_workspace() if self.possible else ws
         self._seconds = [0.0, 0.0]
         self._n_runs = 0
 
     def run(self, amount: int, kernel: Callable[..., None], *arguments: Any) -> None:
-        """kernel(*arguments, parts, crew, rank, workspace) to the end; `amount` is what its time is proportional to."""
+        """kernel(*arguments, parts, team, worker, workspace) to the end; its time goes with `amount`."""
         two = self._pays()
         began = time.perf_counter()
         if two:
-            start_crew(self._crew)
+            start_team(self._crew)
             other = _second().submit(kernel, *arguments, self._colours, self._crew, 1, self._other_ws)
             kernel(*arguments, self._colours, self._crew, 0, self._ws)
             if not other.cancel():

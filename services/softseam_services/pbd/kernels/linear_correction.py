@@ -14,7 +14,7 @@ from .sweep import batch_energies, strain_energy
 
 
 @njit(cache=True, error_model="numpy")
-def settle(model, parameters, state, force, ids, beyond, ways, moved, scratch, result, ws):
+def correct_linearly(model, parameters, state, force, ids, beyond, ways, moved, scratch, result, ws):
     """x, v (n, 3) of the state += ways force; updated in place, as are positions in scratch.xw and energies in result
     (N_RESULTS,).
 

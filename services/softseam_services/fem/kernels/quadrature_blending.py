@@ -19,7 +19,7 @@ FIRST, LAST = 0.55, 0.45
 @njit(cache=True, error_model="numpy")
 def share_cells(x, model, parameters, work):
     """Set work.part, work.full (c,) and their count work.mixed by eq. (1) from x (n, 3), the start of a step."""
-    if not model.crushable:
+    if not model.blends:
         return
     mean = np.empty((3, 3))
     work.mixed[0] = 0

@@ -25,7 +25,7 @@ class Tell(Protocol):
     def __call__(self, kind: str, message: str, *details: Detail, count: int = 0) -> None: ...
 
 
-class Notices:
+class StepWarnings:
     """What is told of a body: each once, when it comes, not in every step that it lasts.
 
     tell  receives every event
@@ -53,7 +53,7 @@ class Notices:
             self._tell("element", self._locks)
         for alarm in alarms:
             self._tell("energy", f"{at}: {alarm.value}", Detail[alarm.name])
-        crushed = sum(reply.n_crushed for reply in replies.values())
+        crushed = sum(reply.n_blended for reply in replies.values())
         if crushed and not self._crushed:
             self._tell("cells", f"{at}: {crushed} cells are squeezed beyond half: full quadrature")
         self._crushed = crushed
@@ -65,7 +65,7 @@ class Notices:
             self._tell("accuracy", f"{at}: estimated error of {estimate.text}")
 
 
-class ToolNotices:
+class ToolWarnings:
     """The same of tools.
 
     tell  receives every event

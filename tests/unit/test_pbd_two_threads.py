@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from pbd_run import PbdRun, block_scene
 
-from softseam_services.pbd import pair
-from softseam_services.pbd.kernels.crew import first_share, new_crew, next_share
-from softseam_services.pbd.pair import Pair
+from softseam_services.pbd import two_threads
+from softseam_services.pbd.kernels.thread_team import first_range, new_team, next_range
+from softseam_services.pbd.two_threads import TwoThreads
 
 PLATE = {"kind": "box", "size": (0.01, 0.2, 0.2), "friction": 0.6}
 
@@ -19,9 +19,9 @@ PLATE = {"kind": "box", "size": (0.01, 0.2, 0.2), "friction": 0.6}
 @pytest.fixture
 def two(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every step by two threads."""
-    monkeypatch.setattr(pair, "WORTH_TWO", 1)
-    monkeypatch.setattr(pair, "cores", lambda: 2)
-    monkeypatch.setattr(Pair, "_pays", lambda self: self.possible)
+    monkeypatch.setattr(two_threads, "WORTH_TWO", 1)
+    monkeypatch.setattr(two_threads, "cores", lambda: 2)
+    monkeypatch.setattr(TwoThreads, "_pays", lambda self: self.possible)
     yield
 
 
@@ -99,7 +99,7 @@ def test_nothing_waits_for_a_second_thread_that_does_not_come() -> None:
         at_work.set()
         free.wait(60.0)
 
-    blocked = pair._second().submit(hold)
+    blocked = two_threads._second().submit(hold)
     assert at_work.wait(10.0)
     late = squeeze(3).solver.snapshot()
     assert not blocked.done()
@@ -110,32 +110,32 @@ def test_nothing_waits_for_a_second_thread_that_does_not_come() -> None:
 
 def test_a_stretch_is_shared_out_once() -> None:
     """Halves from both ends until nothing is left; a thread that is behind finds nothing in an older stretch."""
-    crew = new_crew(alone=False)
+    team = new_team(alone=False)
     taken = np.zeros(100, dtype=int)
-    rank, n_done = 0, [0, 0]
-    first, end = first_share(crew, 0, 0, 100, rank, 4)
+    worker, n_done = 0, [0, 0]
+    first, end = first_range(team, 0, 0, 100, worker, 4)
     while first < end:
         taken[first:end] += 1
-        n_done[rank] = end - first
-        rank = 1 - rank
-        first, end = next_share(crew, 0, rank, n_done[rank], 4)
+        n_done[worker] = end - first
+        worker = 1 - worker
+        first, end = next_range(team, 0, worker, n_done[worker], 4)
     assert (taken == 1).all()
-    assert next_share(crew, 0, 1 - rank, n_done[1 - rank], 4) == (0, 0)
-    assert first_share(crew, 100, 1, 10, 1, 4) == (5, 10)
-    assert first_share(crew, 0, 0, 100, 0, 4) == (0, 0)
+    assert next_range(team, 0, 1 - worker, n_done[1 - worker], 4) == (0, 0)
+    assert first_range(team, 100, 1, 10, 1, 4) == (5, 10)
+    assert first_range(team, 0, 0, 100, 0, 4) == (0, 0)
 
 
 def test_the_faster_way_is_taken_and_the_other_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pair, "WORTH_TWO", 1)
-    monkeypatch.setattr(pair, "cores", lambda: 2)
-    chooser = Pair(np.zeros(1), np.array([0, 10], dtype=np.int32), 10)
+    monkeypatch.setattr(two_threads, "WORTH_TWO", 1)
+    monkeypatch.setattr(two_threads, "cores", lambda: 2)
+    chooser = TwoThreads(np.zeros(1), np.array([0, 10], dtype=np.int32), 10)
     chooser._seconds = [1.0, 0.6]
     chosen = [chooser._pays()]
-    for chooser._n_runs in range(1, pair.TRIAL):
+    for chooser._n_runs in range(1, two_threads.TRIAL):
         chosen.append(chooser._pays())
-    assert chosen == [True] * (pair.TRIAL - 1) + [False]
+    assert chosen == [True] * (two_threads.TRIAL - 1) + [False]
     chooser._seconds = [1.0, 1.1]
     chooser._n_runs = 0
     assert not chooser._pays()
-    small = Pair(np.zeros(1), np.array([0, 0], dtype=np.int32), 10)
+    small = TwoThreads(np.zeros(1), np.array([0, 0], dtype=np.int32), 10)
     assert not small._pays()
