@@ -120,7 +120,7 @@ def test_saved_state_continues_bit_for_bit() -> None:
     [
         "numbers",
         *(f"bodies/body/{name}" for name in ("regions.idle", "regions.cut", "ledger", "begun", "errors")),
-        *(f"bodies/body/{name}" for name in ("seam.told_body.near", "seam.pace", "part.body.far")),
+        *(f"bodies/body/{name}" for name in ("seam.reported_body.near", "seam.pace", "part.body.far")),
     ],
 )
 def test_a_state_that_is_not_whole_changes_nothing(missing: str) -> None:
