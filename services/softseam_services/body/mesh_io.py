@@ -1,4 +1,7 @@
-"""Files of closed surfaces and solid meshes, through meshio -> triangles, or hexahedra that are cells themselves."""
+"""Files of closed surfaces and solid meshes -> triangles, or hexahedra that are cells themselves.
+
+meshio reads them, but for those of `mesh_formats`.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.errors import MeshError
+from softseam_services.body.mesh_formats import read_known
 
 Cells = NDArray[np.int64]
 
@@ -170,6 +174,8 @@ def _read(path: str, data: bytes) -> meshio.Mesh:
     suffix = PurePosixPath(path.replace("\\", "/")).suffix.lower()
     if not data:
         raise MeshError(f"{path}: the file is empty")
+    if (mesh := read_known(path, suffix, data)) is not None:
+        return mesh
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"mesh{suffix}"
         file.write_bytes(data)
