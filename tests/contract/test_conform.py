@@ -17,7 +17,7 @@ from faulty_participants import FAULTS, Faulty, altered, changed
 from rich.console import Console
 
 from softseam.conform.command import FAILED, NOT_CLAIMED, NOT_RUN, PASSED, Row, conform, run_checks, wait_answers
-from softseam.conform.part_under_test import Service
+from softseam.conform.examined_part import Service
 from softseam.conform.table import CHECKS
 from softseam.errors import BadInput
 from softseam.examples.participant.requests import Participant

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam.conform.part_under_test import EDGE, FAR_END, mesh
+from softseam.conform.examined_part import EDGE, FAR_END, mesh
 from softseam.examples.participant.requests import Participant
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam.conform.part_under_test import Floats, PartUnderTest, Service, expect, near, some_force
+from softseam.conform.examined_part import ExaminedPart, Floats, Service, expect, near, some_force
 from softseam_protocol.messages.participant import Advanced
 
 _SYMMETRIC, _CORRECTED, _TOLD = 0.03, 0.03, 1e-6
@@ -13,7 +13,7 @@ correction may be off by, which FEM is by 0.0005, to second order, and XPBD by 0
 [1]"""
 
 
-def _told(part: PartUnderTest, reply: Advanced, before: Floats | None = None) -> Floats:
+def _told(part: ExaminedPart, reply: Advanced, before: Floats | None = None) -> Floats:
     """The compliance that a reply tells, in either form, or what was told before. Raises Unmet."""
     root, n = reply.seam_compliance_root, 3 * len(part.coupling)
     H = root @ root.T if root.size else reply.compliance
@@ -25,7 +25,7 @@ def _told(part: PartUnderTest, reply: Advanced, before: Floats | None = None) ->
 
 def definite(service: Service) -> None:
     """The compliance is symmetric and positive definite, where nothing touches the part."""
-    part = PartUnderTest(service)
+    part = ExaminedPart(service)
     H = _told(part, part.advance(0, 0, None, compliance=True))
     size = float(np.abs(H).max())
     near("a symmetric compliance", H, H.T, _SYMMETRIC * size)
@@ -35,7 +35,7 @@ def definite(service: Service) -> None:
 
 def predicts(service: Service) -> None:
     """The compliance tells how far a small force moves the coupling nodes in a step, to 5 %."""
-    part, force = PartUnderTest(service), some_force()
+    part, force = ExaminedPart(service), some_force()
     still = part.advance(0, 0, None, compliance=True)
     went = part.advance(0, 1, force).seam_x - still.seam_x
     told = (_told(part, still) @ force.ravel()).reshape(-1, 3)
@@ -47,7 +47,7 @@ def corrects(service: Service) -> None:
 
     The part turns meanwhile: what was told first is not what would be told now.
     """
-    part, push, H = PartUnderTest(service), some_force(), np.zeros((0, 0))
+    part, push, H = ExaminedPart(service), some_force(), np.zeros((0, 0))
     for step in range(4):
         pull = some_force(2e-2 if step else 2e-3, 1)
         reply = part.advance(step, 0, pull, compliance=step == 0)

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from softseam.bar import Bar
-from softseam.conform.part_under_test import Service, Silent, Unmet, capabilities
+from softseam.conform.examined_part import Service, Silent, Unmet, capabilities
 from softseam.conform.table import CHECKS
 from softseam.errors import BadInput, NoConnection
 from softseam_protocol.bus.client import Bus

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam.conform.part_under_test import (
+from softseam.conform.examined_part import (
     DENSITY,
     EDGE,
     ENDS,
@@ -13,7 +13,7 @@ from softseam.conform.part_under_test import (
     REST,
     STEP,
     YOUNG,
-    PartUnderTest,
+    ExaminedPart,
     Service,
     expect,
     near,
@@ -35,7 +35,7 @@ def _turned(angle: float) -> np.ndarray:
 def momentum(service: Service) -> None:
     """A free part: dt (weight + coupling forces) is the change of momentum."""
     gravity = (1.0, -2.0, -9.81)
-    part, before, size = PartUnderTest(service, gravity=gravity), np.zeros(3), MASS * 9.81 * STEP
+    part, before, size = ExaminedPart(service, gravity=gravity), np.zeros(3), MASS * 9.81 * STEP
     for step in range(5):
         force = some_force(5e-3, step)
         reply = part.advance(step, 0, force)
@@ -48,7 +48,7 @@ def angular(service: Service) -> None:
     """A free part that spins keeps its angular momentum to 1 % over ten steps."""
     spin = np.array([0.3, -0.5, 0.8])
     v = np.cross(spin, REST - _CENTRE)
-    part = PartUnderTest(service, v=v)
+    part = ExaminedPart(service, v=v)
     replies = [part.advance(step).angular_momentum for step in range(10)]
     size = float(np.abs(replies[0]).max())
     expect(size > 0.1 * MASS * EDGE**2 / 6.0, "angular momentum of a part that spins", f"{replies[0]}")
@@ -58,16 +58,16 @@ def angular(service: Service) -> None:
 def energy(service: Service) -> None:
     """Kinetic, strain and gravity's energy are those of the state; forces work by what the nodes move."""
     v, lift, stretch = np.array([0.1, 0.2, -0.1]), 0.01, 1e-3
-    part = PartUnderTest(service, v=np.tile(v, (len(REST), 1)))
+    part = ExaminedPart(service, v=np.tile(v, (len(REST), 1)))
     kinetic = 0.5 * MASS * float(v @ v)
     near("kinetic energy of a part that flies", part.advance(0).kinetic, kinetic, 1e-3 * kinetic)
-    part = PartUnderTest(service, gravity=(0.0, 0.0, -9.81), x=REST + np.array([0.0, 0.0, lift]))
+    part = ExaminedPart(service, gravity=(0.0, 0.0, -9.81), x=REST + np.array([0.0, 0.0, lift]))
     gained = MASS * 9.81 * lift
     near("gravity's energy of a part that was lifted", part.configured.gravity, gained, 1e-3 * gained)
-    part = PartUnderTest(service, x=REST * (1.0 + stretch * np.array([1.0, -POISSON, -POISSON])))
+    part = ExaminedPart(service, x=REST * (1.0 + stretch * np.array([1.0, -POISSON, -POISSON])))
     strain = 0.5 * YOUNG * stretch**2 * _VOLUME
     near("strain energy of a uniform stretch", part.configured.strain, strain, 0.02 * strain)
-    part = PartUnderTest(service)
+    part = ExaminedPart(service)
     force = some_force()
     reply = part.advance(0, 0, force)
     work = float((force * (reply.seam_x - REST[part.coupling])).sum())
@@ -82,7 +82,7 @@ def rigid(service: Service) -> None:
     """A part that was moved and turned rigidly (by 0.01, for linear solids) has no strain, and stays."""
     angle = 0.01
     x = (REST - _CENTRE) @ _turned(angle).T + _CENTRE + np.array([0.3, -0.2, 0.1])
-    part = PartUnderTest(service, x=x)
+    part = ExaminedPart(service, x=x)
     mistaken = 0.5 * YOUNG * angle**2 * _VOLUME
     expect(
         abs(part.configured.strain) <= 1e-3 * mistaken,
@@ -97,7 +97,7 @@ def uniform(service: Service) -> None:
     """Patch test: forces on both ends that hold a uniform stretch sum to E strain area, and nothing else moves."""
     stretch = 1e-3
     x = REST * (1.0 + stretch * np.array([1.0, -POISSON, -POISSON]))
-    part = PartUnderTest(service, x=x, coupling=ENDS)
+    part = ExaminedPart(service, x=x, coupling=ENDS)
     free = part.advance(0).seam_x
     n, push = 3 * len(ENDS), 1e-4
     moves = np.empty((n, n))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from softseam.conform.part_under_test import EDGE, PartUnderTest, Service, expect, near, some_force
+from softseam.conform.examined_part import EDGE, ExaminedPart, Service, expect, near, some_force
 from softseam.conform.repeats import bits
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.participant import Restore
@@ -19,11 +19,11 @@ _MARK = 0.0012345678
 """a number that stands once in a request [N]"""
 
 
-def _refused(make: Callable[[PartUnderTest], bytes], *kinds: str) -> Callable[[Service], None]:
+def _refused(make: Callable[[ExaminedPart], bytes], *kinds: str) -> Callable[[Service], None]:
     """A check: what `make` makes is refused with one of these kinds, and the tentative step stays what it was."""
 
     def check(service: Service) -> None:
-        part = PartUnderTest(service)
+        part = ExaminedPart(service)
         part.advance(0, 0, some_force())
         before = part.advance(1, 0, some_force())
         if service.refusal(make(part), kinds):  # a step that is `refused` takes the place of the one before
@@ -35,13 +35,13 @@ def _refused(make: Callable[[PartUnderTest], bytes], *kinds: str) -> Callable[[S
     return check
 
 
-def _nan(part: PartUnderTest) -> bytes:
+def _nan(part: ExaminedPart) -> bytes:
     force = np.zeros((len(part.coupling), 3))
     force[0, 0] = _MARK
     return encode(part.request(1, 1, force)).replace(struct.pack("<d", _MARK), struct.pack("<d", np.nan))
 
 
-def _of(part: PartUnderTest, **header: Any) -> bytes:
+def _of(part: ExaminedPart, **header: Any) -> bytes:
     request = part.request(1, 1)
     return encode(replace(request, header=replace(request.header, **header)))
 

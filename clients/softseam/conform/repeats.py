@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam.conform.part_under_test import PartUnderTest, Service, expect, near, some_force
+from softseam.conform.examined_part import ExaminedPart, Service, expect, near, some_force
 from softseam_protocol.messages.participant import Advanced, Configured, Restore, Restored, Snapshot, SnapshotTaken
 from softseam_protocol.wire.codec import encode
 
@@ -19,7 +19,7 @@ def bits(reply: Advanced) -> bytes:
 
 def repeat(service: Service) -> None:
     """The same request again gets the same bytes, but for `seconds`, and does nothing."""
-    part, force = PartUnderTest(service), some_force()
+    part, force = ExaminedPart(service), some_force()
     again = service.ask(part.configure, Configured)
     expect(replace(again, seconds=0.0) == replace(part.configured, seconds=0.0), "Configured as before", again)
     first = part.advance(0, 0, force)
@@ -30,7 +30,7 @@ def repeat(service: Service) -> None:
 
 def redo(service: Service) -> None:
     """A higher exchange starts again from the committed state: another force, then the first, give the first answer."""
-    part, force = PartUnderTest(service), some_force()
+    part, force = ExaminedPart(service), some_force()
     first, other = part.advance(0, 0, force), part.advance(0, 1, -2.0 * force)
     moved = float(np.abs(other.seam_x - first.seam_x).max())
     expect(moved > 0.0, "another answer to another force", "the same")
@@ -41,7 +41,7 @@ def commit(service: Service) -> None:
     """An Advance for the next step commits the one before, as Commit does."""
     ends = []
     for said in (False, True):
-        part = PartUnderTest(service)
+        part = ExaminedPart(service)
         first = part.advance(0, 0, some_force())
         if said:
             part.commit(1)
@@ -54,7 +54,7 @@ def commit(service: Service) -> None:
 
 def discard(service: Service) -> None:
     """A Commit that names the tentative step itself discards it."""
-    part = PartUnderTest(service)
+    part = ExaminedPart(service)
     first = part.advance(0, 1, some_force())
     part.commit(0)
     near("positions as at the start", part.observe(0).x, part.configure.mesh.x_rest, 1e-12)  # type: ignore[union-attr]
@@ -63,11 +63,11 @@ def discard(service: Service) -> None:
 
 def restore(service: Service) -> None:
     """A snapshot, put into a new session, goes on as the session that it was taken of: the same bits."""
-    part = PartUnderTest(service)
+    part = ExaminedPart(service)
     for step in range(3):
         part.advance(step, 0, some_force(seed=step), compliance=step == 0)
     state = service.ask(Snapshot(part.header(3)), SnapshotTaken).state
-    other = PartUnderTest(service)
+    other = ExaminedPart(service)
     service.ask(Restore(other.header(3), state), Restored)
     for step in range(3, 6):
         ours, theirs = (each.advance(step, 0, some_force(seed=step)) for each in (part, other))
@@ -76,7 +76,7 @@ def restore(service: Service) -> None:
 
 def release(service: Service) -> None:
     """After Release the session has no part; releasing it again is no error."""
-    part = PartUnderTest(service)
+    part = ExaminedPart(service)
     part.advance(0)
     part.release()
     service.refusal(encode(part.request(1)), ("not_configured",))

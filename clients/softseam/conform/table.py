@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from softseam.conform import answers, motion, refusals, repeats
-from softseam.conform.part_under_test import Service
+from softseam.conform.examined_part import Service
 from softseam_protocol.messages.participant import Capabilities
 from softseam_protocol.table import Table
 

@@ -96,7 +96,7 @@ class Service:
     model: str
     wait: float = WAIT
     """longest wait for an answer [s]"""
-    seats: list[PartUnderTest] = field(default_factory=list)
+    seats: list[ExaminedPart] = field(default_factory=list)
     """that were configured since `release` was called"""
     _names: Any = field(default_factory=itertools.count)
     _run: str = field(default_factory=lambda: secrets.token_hex(4))
@@ -149,7 +149,7 @@ class Service:
             return error
 
 
-class PartUnderTest:
+class ExaminedPart:
     """One session's part: the block with these coupling nodes, in this state (rest where absent)."""
 
     def __init__(
@@ -230,7 +230,7 @@ class PartUnderTest:
 
 def capabilities(service: Service) -> Capabilities:
     """What it declares of the block. Raises Unmet."""
-    able = PartUnderTest(service).configured.capabilities
+    able = ExaminedPart(service).configured.capabilities
     service.release()
     if able is None:
         raise Unmet("Capabilities in Configured, of a part with coupling nodes", "none")
