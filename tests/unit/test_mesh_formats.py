@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 
 import meshio
@@ -26,7 +27,7 @@ def faces(write: str) -> str:
     return "".join("f " + " ".join(write.format(n=n, k=n - 9) for n in quad) + "\n" for quad in QUADS)
 
 
-def polydata(cells: list[tuple[int, ...]], word: str, *, binary: bool = False, new: bool = False) -> bytes:
+def polydata(cells: Sequence[tuple[int, ...]], word: str, *, binary: bool = False, new: bool = False) -> bytes:
     """A legacy VTK file."""
     flat = [corner - 1 for cell in cells for corner in cell]
     lists = [entry for cell in cells for entry in (len(cell), *(corner - 1 for corner in cell))]
