@@ -152,6 +152,7 @@ class Session:
     def _take_scene(self, scene: Scene, bundle: Bundle) -> None:
         """Simulate this scene from now on."""
         self.scene, self.bundle = scene, bundle
+        self._there: Bundle | None = bundle  # what the backend has; None where an answer was lost: it is sent again
         # the bundle's order, in which the tools' arrays come: it is not that of a scene made in a program
         self._tools = tuple(Scene.model_validate_json(bundle.scene).tools)
         self._length = expected_duration(scene)
@@ -200,12 +201,13 @@ class Session:
         number = whole(seed)
         if number is None or not 0 <= number < 2**31:
             raise BadInput(f"seed is {seed!r}: give a whole number from 0 to 2147483647")
-        if bundle.scene == self.bundle.scene and bundle.files == self.bundle.files:
+        if self._there is not None and (bundle.scene, bundle.files) == (self._there.scene, self._there.files):
             return self._observe(backend.reset(number))
-        self._last = None
+        there, self._there, self._last = self._there, None, None
         try:
             message = backend.reset(number, bundle)
         except SceneRefused as error:
+            self._there = there
             raise SceneRefused(located(str(error), varied if scene is None else scene, settings or ())) from error
         self._opened, self.plan_anew = opened, None
         self._take_scene(varied, bundle)

@@ -11,9 +11,11 @@ from test_client_session import CLOSE, SCENE
 
 import softseam
 from softseam.embedded import EmbeddedBackend
-from softseam.errors import BadSnapshot, NotReset, SceneRefused
+from softseam.errors import BadSnapshot, NotReset, SceneRefused, ServicesFailed
 from softseam.recording import Recording
 from softseam.scenes import load_scene
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import Observation
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.materials import AnyMaterial
 from softseam_protocol.scene.scene import Scene
@@ -110,6 +112,26 @@ def test_a_scene_that_cannot_be_simulated_leaves_the_one_that_was(sim: softseam.
     assert sim.scene.regions.near is not None
     with pytest.raises(NotReset):
         sim.step(CLOSE)
+    sim.reset()
+    assert text(some_steps(sim)) == first
+
+
+def test_a_scene_whose_answer_is_lost_is_sent_again(sim: softseam.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The backend has the new scene, and its client does not know: the next reset says which one is meant."""
+    backend = sim._backend
+    assert isinstance(backend, EmbeddedBackend)
+    sim.reset()
+    first = text(some_steps(sim))
+
+    def lost(seed: int, bundle: Bundle | None = None) -> Observation:
+        EmbeddedBackend.reset(backend, seed, bundle)
+        raise ServicesFailed("no answer")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(backend, "reset", lost)
+        with pytest.raises(ServicesFailed):
+            sim.reset(settings=NUMBERS["modulus"])
+    assert material(sim.scene).young == 20e3
     sim.reset()
     assert text(some_steps(sim)) == first
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.participant import ToolMotion
+from softseam_protocol.messages.participant import Advanced, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, InterfaceReport, PartReport, StepReport
 from softseam_services.orchestrator.energy_balance import Entry
 
@@ -81,3 +81,9 @@ def worst(estimates: Mapping[str, ErrorEstimate]) -> ErrorEstimate | None:
     if len(estimates) == 1:
         return estimates[name]
     return replace(estimates[name], text=f"{name}: {estimates[name].text}")
+
+
+def wrench_of(replies: Mapping[str, Advanced]) -> Floats:
+    """Of all parts of a body on the tools (t, 6) [N, N m]."""
+    first, *others = (reply.wrench for reply in replies.values())
+    return sum(others, first)

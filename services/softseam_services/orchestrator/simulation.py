@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.outcomes import Detail, EventKind
-from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
+from softseam_protocol.messages.participant import Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
@@ -30,7 +30,7 @@ from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
-from softseam_services.orchestrator.reports import step_report, worst
+from softseam_services.orchestrator.reports import step_report, worst, wrench_of
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.step_warnings import Tell, ToolWarnings
@@ -204,7 +204,7 @@ class Simulation:
         self._stopwatch.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         solutions = advance_all(self._islands(), self._transport, move.motion, look)
-        wrenches = {name: _wrench(solution.replies) for name, solution in solutions.items()}
+        wrenches = {name: wrench_of(solution.replies) for name, solution in solutions.items()}
         first, *others = wrenches.values()
         wrench = sum(others, first)
         moved = self._moving.take(move, wrench)
@@ -396,9 +396,3 @@ class Simulation:
         self.events.append(event)
         if self._emit is not None:
             self._emit(event)
-
-
-def _wrench(replies: Mapping[str, Advanced]) -> Floats:
-    """Of all parts of a body on the tools (t, 6) [N, N m]."""
-    first, *others = (reply.wrench for reply in replies.values())
-    return sum(others, first)
