@@ -89,6 +89,15 @@ class Prediction:
             self._weighed = dt, _EVENLY if even else _all_weights(-before, dt, self._n)
         return self._weighed[1]
 
+    def save(self) -> tuple[Floats, Floats, Floats, int]:
+        """What of it evolves, for `restore`."""
+        return self._kept.copy(), self._times.copy(), self._errors.copy(), self._n
+
+    def restore(self, saved: tuple[Floats, Floats, Floats, int]) -> None:
+        """Be as `save` found it."""
+        self._kept, self._times, self._errors, self._n = saved
+        self._weighed = None
+
     def to_arrays(self) -> dict[str, Floats]:
         """Everything, for a snapshot."""
         numbers = np.concatenate([self._times, self._errors, [float(self._n)]])

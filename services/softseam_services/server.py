@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
-from softseam_protocol.messages.header import SCHEMA_VERSION
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
@@ -237,7 +237,11 @@ class ParticipantServer:
             began = perf_counter()
             if header.step != slot.committed or not 0 <= slot.exchange < header.exchange:
                 return _stale(request, slot)
-            return _with_fields(slot, request, slot.solver.correct(request), began)
+            if request.then is not None and not _follows(request.then.header, header):
+                return Failure(FailureKind.INVALID, "Correct.then is not the first Advance of the step that follows")
+            corrected = _with_fields(slot, request, slot.solver.correct(request), began)
+            after = None if request.then is None else self.handle(request.then)
+            return replace(corrected, then=after) if isinstance(after, Advanced) else corrected
         if isinstance(request, Observe):
             return slot.solver.fields(header, request.indicators, request.own)
         if isinstance(request, Commit | Snapshot):
@@ -265,6 +269,11 @@ def _with_fields(slot: _Slot, request: Advance | Correct, reply: Advanced, began
         reply = replace(reply, fields=slot.solver.fields(request.header), seconds=perf_counter() - began)
     slot.exchange = request.header.exchange
     return reply
+
+
+def _follows(header: Header, before: Header) -> bool:
+    """Whether a request is the first for the step that follows that of another, of the same part."""
+    return header == replace(before, step=before.step + 1, exchange=0, time=header.time)
 
 
 def _commit(slot: _Slot) -> None:

@@ -244,6 +244,17 @@ def _yields_more() -> Participant:
     return Faulty(lambda _, r: replace(r, push=1.1 * r.push) if isinstance(r, Correct) else r, said)
 
 
+def _then(change: Callable[[Any], Any]) -> Callable[[], Participant]:
+    """Serves what follows a correction, and says something else."""
+
+    def said(self: Faulty, request: Any, reply: Any) -> Any:
+        if not isinstance(request, Correct) or request.then is None:
+            return reply
+        return replace(reply, then=change(decode(Participant.__call__(self, encode(request.then)))))
+
+    return lambda: Faulty(said=said)
+
+
 NONE = np.zeros((0, 0))
 
 FAULTS: list[tuple[str, str, Callable[[], Participant]]] = [
@@ -288,4 +299,6 @@ FAULTS: list[tuple[str, str, Callable[[], Participant]]] = [
     ("correct", "what redoing the step gives", _yields_more),
     ("correct", "a step that can be corrected", changed(Advanced, correctable=lambda _: False)),
     ("correct", "Advanced.seam_x of shape (9, 3)", changed(Advanced, seam_x=lambda x: x[:1])),
+    ("correct_then", "the same bits as in two requests", _then(lambda r: replace(r, seam_x=r.seam_x + 1e-9))),
+    ("correct_then", "the header of Correct.then", _then(lambda r: replace(r, header=replace(r.header, step=7)))),
 ]

@@ -118,6 +118,7 @@ def test_what_is_not_claimed_is_not_checked(bus: Bus, endpoint: str) -> None:
         "compliance_definite",
         "compliance_predicts",
         "correct",
+        "correct_then",
     ]
     assert FAILED not in {row.outcome for row in found}
 

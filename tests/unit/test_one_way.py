@@ -13,6 +13,7 @@ from softseam_coupling.accelerations.memory import Acceleration
 from softseam_coupling.interface import Interface
 from softseam_coupling.loops.loop import (
     Correction,
+    First,
     Loop,
     LoopSetup,
     Outcome,
@@ -136,7 +137,7 @@ class Chain:
         def advance(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
             return self._ordered({name: self.parts[name].advance(request) for name, request in wanted.items()})
 
-        def correct(wanted: dict[str, Correction]) -> dict[str, Advanced]:
+        def correct(wanted: dict[str, Correction], first: First) -> dict[str, Advanced]:
             return self._ordered({name: self.parts[name].correct(one) for name, one in wanted.items()})
 
         return self.loop.solve(advance, correct, DT, may_refuse)

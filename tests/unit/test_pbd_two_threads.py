@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pbd_run import PbdRun, block_scene
 
-from softseam_services.pbd import two_threads
+from softseam_services.pbd import compliance, two_threads
 from softseam_services.pbd.kernels.thread_team import first_range, new_team, next_range
 from softseam_services.pbd.two_threads import TwoThreads
 
@@ -139,3 +139,32 @@ def test_the_faster_way_is_taken_and_the_other_tried_again(monkeypatch: pytest.M
     assert not chooser._pays()
     small = TwoThreads(np.zeros(1), np.array([0, 0], dtype=np.int32), 10)
     assert not small._pays()
+
+
+def test_a_probe_that_two_threads_share_finds_the_bits_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the second thread is held up by something else, and in contact with a tool."""
+    scene = block_scene(
+        (0.075, 0.05, 0.05), 0.025, tools={"ground": {"kind": "plane", "friction": 0.5}}, gravity=(0.0, 0.0, -9.81)
+    )
+    x = PbdRun(scene).body.x_rest
+    end, free = np.flatnonzero(x[:, 0] > x[:, 0].max() - 1e-9).astype(np.int32), threading.Event()
+
+    def probed(threads: int, longer: int, held_up: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        monkeypatch.setattr(compliance, "cores", lambda: threads)
+        monkeypatch.setattr(compliance, "WORTH_TWO", longer)
+        run = PbdRun(scene, seam=end)
+        for _ in range(4):
+            run.step()
+        blocked = two_threads._second().submit(free.wait, 60.0) if held_up else None
+        told = run.solver.advance(run.request(compliance=True)).compliance
+        assert len(run.solver._probe._benches) == (2 if threads == 2 and longer == 1 else 1)  # type: ignore[union-attr]
+        assert blocked is None or not blocked.done()
+        free.set()
+        return told, run.solver._ways
+
+    alone = probed(1, 1)
+    assert alone[0].any() and alone[1].any()
+    for threads, longer, held_up in ((2, 1, False), (2, 1, True), (2, 10**9, False)):
+        free.clear()
+        for one, other in zip(alone, probed(threads, longer, held_up), strict=True):
+            np.testing.assert_array_equal(one, other)

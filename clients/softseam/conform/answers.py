@@ -60,3 +60,22 @@ def corrects(service: Service) -> None:
         if step == 0:
             redone = part.advance(step, 2, pull + push).seam_x - reply.seam_x
             near("what redoing the step gives", moved, redone, _CORRECTED * size)
+
+
+def goes_on(service: Service) -> None:
+    """The first request of the next step, sent with Correct, is answered as it is when sent after; or it is left.
+
+    Left or answered, the step after follows it.
+    """
+    push, ends = some_force(), []
+    for together in (False, True):
+        part = ExaminedPart(service)
+        part.advance(0, 0, some_force(2e-3, 1), compliance=True)
+        then = part.request(1, 0, some_force(2e-3, 2))
+        corrected = part.correct(0, 1, push, push, then if together else None)
+        went = corrected.then or part.advance(1, 0, some_force(2e-3, 2))
+        expect(went.header == then.header, "Advanced.then with the header of Correct.then", went.header)
+        ends.append((corrected.seam_x, went.seam_x, part.advance(2, 0).seam_x))
+        service.release()
+    for one, other in zip(*ends, strict=True):
+        expect(np.array_equal(one, other), "the same bits as in two requests", f"{np.abs(one - other).max():.3g} m off")

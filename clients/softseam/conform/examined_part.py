@@ -207,9 +207,9 @@ class ExaminedPart:
         """The answer to `request`, which must have converged. Raises Unmet."""
         return self._stepped(self.request(step, exchange, force, compliance))
 
-    def correct(self, step: int, exchange: int, push: Floats, force: Floats) -> Advanced:
+    def correct(self, step: int, exchange: int, push: Floats, force: Floats, then: Advance | None = None) -> Advanced:
         """The tentative step, moved on by the answer to a push; that force acts from then on. Raises Unmet."""
-        return self._stepped(Correct(self.header(step, exchange), push, force))
+        return self._stepped(Correct(self.header(step, exchange), push, force, then=then))
 
     def _stepped(self, request: Advance | Correct) -> Advanced:
         reply = self.service.ask(request, Advanced)

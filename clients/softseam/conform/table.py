@@ -54,5 +54,6 @@ CHECKS: Table[Check] = Table(
         "compliance_definite": Check(answers.definite, "the compliance is symmetric, positive definite", "compliance"),
         "compliance_predicts": Check(answers.predicts, "the compliance predicts a small move", "compliance"),
         "correct": Check(answers.corrects, "Correct moves as was told, and as redoing would", "corrects"),
+        "correct_then": Check(answers.goes_on, "a step asked for with Correct is one asked for after it", "corrects"),
     },
 )

@@ -25,6 +25,7 @@ __all__ = [
     "Ask",
     "Correct",
     "Correction",
+    "First",
     "Loop",
     "LoopSetup",
     "Outcome",
@@ -68,8 +69,11 @@ class Correction:
 
 Ask = Callable[[dict[str, PartRequest]], dict[str, Advanced]]
 """has parts take the step anew, from where it began; their tentative answers"""
-Correct = Callable[[dict[str, Correction]], dict[str, Advanced]]
-"""moves their last tentative answers on"""
+First = Callable[[], dict[str, PartRequest]]
+"""what a loop asks for first in the step that follows, if that is as long as this one"""
+Correct = Callable[[dict[str, Correction], First], dict[str, Advanced]]
+"""moves their last tentative answers on, which ends the step; whoever has the tools' next motion may have the parts
+take the step that follows at once, and give `Ask` their answers"""
 
 
 @dataclass(frozen=True, slots=True)

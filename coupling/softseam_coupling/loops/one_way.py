@@ -130,6 +130,7 @@ class OneWay:
         is asked again."""
         saved = {name: (part.save(), self._linearity[name].save()) for name, part in self._parts.items()}
         rest = self._closure.save(), self._impedance, self._dt
+        predictions = self._multipliers.save(), self._target.save()
         try:
             return self._solve(ask, correct, dt, may_refuse)
         except BaseException:
@@ -138,6 +139,8 @@ class OneWay:
                 self._linearity[name] = _Linearity(*linearity)
             inverse, self._impedance, self._dt = rest
             self._closure.restore(inverse)
+            self._multipliers.restore(predictions[0])
+            self._target.restore(predictions[1])
             self._resend()
             raise
 
@@ -151,8 +154,7 @@ class OneWay:
         most = self._setup.exchanges
         if dt != self._dt:
             self._change(dt)
-        multipliers = self._multipliers.predict(dt)
-        target = self._target.predict(dt) if self._target.known else None
+        multipliers, target = self._predict()
         x: dict[str, Floats] = {}
         moves: dict[str, Floats] = {}
         requests: dict[str, PartRequest] = {}
@@ -172,23 +174,33 @@ class OneWay:
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
             found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
             if all(reply.correctable for reply in replies.values()):
-                if self._is_linear_enough(moves):
-                    corrections = self._corrections(replies, found, pushes, moves)
-                else:
-                    corrections = None
-                if corrections is not None:
-                    replies = correct(corrections)
-                    x = {name: reply.seam_x for name, reply in replies.items()}
-                    return self._commit(replies, found, x, exchange, bool(before))
+                corrected = self._corrections(replies, found, pushes, moves) if self._is_linear_enough(moves) else None
+                if corrected is not None:
+                    corrections, misses = corrected
+                    places = {name: x[name] + moves[name] - misses.get(name, 0.0) for name in x}
+                    self._commit(replies, found, places, exchange, bool(before))
+                    return self._outcome(correct(corrections, self._first), found, exchange)
             elif size <= _UNCORRECTED * self._setup.tolerance:
-                return self._commit(replies, multipliers, x, exchange, bool(before))
+                self._commit(replies, multipliers, x, exchange, bool(before))
+                return self._outcome(replies, multipliers, exchange)
             if exchange < most:
                 multipliers = found
                 if self._impedance_part is not None:
                     target = self._closure.target(self._impedance_part, {name: x[name] + moves[name] for name in x})
         if may_refuse:
             raise StepRefused(most)
-        return self._commit(replies, multipliers, x, most, True, NOT_CONVERGED)
+        self._commit(replies, multipliers, x, most, True)
+        return self._outcome(replies, multipliers, most, NOT_CONVERGED)
+
+    def _predict(self) -> tuple[Floats, Floats | None]:
+        """Multipliers of the coming step (c, 3) [N], and where the parts beyond the impedance's are expected."""
+        dt = self._dt
+        return self._multipliers.predict(dt), self._target.predict(dt) if self._target.known else None
+
+    def _first(self) -> dict[str, PartRequest]:
+        """See `First`."""
+        multipliers, target = self._predict()
+        return {name: self._request(name, multipliers, target) for name in self._parts}
 
     def forget_sent(self) -> None:
         """What parts keep of one another is sent again; one that was solved with an impedance reports its
@@ -310,25 +322,28 @@ class OneWay:
 
     def _corrections(
         self, replies: Mapping[str, Advanced], found: Floats, pushes: Mapping[str, Floats], moves: Mapping[str, Floats]
-    ) -> dict[str, Correction] | None:
-        """What moves the parts to where they agree under the multipliers found (c, 3) [N]; None where it cannot."""
-        corrections = {}
+    ) -> tuple[dict[str, Correction], dict[str, Floats]] | None:
+        """What moves the parts to where they agree under the multipliers found (c, 3) [N], and by how much parts miss
+        that (n, 3) [m]; None where it cannot."""
+        corrections, misses = {}, {}
         for name, part in self._parts.items():
             push, short = part.push_for(pushes[name], moves[name], replies[name].n_contacts == 0)
-            if short is not None and largest(short) > 0.3 * self._setup.tolerance:
-                return None
+            if short is not None:
+                if largest(short) > 0.3 * self._setup.tolerance:
+                    return None
+                misses[name] = short
             corrections[name] = Correction(push, part.force(found))
-        return corrections
+        return corrections, misses
 
     def _commit(
         self,
-        replies: dict[str, Advanced],
+        replies: Mapping[str, Advanced],
         multipliers: Floats,
         x: dict[str, Floats],
         exchanges: int,
         measured: bool,
-        note: str = "",
-    ) -> Outcome:
+    ) -> None:
+        """The step ends with these multipliers (c, 3) [N] and nodes (n, 3) [m], which parts will have been moved to."""
         for name, linearity in self._linearity.items():
             n_contacts = replies[name].n_contacts
             touches = (n_contacts > 0) != (linearity.n_contacts > 0)
@@ -342,7 +357,10 @@ class OneWay:
         self._multipliers.commit(multipliers, self._dt)
         if self._impedance_part is not None:
             self._target.commit(self._closure.target(self._impedance_part, x), self._dt)
-        return Outcome(replies, multipliers, largest(self._closure.gap(x)), exchanges, note)
+
+    def _outcome(self, replies: dict[str, Advanced], multipliers: Floats, exchanges: int, note: str = "") -> Outcome:
+        gap = self._closure.gap({name: reply.seam_x for name, reply in replies.items()})
+        return Outcome(replies, multipliers, largest(gap), exchanges, note)
 
 
 def _acted(reply: Advanced, request: PartRequest) -> Floats:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from softseam_protocol.messages.arrays import Count, IdText, NameText
+from softseam_protocol.messages.message import message
 
 SCHEMA_VERSION = 3
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Header:
     """Names a message: a request with the same header and kind is the same request."""
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from softseam_protocol.messages.arrays import Count, NameText
+from softseam_protocol.messages.message import message
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Progress:
     """A service's heartbeat; `requests` stands still while `busy` grows when its solver hangs."""
 

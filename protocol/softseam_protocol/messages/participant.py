@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from softseam_protocol.messages.arrays import (
     NO_MATRIX,
@@ -26,11 +26,12 @@ from softseam_protocol.messages.arrays import (
     no_labels,
 )
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.message import message
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Bundle:
     """A scene and the files it names, so that a participant needs no shared file system."""
 
@@ -40,7 +41,7 @@ class Bundle:
     """file contents by the path the scene gives them"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class BodyState:
     """State of the whole body (N nodes, P surface points) as it is handed over at a region switch."""
 
@@ -54,7 +55,7 @@ class BodyState:
     """tool that each surface point touches, -1 for none (P,)"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class PartMesh:
     """The mesh of a part, for a participant that does not build the body itself (n nodes, c cells, p points)."""
 
@@ -76,7 +77,7 @@ class PartMesh:
     """where in that cell, -1 to 1 along its x, y, z; beyond, by a cell at most, for points across a seam (p, 3)"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Configure:
     """Build a part: these cells of a body, with this model, in this state (rest if absent)."""
 
@@ -95,7 +96,7 @@ class Configure:
     """of the cells, in their order; None: of particles, or from an older orchestrator"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Capabilities:
     """What a participant can do for the region that it was configured with; who couples it asks for no more."""
 
@@ -115,7 +116,7 @@ class Capabilities:
     """expected processor time of a step [s]; 0: not known"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Configured:
     header: Header
     n_nodes: Count
@@ -134,7 +135,7 @@ class Configured:
     """None: of a region without coupling nodes none are asked for"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ToolMotion:
     """Poses of all tools at the start and the end of the step, in the scene's order (t tools)."""
 
@@ -147,7 +148,7 @@ class ToolMotion:
     """1 for tools that hold the particles that they found within reach as they began to grip (t,); empty: none does"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Advance:
     """Advance tentatively by one step; a new step number commits the tentative step before it.
 
@@ -174,7 +175,7 @@ class Advance:
     """tell `Advanced.seam_compliance_root` also if it was told before"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Correct:
     """Move the tentative step on by its linear answer to a force on the seam nodes; it stays tentative."""
 
@@ -185,9 +186,12 @@ class Correct:
     """that acts on the seam nodes from then on (s, 3) [N]"""
     fields: bool = False
     """also return the fields"""
+    then: Advance | None = None
+    """the first request for the step that follows, to be served at once, which spares a message of its own; a
+    participant may leave it, and is asked again"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Advanced:
     header: Header
     status: Status
@@ -249,9 +253,11 @@ class Advanced:
     """what went wrong and the remedy, where the status is not `converged`"""
     alarm_details: list[Detail] = field(default_factory=list)
     """what the alarm says, for programs"""
+    then: Advanced | None = None
+    """the answer to `Correct.then`; None: that was not served"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ParticleReport:
     """How well the constraints of a body of particles are met at the end of a step."""
 
@@ -271,7 +277,7 @@ class ParticleReport:
     """particles that tools hold"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Commit:
     """Accept the tentative step (done by the next Advance otherwise)."""
 
@@ -280,7 +286,7 @@ class Commit:
     """also return the fields"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Committed:
     header: Header
     fields: Fields | None = None
@@ -288,7 +294,7 @@ class Committed:
     """wall time spent [s]; diagnostics only"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Observe:
     """Ask for the fields of the last advanced step."""
 
@@ -299,7 +305,7 @@ class Observe:
     """of these only what the region's own model errs, at a bounded cost: what is looked at as a run ends"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Fields:
     """Fields of one region: its nodes, cells and surface points in ascending global order."""
 
@@ -328,14 +334,14 @@ class Fields:
     """wall time spent on an `Observe` [s], 0 within another reply; diagnostics only"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Snapshot:
     """Commit, then return everything that the participant's future depends on."""
 
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SnapshotTaken:
     header: Header
     state: bytes
@@ -343,32 +349,32 @@ class SnapshotTaken:
     """wall time spent [s]; diagnostics only"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Restore:
     header: Header
     state: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Restored:
     header: Header
     seconds: float = 0.0
     """wall time spent [s]; diagnostics only"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Release:
     """Forget a session's participant."""
 
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Released:
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Failure:
     """The answer to a request that cannot be served."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from softseam_protocol.messages.arrays import (
     NO_SCALARS,
@@ -19,11 +19,12 @@ from softseam_protocol.messages.arrays import (
     no_octants,
 )
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.message import message
 from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.participant import Bundle
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ToolSurface:
     """A tool that is a triangle mesh, in its own frame."""
 
@@ -33,7 +34,7 @@ class ToolSurface:
     """counter-clockwise from outside (T, 3)"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class SurfaceMesh:
     """What a viewer needs to draw a body's frames (C cells, P surface points, T triangles)."""
 
@@ -63,7 +64,7 @@ class SurfaceMesh:
     """ends of the lines along borders of materials, as nodes (L, 2)"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Begin:
     """A session begins: what its recording must hold to be drawn and simulated again."""
 
@@ -76,7 +77,7 @@ class Begin:
     """by body"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class End:
     """A session has ended: its recording can be closed."""
 
@@ -84,7 +85,7 @@ class End:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Recorded:
     """Progress of a recorder: everything up to here is in the file, but for `lost` messages."""
 

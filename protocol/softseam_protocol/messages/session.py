@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from softseam_protocol.messages.arrays import (
     NO_SCALARS,
@@ -21,11 +21,12 @@ from softseam_protocol.messages.arrays import (
     no_labels,
 )
 from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.message import message
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.participant import Bundle
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class InterfaceReport:
     """How well two parts agree that meet at an interface."""
 
@@ -39,7 +40,7 @@ class InterfaceReport:
     """work of the interface on both parts together, in this step [J]"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class PartReport:
     """Size and energies [J] of a part: some of a body under one model."""
 
@@ -60,7 +61,7 @@ class PartReport:
     """largest estimated error in position that a substep made in time, 0 where it is not estimated [m]"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class ErrorEstimate:
     """How far a run's answer may be off, by what its participants estimate of their errors."""
 
@@ -84,7 +85,7 @@ class ErrorEstimate:
     """by how much of itself the goal ought to be larger, with its sign [1]; of a probe, by FEM on the same cells"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class StepReport:
     """What happened in one committed step; one is published for every step."""
 
@@ -132,7 +133,7 @@ class StepReport:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Indicators:
     """How far the answer may be off, as fields on the body's cells (n_cells,)."""
 
@@ -146,7 +147,7 @@ class Indicators:
     """largest distance between the two sides at a cell's seam nodes, 0 elsewhere [m]"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Frame:
     """One body, whole, at the end of a step: what a replay draws. A step has one for each body."""
 
@@ -175,7 +176,7 @@ class Frame:
     """where the scene asks for one of them"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Event:
     """Something worth telling: a region switch, a phase, a fallback, an alarm, a recovery."""
 
@@ -188,7 +189,7 @@ class Event:
     """of what the kind counts: the parts of a cut step"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Open:
     """Open a session on a scene."""
 
@@ -197,7 +198,7 @@ class Open:
     record: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Reset:
     """Begin the scene anew, or another one in its place."""
 
@@ -207,7 +208,7 @@ class Reset:
     """the other scene; where it is refused, the session stands at the start of the one that it had"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Step:
     """Take `count` steps with these tool velocities, or with the scene's motion where `program` is set."""
 
@@ -225,50 +226,50 @@ class Step:
     """1 for tools that are to hold the particles within reach, 0 for those that are to let go"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Save:
     """Return the state of the whole simulation."""
 
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Load:
     header: Header
     state: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Estimate:
     """Ask how far the answer may be off as the body stands."""
 
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Saved:
     header: Header
     state: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Estimated:
     header: Header
     estimate: ErrorEstimate | None
     """of the body that is off most; None of bodies of particles, whose errors nobody estimates"""
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Close:
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Closed:
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Observation:
     """The answer to Open, Reset, Step and Load: the last step's report, its frames if asked for, and events since."""
 
@@ -279,7 +280,7 @@ class Observation:
     events: list[Event]
 
 
-@dataclass(frozen=True, slots=True)
+@message
 class Observations:
     """The answer to a Step that asks for each: one Observation a step, the same as steps asked for one by one."""
 

@@ -15,7 +15,7 @@ from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Advanced, Configure, Failure, Reply, Request
 from softseam_protocol.topics import Keys, ParticipantReply
 from softseam_protocol.wire.codec import decode, encode
-from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, worked
 
 TIMEOUT = 60.0
 """longest wait for a reply [s]; a process that dies or freezes is noticed long before"""
@@ -93,7 +93,7 @@ class BusTransport:
             size += len(raw)
             reply = replies[name] = self._decoded(name, request, raw)
             if isinstance(reply, Advanced):
-                slowest = max(slowest, reply.seconds)
+                slowest = max(slowest, worked(reply))
             else:
                 advanced = False
         if advanced and requests:

@@ -119,7 +119,7 @@ class ClientSession:
         commands = _commands(request)
         for remaining in range(request.count, 0, -1):
             try:
-                if not self._step(commands, fields=request.fields and remaining == 1):
+                if not self._step(commands, fields=request.fields and remaining == 1, more=remaining > 1):
                     break
             except (StepFailed, ParticipantFailed, ParticipantLost) as error:
                 raise counted(error, request.count - remaining, request.count) from error.__cause__
@@ -130,9 +130,11 @@ class ClientSession:
         began = time.monotonic()
         taken: list[Observation] = []
         commands = _commands(request)
-        while len(taken) < request.count and time.monotonic() - began < _TURN:
+        more = True
+        while more:
+            more = len(taken) + 1 < request.count and time.monotonic() - began < _TURN
             try:
-                if not self._step(commands, request.fields):
+                if not self._step(commands, request.fields, more):
                     break
             except (StepFailed, ParticipantFailed, ParticipantLost) as error:
                 if not taken:
@@ -142,8 +144,11 @@ class ClientSession:
             taken.append(self._observe(request.fields, taken=True))
         return Observations(request.header, taken or [self._observe(request.fields, taken=True)])
 
-    def _step(self, commands: dict[str, list[float]] | None, fields: bool) -> bool:
-        """Take a step with these velocities; None follows the scene's motion, unless that is over."""
+    def _step(self, commands: dict[str, list[float]] | None, fields: bool, more: bool) -> bool:
+        """Take a step with these velocities; None follows the scene's motion, unless that is over.
+
+        more: another step of the same request follows.
+        """
         if not self._feed.begun:
             self._feed.begin(self._begin())
         if self.cancelled or self._stopping():
@@ -151,7 +156,7 @@ class ClientSession:
         if commands is None and self.simulation.done:
             return False
         due = self._record and (self.steps + 1) % max(1, round(FRAME_PERIOD / self.simulation.scene.step)) == 0
-        self._last = self.simulation.step(commands, fields=due or fields)
+        self._last = self.simulation.step(commands, fields=due or fields, more=more and commands is None)
         self.steps += 1
         self.used = time.monotonic()
         return True

@@ -11,9 +11,13 @@ from softseam_services.orchestrator.transport import Transport
 
 
 def advance_all(
-    islands: Mapping[str, Participants], transport: Transport, motion: ToolMotion, fields: bool
+    islands: Mapping[str, Participants],
+    transport: Transport,
+    motion: ToolMotion,
+    fields: bool,
+    then: ToolMotion | None = None,
 ) -> dict[str, Outcome]:
-    """Advance all by a step; where one fails, none has taken it.
+    """Advance all by a step; where one fails, none has taken it. then: of a lone island, see `Participants.advance`.
 
     Those of one part, or of parts that nothing ties, are asked in one exchange; then the others, one after the other.
     Raises StepFailed, ParticipantLost and ParticipantFailed.
@@ -29,7 +33,7 @@ def advance_all(
             solutions[name] = island.taken(replies)
         for name, island in islands.items():
             if island.tied:
-                solutions[name] = island.advance(motion, fields, len(islands) == 1)
+                solutions[name] = island.advance(motion, fields, len(islands) == 1, then)
     except BaseException:
         for name in solutions:
             islands[name].withdraw()

@@ -79,6 +79,8 @@ class MovingTools:
         self._gripping = np.zeros(len(self.tools.names), dtype=np.int8)
         self.lifting = False
         """whether a tool has risen"""
+        self._ahead: Move | None = None  # after the step at hand, and
+        self._promised: Move | None = None  # after the one that was taken
 
     @property
     def poses(self) -> tuple[Floats, Floats]:
@@ -102,6 +104,9 @@ class MovingTools:
         no such thing.
         """
         progress: Progress | None
+        promised, self._promised, self._ahead = self._promised, None, None
+        if promised is not None and velocities is None:
+            return promised
         if velocities is None:
             command, progress = self.program.step(self._progress, self.position, self.orientation)
             self._drives.apply(command, self._progress, self.orientation)
@@ -109,16 +114,40 @@ class MovingTools:
         else:
             command, gripping = self._commanded(velocities)
             progress = self._progress
-        motion = tool_motion(self.tools, self.position, self.orientation, command, self._dt)
+        return self._move(command, gripping, progress, self.poses, velocities is not None)
+
+    def _move(
+        self,
+        command: Floats,
+        gripping: NDArray[np.int8],
+        progress: Progress | None,
+        poses: tuple[Floats, Floats],
+        by_hand: bool = False,
+    ) -> Move:
+        motion = tool_motion(self.tools, *poses, command, self._dt)
         if any(gripping.tolist()):
             motion = replace(motion, gripping=gripping.copy())
-        too_far = beyond_middle(self.tools, motion)
-        return Move(command, motion, gripping, progress, velocities is not None, too_far)
+        return Move(command, motion, gripping, progress, by_hand, beyond_middle(self.tools, motion))
+
+    def ahead(self, move: Move) -> ToolMotion | None:
+        """How the tools move in the step after `move`; None where that depends on what they feel, or a phase ends.
+
+        `next` tells the same then, where the scene's motion is followed.
+        """
+        after = move.after
+        if move.by_hand or after is None or after.phase > self._progress.phase:
+            return None
+        position, orientation = move.motion.position_next, move.motion.orientation_next
+        command, progress = self.program.step(after, position, orientation)
+        gripping = self.program.gripping(after, move.gripping)
+        self._ahead = self._move(command, gripping, progress, (position, orientation))
+        return self._ahead.motion
 
     def take(self, move: Move, wrench: Floats) -> Moved:
         """The step was taken, and all bodies did this to the tools (t, 6) [N, N m]."""
         self.position, self.orientation = move.motion.position_next, move.motion.orientation_next
         self._gripping = move.gripping
+        self._promised, self._ahead = self._ahead, None
         if not move.by_hand:
             self._drives.measured(wrench, self.orientation)
         before, after, missed = self._progress, move.after, ""
@@ -146,6 +175,7 @@ class MovingTools:
         self._progress, self.lifting = saved.progress, saved.lifting
         self.position, self.orientation, self._gripping = position, orientation, gripping
         self._drives.state[:] = drives
+        self._ahead = self._promised = None
 
     # ---- by hand
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
-from softseam_coupling.loops.loop import Correction, Outcome, PartRequest, StepDiverged, StepRefused
+from softseam_coupling.loops.loop import Correction, First, Outcome, PartRequest, StepDiverged, StepRefused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 from softseam_protocol.messages.participant import (
@@ -43,6 +43,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.step_ahead import StepAhead, advance_request
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.subdivided_step import SubdividedStep
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
@@ -104,6 +105,7 @@ class Participants:
         self._coupling: Coupling | None = None
         self._n_asked = self._asked = -1  # exchanges of the tick at hand, and of the one before
         self._under_way = False  # a step is, or was when it failed
+        self._ahead: StepAhead | None = None
         self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
         self._able: dict[str, Capabilities] = {}
         self._before: Kept | dict[str, Floats] | None = None  # the last step, where it may be withdrawn
@@ -113,7 +115,7 @@ class Participants:
         self._clock.epoch += 1
         self._epoch = self._clock.epoch
         self._n_asked, self._under_way = -1, False
-        self._kept = None
+        self._kept = self._ahead = None
         sides, self._coupling = tied
         self.sides = sides
         replies = self._transport.exchange(
@@ -154,12 +156,22 @@ class Participants:
         """Names a request of the present cut."""
         return Header(SCHEMA_VERSION, self._clock.session, part, self._epoch, self._tick, exchange, self._clock.time)
 
+    def _next_header(self, part: str) -> Header:
+        """Names the first request of the step that follows the present one."""
+        clock = self._clock
+        return Header(SCHEMA_VERSION, clock.session, part, self._epoch, self._tick + 1, 0, (clock.step + 1) * clock.dt)
+
     # ---- one step
 
     @property
     def tied(self) -> bool:
         """Whether there is an interface between its parts."""
         return self._coupling is not None
+
+    @property
+    def is_ahead(self) -> bool:
+        """Whether the next step has begun."""
+        return self._ahead is not None
 
     def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
         """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
@@ -182,17 +194,19 @@ class Participants:
         self._tell_cuts(solution)
         return solution
 
-    def advance(self, motion: ToolMotion, fields: bool, alone: bool) -> Outcome:
+    def advance(self, motion: ToolMotion, fields: bool, alone: bool, then: ToolMotion | None = None) -> Outcome:
         """Advance tied parts by a step until they agree; where they will not, in parts of the step.
 
         fields  ask for the fields in the exchange that is likely to be the last
         alone   no other island may fail in this step, after which this one would be withdrawn
+        then    motion of the next step, where that is certain to be taken: it begins in this one's last exchange
         """
-        self._discard_failed()
+        if self._ahead is None or self._ahead.motion is not motion:
+            self._discard_failed()
         assert self._coupling is not None
         self._before = None if alone else {name: array.copy() for name, array in self._coupling.to_arrays().items()}
         try:
-            solution = self._cut(motion, fields)
+            solution = self._cut(motion, fields, then)
         except StepDiverged as error:
             raise StepFailed(f"step {self._clock.step}: {error}") from error
         if solution.note:
@@ -223,28 +237,35 @@ class Participants:
                 taken = f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts"
                 self._tell("step", taken, count=reply.n_substeps)
 
-    def _advance(self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False) -> Outcome:
+    def _advance(
+        self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False, then: ToolMotion | None = None
+    ) -> Outcome:
         def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
             self._n_asked += 1
-            requests: dict[str, Request] = {}
-            for name, side in wanted.items():
-                header = self._header(name, self._n_asked)
-                last = fields and side.last and self._n_asked > 0  # it may well be
-                anchor = _FREE if side.target is None else side.target
-                stiffness = _KEPT if side.impedance is None else side.impedance
-                start = _FREE if side.start is None else side.start
-                requests[name] = Advance(
-                    header, dt, side.force, motion, side.renew, anchor, stiffness, last, start, side.repeat
-                )
+            if self._ahead is not None:
+                ahead, self._ahead = self._ahead, None
+                return self._advanced(ahead.replies | (self._transport.exchange(ahead.left) if ahead.left else {}))
+            requests = {}
+            for name, part in wanted.items():
+                last = fields and part.last and self._n_asked > 0  # it may well be
+                requests[name] = advance_request(self._header(name, self._n_asked), dt, motion, part, last)
             return self._advanced(self._transport.exchange(requests))
 
-        def correct(corrections: dict[str, Correction]) -> dict[str, Advanced]:
+        def correct(corrections: dict[str, Correction], first: First) -> dict[str, Advanced]:
             self._n_asked += 1
+            after: dict[str, Advance] = {}
+            if then is not None:
+                after = {
+                    name: advance_request(self._next_header(name), dt, then, part) for name, part in first().items()
+                }
             requests = {
-                name: Correct(self._header(name, self._n_asked), one.push, one.force, fields)
+                name: Correct(self._header(name, self._n_asked), one.push, one.force, fields, after.get(name))
                 for name, one in corrections.items()
             }
-            return self._advanced(self._transport.exchange(requests))
+            replies = self._advanced(self._transport.exchange(requests))
+            if then is not None:
+                self._ahead = StepAhead(then, after, {name: reply.then for name, reply in replies.items()})
+            return replies
 
         assert self._coupling is not None
         self._under_way = True
@@ -254,7 +275,7 @@ class Participants:
         self._n_asked, self._under_way = -1, False
         return solution
 
-    def _cut(self, motion: ToolMotion, fields: bool) -> Outcome:
+    def _cut(self, motion: ToolMotion, fields: bool, then: ToolMotion | None) -> Outcome:
         """Take the step whole, or in parts where it will not settle.
 
         Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
@@ -269,7 +290,7 @@ class Participants:
             parts = pace.parts
             part, dt, may_cut = step.next(parts)
             try:
-                step.taken(parts, self._advance(part, dt, fields, may_cut))
+                step.taken(parts, self._advance(part, dt, fields, may_cut, then if parts == 1 else None))
             except StepRefused as fault:
                 step.given_up(fault.exchanges)
                 pace.cut()
@@ -344,8 +365,10 @@ class Participants:
         return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
 
     def _discard_failed(self) -> None:
-        """Have a step that failed half way taken back by those that took it."""
+        """Have a step that failed half way, or that was begun and is not wanted, taken back by those that took it."""
         self._take_back()
+        if self._ahead is not None:
+            self._ahead, self._n_asked, self._under_way = None, 0, True
         if self._under_way:
             self._transport.exchange({name: Commit(self._header(name, self._n_asked + 1)) for name in self.sides.names})
             self._under_way = False

@@ -57,8 +57,20 @@ class RecoveringTransport:
         self._attempts = attempts
         self.on_event = on_event
         self._logs: dict[str, _Log] = {}
+        self._astray: set[str] = set()  # who may have begun a step that is not to follow
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        """See `Transport`."""
+        for name in sorted(self._astray & requests.keys()):
+            self._catch_up(name)
+            self._astray.discard(name)
+        try:
+            return self._exchange(requests)
+        except BaseException:
+            self._astray |= {name for name, request in requests.items() if _goes_on(request)}
+            raise
+
+    def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         for attempt in range(self._attempts + 1):
             try:
                 replies = self._inner.exchange(requests)
@@ -127,6 +139,11 @@ class RecoveringTransport:
         for request in log.since:
             self._inner.exchange({name: request})
         return len(log.since)
+
+
+def _goes_on(request: Request) -> bool:
+    """Whether who serves it commits the step at hand, so that a Commit does not take that back any more."""
+    return isinstance(request, Correct) and request.then is not None
 
 
 def _recoverable(error: ParticipantLost | ParticipantFailed) -> bool:

@@ -85,7 +85,7 @@ class Regions:
         if self._clock.step == 1 and self.near.enough:
             self._tell("regions", self.near.enough)
         looks, errors = self.near.looks_for
-        turn = self._clock.step % LOOK_EVERY == 0
+        turn = _is_turn(self._clock.step)
         seen = self.participants.observe(errors) if looks and turn else None
         reason = self.near.follow(self.sides, replies, seen, self._blame(replies, motion, seen) if turn else None)
         if not reason:
@@ -112,6 +112,10 @@ class Regions:
         self.participants.release(tried - set(self.sides.names))
         self._tell("refused", f"{cost} is too much for a switch; it is tried again in {RETRY} steps")
         return None
+
+    def looks_after(self, step: int) -> bool:
+        """Whether `follow` looks at the fields once so many steps were taken."""
+        return _is_turn(step) and (self.near.looks_for[0] or self.near.looks_for_goal)
 
     def _blame(
         self, replies: Mapping[str, Advanced], motion: ToolMotion, seen: Mapping[str, Fields] | None
@@ -225,3 +229,8 @@ class Regions:
             return frame
         assert isinstance(self._body, Body)  # others have none
         return replace(frame, indicators=measure(self._body, sides, self.near.neighbours, fields))
+
+
+def _is_turn(step: int) -> bool:
+    """Whether it is time to look at the fields, after so many steps."""
+    return step % LOOK_EVERY == 0

@@ -81,6 +81,11 @@ class SimulatedBody:
 
     # ---- one step
 
+    def goes_on(self, step: int, look: bool) -> bool:
+        """Whether its parts are tied, and asked nothing between so many steps and the next; look: at their fields."""
+        asked = (look and self.wants_indicators) or self.regions.looks_after(step)
+        return self.participants.tied and not asked
+
     def look(self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> Frame:
         """The body as it stands, between tools at (t, 3), (t, 4)."""
         return self.regions.frame(replies, position, orientation, self.wants_indicators)

@@ -26,14 +26,13 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
-from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, worst, wrench_of
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
-from softseam_services.orchestrator.step_warnings import Tell, ToolWarnings
+from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.server import build_setup
@@ -47,8 +46,6 @@ Solutions = dict[str, Outcome]
 _CHECKPOINT_STEPS = 50
 _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
-_FARTHEST = 100.0
-"""way of a tool in a step beyond which nobody meant it [m]"""
 
 
 class Simulation:
@@ -98,7 +95,7 @@ class Simulation:
                 points=probes[name],
                 transport=self._transport,
                 clock=self._clock,
-                tell=self._tells(name),
+                tell=self._event if len(setups) == 1 else naming(name, self._event),
                 gripped=program.grip is None or program.grip.body is setup.body,
             )
             for name, setup in setups.items()
@@ -190,20 +187,25 @@ class Simulation:
 
     # ---- stepping
 
-    def step(self, velocities: Mapping[str, Sequence[float]] | None = None, fields: bool = False) -> StepReport:
+    def step(
+        self, velocities: Mapping[str, Sequence[float]] | None = None, fields: bool = False, more: bool = False
+    ) -> StepReport:
         """Advance by one step of the scene.
 
         velocities  of tools [m/s], with three more numbers also angular ones about their positions [rad/s]; tools left
                     out stand still; a seventh makes the tool hold the particles within reach (1), or let go (0).
                     None follows the scene's motion.
         fields      also make a Frame of each body (see `frames`)
+        more        another step of the scene's motion follows for certain: with participants on a bus it comes sooner
         Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
         """
         began, ongoing = perf_counter(), not self.done
         move = self._moving.next(velocities)
         self._stopwatch.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
-        solutions = advance_all(self._islands(), self._transport, move.motion, look)
+        islands = {name: body.participants for name, body in self.bodies.items()}
+        then = self._ahead(move, look) if more else None
+        solutions = advance_all(islands, self._transport, move.motion, look, then)
         wrenches = {name: wrench_of(solution.replies) for name, solution in solutions.items()}
         first, *others = wrenches.values()
         wrench = sum(others, first)
@@ -236,8 +238,13 @@ class Simulation:
                 self._emit(frame)
         return report
 
-    def _islands(self) -> dict[str, Participants]:
-        return {name: body.participants for name, body in self.bodies.items()}
+    def _ahead(self, move: Move, look: bool) -> ToolMotion | None:
+        """How the tools move in the step after `move`, where nothing else is asked of the participants in between."""
+        step, (body, *others) = self._clock.step + 1, self.bodies.values()
+        last = self._duration is not None and step >= round(self._duration / self.scene.step)
+        if last or others or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
+            return None
+        return self._moving.ahead(move)
 
     def _look(self, solutions: Solutions, asked: bool) -> dict[str, Frame] | None:
         """The bodies' fields where they are asked for; None where they are not, or are lost."""
@@ -380,16 +387,6 @@ class Simulation:
         except (ParticipantLost, ParticipantFailed) as error:
             self._event("lost", f"step {self._clock.step - 1} is taken, but what follows it was not done: {error}")
             return None
-
-    def _tells(self, name: str) -> Tell:
-        """Receives the events of a body, which are told with its name where there are several."""
-        if len(self.scene.bodies) == 1:
-            return self._event
-
-        def tell(kind: str, message: str, *details: Detail, count: int = 0) -> None:
-            self._event(kind, f"{name}: {message}", *details, count=count)
-
-        return tell
 
     def _event(self, kind: str, message: str, *details: Detail, count: int = 0) -> None:
         event = Event(self._clock.now(), EventKind(kind), message, list(details), count)

@@ -25,6 +25,15 @@ class Tell(Protocol):
     def __call__(self, kind: str, message: str, *details: Detail, count: int = 0) -> None: ...
 
 
+def naming(body: str, tell: Tell) -> Tell:
+    """Tells with the name of the body that an event is of."""
+
+    def told(kind: str, message: str, *details: Detail, count: int = 0) -> None:
+        tell(kind, f"{body}: {message}", *details, count=count)
+
+    return told
+
+
 class StepWarnings:
     """What is told of a body: each once, when it comes, not in every step that it lasts.
 

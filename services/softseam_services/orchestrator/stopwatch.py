@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from time import perf_counter
 
 from softseam_protocol.messages.participant import Configure, Reply, Request, Worked
-from softseam_services.orchestrator.transport import Transport
+from softseam_services.orchestrator.transport import Transport, worked
 
 
 class Stopwatch:
@@ -51,7 +51,7 @@ class TimedTransport:
         began = perf_counter()
         replies = self._inner.exchange(requests)
         wall = perf_counter() - began
-        work = {name: reply.seconds for name, reply in replies.items() if isinstance(reply, Worked)}
+        work = {name: worked(reply) for name, reply in replies.items() if isinstance(reply, Worked)}
         self._stopwatch.exchanged(wall, work.values())
         for name, seconds in work.items():
             self._stopwatch.spent(self._models[name], seconds)

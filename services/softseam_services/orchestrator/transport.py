@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from softseam_protocol.messages.participant import Failure, Reply, Request
+from softseam_protocol.messages.participant import Advanced, Failure, Reply, Request, Worked
 
 
 class ParticipantLost(RuntimeError):
@@ -24,6 +24,12 @@ class ParticipantFailed(RuntimeError):
         super().__init__(f"participant {participant!r} refuses ({failure.kind}): {failure.message}")
         self.participant = participant
         self.failure = failure
+
+
+def worked(reply: Worked) -> float:
+    """Wall time that a participant spent on an answer [s], the step that it began with it among that."""
+    then = reply.then if isinstance(reply, Advanced) else None
+    return reply.seconds + (0.0 if then is None else then.seconds)
 
 
 class Transport(Protocol):

@@ -20,8 +20,9 @@ from .kernels.share import find_shares
 from .kernels.thread_team import new_team
 from .model import PbdModel
 from .parameters import PbdParameters, block_softness
-from .records import new_inputs, new_scratch, new_shares
-from .state import new_state
+from .records import Scratch, new_inputs, new_scratch, new_shares
+from .state import PbdState, new_state
+from .two_threads import cores, share_out
 
 Ways = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ add to the compliance is below 3 %"""
 LEAST_LAYERS, MOST_LAYERS = 3, 8
 STRAIN = 1e-6
 """displacement that a probe aims at, in block edges"""
+WORTH_TWO = 40_000
+"""columns times blocks times substeps of a probe from which on a second thread shares it"""
 MOST_WAYS = 4_000_000
 """numbers that are kept of what a probe found, so that steps can be settled by it; beyond that none are"""
 
@@ -51,10 +54,22 @@ class Probing(NamedTuple):
     parts: Ints
     team: NDArray[np.int64]
     """alone"""
+    columns: Ints
+    """first of those that are probed, and the first that is not (2,)"""
     compliance: Floats
     """(3s, 3s) [m/N]"""
     ways: Ways
     """(3s, 2, k + 1, 3) [m/N, m/s/N]"""
+
+
+class _Bench(NamedTuple):
+    """What one thread probes some of the columns with."""
+
+    start: PbdState
+    work: PbdState
+    scratch: Scratch
+    probing: Probing
+    ws: Floats
 
 
 class SeamProbe:
@@ -127,25 +142,34 @@ class SeamProbe:
             point_softness=parameters.point_softness[self._used],
             tolerance=0.0,
         )
-        n, p, t = len(ids), len(self._used), model.n_tools
-        self._scratch = new_scratch(self._arrays, self._numbers, numbers.padding_x, 0)
-        self._scratch.xw[:n, 3] = inverse_mass
+        n, p, t, b = len(ids), len(self._used), model.n_tools, blocks.n_batches
         self._shares = new_shares(model.arrays, t)
-        self._start, self._work = new_state(n, blocks.n_batches, p, t), new_state(n, blocks.n_batches, p, t)
         self._inputs = new_inputs(t, len(model.seam))
-        self._ws = new_workspace()
+        self._seam_mass = inverse_mass[self._arrays.seam]
         beyond = edge[: len(edge) if not clamped else 0]
         columns = 3 * len(model.seam)
         self.keeps_ways = 6 * columns * (n + 1) <= MOST_WAYS
         """whether what every node does is small enough to be kept"""
-        self._probing = Probing(
-            edge=number[beyond],
-            share_of_edge=mass[: len(beyond)] / max(mass.sum(), 1e-300),
-            parts=np.array([0, blocks.n_batches], dtype=np.int32),
-            team=new_team(alone=True),
-            compliance=np.zeros((columns, columns)),
-            ways=np.zeros((columns, 2, n + 1, 3)) if self.keeps_ways else no_ways(),
-        )
+        self._compliance = np.zeros((columns, columns))
+        self._ways = np.zeros((columns, 2, n + 1, 3)) if self.keeps_ways else no_ways()
+        long = columns * len(blocks.ids) * parameters.substeps(dt) >= WORTH_TWO
+        middle = columns // 2 if long and cores() > 1 else columns
+        self._benches = []
+        for ends in (0, middle), (middle, columns):
+            scratch = new_scratch(self._arrays, self._numbers, numbers.padding_x, 0)
+            scratch.xw[:n, 3] = inverse_mass
+            probing = Probing(
+                edge=number[beyond],
+                share_of_edge=mass[: len(beyond)] / max(mass.sum(), 1e-300),
+                parts=np.array([0, b], dtype=np.int32),
+                team=new_team(alone=True),
+                columns=np.array(ends, dtype=np.int32),
+                compliance=self._compliance,
+                ways=self._ways,
+            )
+            if ends[0] < ends[1]:
+                start, work = new_state(n, b, p, t), new_state(n, b, p, t)
+                self._benches.append(_Bench(start, work, scratch, probing, new_workspace()))
 
     def compliance(
         self, x: Floats, force: Floats, position: Floats, orientation: Floats, ramp: bool = False
@@ -160,27 +184,36 @@ class SeamProbe:
         on the nodes m that the seam follows, which are the seam's own where none of them hangs. The next probe
         overwrites them.
         """
-        model, parameters = self._model, self._parameters
-        inputs, start, probing = self._inputs, self._start, self._probing
+        model, parameters, inputs = self._model, self._parameters, self._inputs
         edge = float(parameters.blocks.edges.min())
-        seam_mass = self._scratch.xw[self._arrays.seam, 3]
-        n_seam, free = len(seam_mass), seam_mass[seam_mass > 0.0]
+        n_seam, free = len(self._seam_mass), self._seam_mass[self._seam_mass > 0.0]
         if len(free) == 0:
-            return np.zeros((3 * n_seam, 3 * n_seam)), probing.ways
+            return np.zeros((3 * n_seam, 3 * n_seam)), self._ways
         inputs.position[:], inputs.orientation[:] = position, orientation
-        shares, own = self._shares, self._scratch.contacts.shares
+        shares = self._shares
         if len(model.faces.nodes):
             find_shares(model.arrays, parameters.arrays, x, position, orientation, shares)
-            np.take(shares.side, self._used, axis=0, out=own.side)
-            np.take(shares.give, self._used, axis=0, out=own.give)
-        np.take(x, self.ids, axis=0, out=start.x)
-        np.take(force, self._used, axis=0, out=start.force)
-        probe_seam(
-            *(self._arrays, self._numbers, start, self._work, inputs, self._scratch, probing),
-            *(self.dt, parameters.substeps(self.dt), parameters.spec.sweeps, ramp),
-            *(STRAIN * edge / (self.dt * self.dt * float(np.median(free))), self._ws),
-        )
-        result, ways = probing.compliance.copy(), probing.ways
+        for bench in self._benches:
+            own = bench.scratch.contacts.shares
+            if len(model.faces.nodes):
+                np.take(shares.side, self._used, axis=0, out=own.side)
+                np.take(shares.give, self._used, axis=0, out=own.give)
+            np.take(x, self.ids, axis=0, out=bench.start.x)
+            np.take(force, self._used, axis=0, out=bench.start.force)
+
+        def probe(place: int) -> None:
+            bench = self._benches[place]
+            probe_seam(
+                *(self._arrays, self._numbers, bench.start, bench.work, inputs, bench.scratch, bench.probing),
+                *(self.dt, parameters.substeps(self.dt), parameters.spec.sweeps, ramp),
+                *(STRAIN * edge / (self.dt * self.dt * float(np.median(free))), bench.ws),
+            )
+
+        if len(self._benches) > 1:
+            share_out(probe)
+        else:
+            probe(0)
+        result, ways = self._compliance.copy(), self._ways
         weight = self._model.seam_weight
         if weight is not None:
             # What a node of the region's seam feels and shows goes by the nodes that it follows: H = W H_m W^T.

@@ -35,6 +35,19 @@ def _second() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, thread_name_prefix="pbd")
 
 
+def share_out(work: Callable[[int], None]) -> None:
+    """work(0) by this thread and work(1) by a second one, or after it, where that is busy; they share nothing."""
+    other = _second().submit(work, 1)
+    try:
+        work(0)
+    finally:  # whatever happens here, nobody is left at work
+        idle = other.cancel()
+        if not idle:
+            other.result()
+    if idle:
+        work(1)
+
+
 class TwoThreads:
     """Runs a kernel by this thread, and by a second one beside it where the region is large and a core is free."""
 

@@ -37,12 +37,14 @@ def begin_probes(model, parameters, start, inputs, scratch, hh, ws):
 def probe_seam(model, parameters, start, state, inputs, scratch, probing, dt, n_substeps, n_sweeps, ramp, probe, ws):
     """compliance[:, c] = (seam x after a step under `probe` [N] in component c - the same without it)/probe.
 
+    c from probing.columns[0] to before probing.columns[1]; no column depends on another.
+
     start, state  where the probes start, of which x and force say where that is, and where they are
     ramp          of the seam's velocities, under a probe that grows from nothing with the substeps [m/(N s)]
 
     ways[c] likewise, of x and v of every node, and last of what lies beyond: the mean of the nodes `edge` (e,) by
     `share_of_edge` (e,). compliance (3s, 3s) [m/N] and ways (3s, 2, n + 1, 3) [m/N, m/s/N] of `probing` are
-    overwritten, ways unless it is empty.
+    overwritten in these columns, ways unless it is empty.
     """
     contacts, xw, push, seam = scratch.contacts, scratch.xw, scratch.push, model.seam
     nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
@@ -56,7 +58,9 @@ def probe_seam(model, parameters, start, state, inputs, scratch, probing, dt, n_
     pairs_start = contacts.pairs.copy()
     push[:] = 0.0
     rest = np.zeros((2, n, 3))
-    for column in range(-1, 3 * len(seam)):
+    first, last = probing.columns
+    for place in range(first - 1, last):
+        column = place if place >= first else -1
         copy_rows(x, start.x)
         copy_rows(xw, start.x)
         v[:] = 0.0
@@ -91,5 +95,5 @@ def probe_seam(model, parameters, start, state, inputs, scratch, probing, dt, n_
                         way[i, c] = (at[i, c] - rest[which, i, c]) / probe
                 for c in range(3):
                     way[n, c] = 0.0
-                    for place in range(len(edge)):
-                        way[n, c] += share_of_edge[place] * way[edge[place], c]
+                    for e in range(len(edge)):
+                        way[n, c] += share_of_edge[e] * way[edge[e], c]
