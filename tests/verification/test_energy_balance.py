@@ -154,11 +154,17 @@ class Watched(EmbeddedTransport):
         return solver._scratch.next if solver._tentative else solver._committed
 
 
-@pytest.mark.parametrize(("tolerance", "bound"), [(1e-7, 1e-5), (FemSpec().tolerance, 1e-4)], ids=["tight", "default"])
-def test_the_losses_of_both_models_are_the_remainder_of_the_balance(tolerance: float, bound: float) -> None:
+@pytest.mark.parametrize(
+    ("tolerance", "step_bound", "sum_bound"),
+    [(1e-7, 1e-6, 1e-5), (FemSpec().tolerance, 3e-6, 1e-4)],
+    ids=["tight", "default"],
+)
+def test_the_losses_of_both_models_are_the_remainder_of_the_balance(
+    tolerance: float, step_bound: float, sum_bound: float
+) -> None:
     """Cut tofu that is squeezed: what each part loses by eq. (1), corrections included, is what the ledger leaves.
 
-    But for what Newton's method leaves, by its tolerance.
+    But for what Newton's method leaves, by its tolerance. Bounds are shares of the work done, of a step and in sum.
     """
     near = {"within": 0.006, "tools": ["left", "right"], "split": "always"}
     models = {"fem": {"tolerance": tolerance}, "pbd": {"substeps": 1}}
@@ -181,7 +187,7 @@ def test_the_losses_of_both_models_are_the_remainder_of_the_balance(tolerance: f
     off = abs(own - remainder)
     print(f"work {done:.3g} J, lost {own:.3g} J, off by {off / done:.1e} of the work, a step by {worst / done:.1e}")
     assert own > 2e-3 * done, "something to account for"
-    assert max(worst, off) < bound * done
+    assert worst < step_bound * done and off < sum_bound * done
 
 
 def test_the_ledger_of_both_models_adds_up() -> None:
