@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import pytest
 from real_services import free_port, squeezed_bar
@@ -11,7 +12,7 @@ from softseam.errors import FieldsNotObserved
 from softseam.observation import observation_from
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.participant import Advance, Observe, Reply, Request
+from softseam_protocol.messages.participant import Advance, Correct, Observe, Reply, Request
 from softseam_protocol.messages.session import Observation, Observations, Step
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.topics import Keys
@@ -26,7 +27,10 @@ LAST = 3
 
 
 class Losing(EmbeddedTransport):
-    """Loses its participants for good once they have taken LAST steps, where they are asked for a kind of request."""
+    """Loses its participants for good once they have taken LAST steps, where they are asked for a kind of request.
+
+    They leave the step that would begin with the correction of the one before.
+    """
 
     kinds: tuple[type[Request], ...] = (Advance,)
     waits = 0
@@ -40,7 +44,8 @@ class Losing(EmbeddedTransport):
         for name, request in requests.items():
             if isinstance(request, self.kinds) and request.header.step >= LAST:
                 raise ParticipantLost(name, "the cable was cut")
-        return super().exchange(requests)
+        alone = {name: replace(one, then=None) if isinstance(one, Correct) else one for name, one in requests.items()}
+        return super().exchange(alone)
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
         Losing.waits += 1

@@ -205,7 +205,7 @@ def test_crushed_starts_recover(shape: str) -> None:
     points = len(run.body.surface.cell)
     state = BodyState(x, np.zeros_like(x), np.zeros((points, 3)), np.full(points, -1, dtype=np.int32))
     run = FemRun(run.scene, state=state)
-    for _ in range(100):
+    for _ in range(10 if shape == "mirrored" else 100):  # a step that fails takes a second
         reply = run.solver.advance(run.request())
         run.n_steps += 1
         assert reply.status == "converged" or shape == "mirrored"
