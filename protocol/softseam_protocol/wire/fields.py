@@ -91,7 +91,10 @@ def _array_reader(where: str, array: Array) -> Callable[[Any], Any]:
                 raise Wrong(f"{where}: shape {shape} has an axis that is too long")
             return np.zeros(shape, dtype)
         values = frombuffer(bytearray(data), dtype)
-        if is_float:
+        if is_float and array.unbounded:
+            if not values.min() > -math.inf:  # nor NaN, which it would be
+                check_floats(values)
+        elif is_float:
             # the squares' sum is finite only if every entry is; overflow is settled by the exact test
             if not math.isfinite(vdot(values, values)):
                 check_floats(values)
