@@ -20,18 +20,6 @@ ORDER = ("slow", "viewer", "docker")
 _left_out: dict[str, int] = {}
 
 
-def pytest_configure() -> None:
-    """A worker beside others keeps to a core of its own, as do the processes that it starts.
-
-    Threads that share a step wait for one another without a pause; those of two workers on the same cores took tests of
-    3 s a minute.
-    """
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "")
-    if worker and hasattr(os, "sched_setaffinity"):
-        cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {cores[int(worker.removeprefix("gw")) % len(cores)]})
-
-
 def _docker() -> str | None:
     """Why the Docker tests cannot run here, or None."""
     if shutil.which("docker") is None:

@@ -110,7 +110,10 @@ def replay(
     bind: Annotated[str, typer.Option(metavar="ADDRESS", help="For --web: where browsers reach it.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="PORT", help="For --web: the browser's port.")] = 9090,
 ) -> None:
-    """Show a recording in rerun, save it for rerun, draw it, or verify it."""
+    """Show a recording in rerun, save it for rerun, draw it, or verify it.
+
+    Rerun's usage reporting is off; SOFTSEAM_RERUN_ANALYTICS=1 leaves it as `rerun analytics` was told.
+    """
     from softseam.showing import show
 
     code = show(recording, _out(), save=save, web=web, verify=verify, pictures=pictures, bind=bind, port=port)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import http.client
+import json
+import os
 import shutil
+import signal
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,7 +25,8 @@ from softseam.embedded import resimulate
 from softseam.recording import Recording
 from softseam.replay import ReplayError, replay, verify
 from softseam.replay.screenshot import screenshots
-from softseam.replay.show import free_port, viewer, web_address, web_command
+from softseam.replay.show import free_port, web_address, web_arguments
+from softseam.replay.viewer import REPORTING, quiet, running, viewer
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.scene import Scene
@@ -126,20 +131,21 @@ def _listens(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
+def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
+    """Until the viewer serves its page."""
+    deadline = time.monotonic() + 30.0
+    while not _listens(port):
+        assert time.monotonic() < deadline and process.poll() is None, "the viewer serves no page"
+        time.sleep(0.1)  # the pace of asking: the viewer does not say when it is ready
+
+
 @pytest.fixture
 def served(rrd: Path) -> Iterator[tuple[int, int]]:
     """The web viewer's HTTP and gRPC ports."""
     ports = free_port(9090), free_port(9876)
-    process = subprocess.Popen(web_command(rrd, *ports), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        deadline = time.monotonic() + 30.0
-        while not _listens(ports[0]):
-            assert time.monotonic() < deadline and process.poll() is None, "the viewer serves no page"
-            time.sleep(0.1)  # the pace of asking: the viewer does not say when it is ready
+    with running(web_arguments(rrd, *ports), silent=True) as process:
+        _wait_for(ports[0], process)
         yield ports
-    finally:
-        process.terminate()
-        process.wait(10.0)
 
 
 def test_the_web_viewer_listens_on_loopback_only(served: tuple[int, int]) -> None:
@@ -152,6 +158,41 @@ def test_the_web_viewer_listens_on_loopback_only(served: tuple[int, int]) -> Non
     assert mine == {"0100007F"}
     six = Path("/proc/net/tcp6").read_text()
     assert not any(f":{port:04X} " in six for port in served)
+
+
+def test_sigterm_ends_the_viewer_and_leaves_nothing(tmp_path: Path) -> None:
+    """As when a shell or a service manager ends `softseam replay`: no process, no port, no temporary file is left."""
+    file, scratch = write(tmp_path / "run.mcap", Squeeze(5)), tmp_path / "tmp"
+    scratch.mkdir()
+    port = free_port(9090)
+    command = [str(Path(sys.executable).with_name("softseam")), "replay", str(file), "--web", "--port", str(port)]
+    with subprocess.Popen(command, env={**os.environ, "TMPDIR": str(scratch)}, stdout=subprocess.DEVNULL) as process:
+        _wait_for(port, process)
+        assert list(scratch.iterdir())
+        (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        process.terminate()
+        assert process.wait(20.0) == 128 + signal.SIGTERM
+    assert not Path(f"/proc/{child}").exists()
+    assert not _listens(port)
+    assert not list(scratch.iterdir())
+
+
+def test_the_viewer_reports_no_usage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says so itself; where its user asks for it, it is as `rerun analytics` was told to."""
+
+    def reports(environment: dict[str, str]) -> bool:
+        done = subprocess.run(
+            [viewer(), "analytics", "config"], env=environment, capture_output=True, text=True, timeout=60, check=True
+        )
+        return bool(json.loads(done.stdout)["analytics_enabled"])
+
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "own"))
+    monkeypatch.delenv(REPORTING, raising=False)
+    assert reports(dict(os.environ)), "the control: rerun's own default"
+    assert not reports(quiet(tmp_path / "quiet"))
+    monkeypatch.setenv(REPORTING, "1")
+    assert reports(quiet(tmp_path / "asked"))
 
 
 @pytest.mark.viewer

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
-from softseam.replay.show import LOOPBACK, ReplayError, free_port, viewer
+from softseam.replay.show import LOOPBACK, ReplayError, free_port
+from softseam.replay.viewer import running
 
 
 def screenshots(rrd: Path, wanted: Mapping[Path, float], *, size: str = "1600x1000", timeout: float = 60.0) -> None:
@@ -27,17 +28,9 @@ def screenshots(rrd: Path, wanted: Mapping[Path, float], *, size: str = "1600x10
 @contextmanager
 def _headless(rrd: Path, size: str, timeout: float) -> Iterator[ViewerClient]:
     port = free_port(9876)
-    command = [viewer(), str(rrd), "--headless", "--bind", LOOPBACK, "--port", str(port), "--window-size", size]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
+    arguments = [str(rrd), "--headless", "--bind", LOOPBACK, "--port", str(port), "--window-size", size]
+    with running(arguments, silent=True) as process:
         yield _connect(process, port, timeout)
-    finally:
-        process.terminate()
-        try:
-            process.wait(timeout=5.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
 
 
 def _connect(process: subprocess.Popen[bytes], port: int, timeout: float) -> ViewerClient:

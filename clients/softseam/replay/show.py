@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from urllib.parse import quote
 
 import rerun as rr
-import rerun_cli
 
 from softseam.recording import Recording
 from softseam.replay.convert import convert
+from softseam.replay.viewer import running
 
 LOOPBACK = "127.0.0.1"
 
@@ -49,11 +46,11 @@ def replay(
         if web:
             http = free_port(port)
             grpc = free_port(9876)
-            command = web_command(file, http, grpc, bind)
+            arguments = web_arguments(file, http, grpc, bind)
             print(f"open {web_address(http, grpc)} in a browser on this machine; Ctrl-C ends it", flush=True)
         else:
-            command = [viewer(), str(file), "--bind", LOOPBACK, "--port", str(free_port(9876))]
-        _run(command)
+            arguments = [str(file), "--bind", LOOPBACK, "--port", str(free_port(9876))]
+        _show(arguments)
     return None
 
 
@@ -80,37 +77,25 @@ def save_rrd(recording: Recording, path: Path | str) -> Path:
     return path
 
 
-def viewer() -> str:
-    """The viewer that comes with rerun-sdk: this one, whatever else is on the path."""
-    name = "rerun.exe" if sys.platform == "win32" else "rerun"
-    return str(Path(rerun_cli.__file__).parent / name)
-
-
 def web_address(http: int, grpc: int) -> str:
-    """The page that shows what `web_command` serves."""
+    """The page that shows what a viewer with `web_arguments` serves."""
     source = quote(f"rerun+http://{LOOPBACK}:{grpc}/proxy", safe="")
     return f"http://{LOOPBACK}:{http}/?url={source}"
 
 
-def web_command(file: Path, http: int, grpc: int, bind: str = LOOPBACK) -> list[str]:
+def web_arguments(file: Path, http: int, grpc: int, bind: str = LOOPBACK) -> list[str]:
     """Serve `file` to browsers on this machine; rerun's own default would be every interface."""
     ports = ["--port", str(grpc), "--web-viewer-port", str(http)]
-    return [viewer(), str(file), "--serve-web", "--bind", bind, *ports]
+    return [str(file), "--serve-web", "--bind", bind, *ports]
 
 
-def _run(command: list[str]) -> None:
-    process = subprocess.Popen(command)
+def _show(arguments: list[str]) -> None:
+    """Until the viewer is closed, or Ctrl-C."""
     try:
-        code = process.wait()
+        with running(arguments) as process:
+            code = process.wait()
     except KeyboardInterrupt:
-        process.send_signal(signal.SIGINT)
         return
-    finally:
-        try:
-            process.wait(timeout=5.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
     if code:
         raise ReplayError(
             f"the viewer ended with code {code}: without a display, use --save FILE.rrd or --web (rerun says why above)"
