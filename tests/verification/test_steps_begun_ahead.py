@@ -201,3 +201,32 @@ def test_where_what_follows_fails_the_correction_stands(monkeypatch: pytest.Monk
     monkeypatch.setattr(FemSolver, "advance", fails_once)
     _same(expected, _run(scene, Counting(), more=True)[0])
     assert failed == list(range(3, 150, 10))
+
+
+def test_who_is_still_away_is_waited_for() -> None:
+    """A participant that is lost for good, and again as it is built anew, is waited for as any that is lost."""
+
+    class Away(Counting):
+        here, waits = True, 0
+
+        def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+            if not self.here and "body.near" in requests:
+                raise ParticipantLost("body.near", "the cable was cut")
+            return super().exchange(requests)
+
+        def wait_alive(self, participant: str, timeout: float) -> bool:
+            self.waits += 1
+            self.here = self.waits > 1
+            return self.here
+
+    scene, transport = _scene("cantilever", 0.3), Away()
+    expected, _ = _run(scene, Counting(), more=False)
+    simulation = Simulation(bundle_scene(scene), transport)
+    reports = [simulation.step(more=True) for _ in range(7)]
+    transport.here, transport.lost = False, "body.near"
+    with pytest.raises(ParticipantLost):
+        simulation.step(more=True)
+    while not simulation.done:
+        reports.append(simulation.step(more=True))
+    assert transport.waits == 2
+    _same(expected, reports)

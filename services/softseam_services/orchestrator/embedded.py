@@ -11,7 +11,7 @@ from softseam_services.pbd.two_threads import cores
 from softseam_services.server import ParticipantServer, Setup
 
 _WORTH_A_THREAD = 6e-4
-"""[s]; a hand-over to another thread costs about a fifth of that, and kernels leave the interpreter to the other"""
+"""[s]; a hand-over to another thread costs about a tenth of that, and kernels leave the interpreter to the other"""
 
 
 class EmbeddedTransport:

@@ -53,9 +53,7 @@ Tied = tuple[Sides, Coupling | None]
 """sides, and what ties them where they share nodes"""
 
 _FREE = np.zeros((0, 3))
-"""no forces, no anchor, and no force at the start of a step"""
-_KEPT = np.zeros((0, 0))
-"""stands for the stiffness that the near side has"""
+"""no forces: of a part that nothing ties"""
 _OLDER = Failure(
     FailureKind.SCHEMA,
     "it does not tell the energies that it begins with: install the same version of softseam on both sides",
@@ -178,9 +176,7 @@ class Participants:
         self._discard_failed()
         self._n_asked, self._under_way = self._n_asked + 1, True
         return {
-            name: Advance(
-                self._header(name, self._n_asked), self._clock.dt, _FREE, motion, False, _FREE, _KEPT, fields, _FREE
-            )
+            name: advance_request(self._header(name, self._n_asked), self._clock.dt, motion, PartRequest(_FREE), fields)
             for name in self.sides.names
         }
 

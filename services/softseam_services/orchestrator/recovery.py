@@ -61,9 +61,6 @@ class RecoveringTransport:
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         """See `Transport`."""
-        for name in sorted(self._astray & requests.keys()):
-            self._catch_up(name)
-            self._astray.discard(name)
         try:
             return self._exchange(requests)
         except BaseException:
@@ -73,6 +70,7 @@ class RecoveringTransport:
     def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         for attempt in range(self._attempts + 1):
             try:
+                self._bring_back(requests)
                 replies = self._inner.exchange(requests)
             except (ParticipantLost, ParticipantFailed) as error:
                 if not _recoverable(error) or attempt == self._attempts:
@@ -89,6 +87,13 @@ class RecoveringTransport:
 
     def close(self) -> None:
         self._inner.close()
+
+    def _bring_back(self, requests: Mapping[str, Request]) -> None:
+        """Build those anew that have gone astray, unless what they are asked for does so."""
+        for name in sorted(self._astray & requests.keys()):
+            if not isinstance(requests[name], Configure | Release):
+                self._catch_up(name)
+            self._astray.discard(name)
 
     def _remember(self, name: str, request: Request, reply: Reply) -> None:
         if isinstance(request, _STEPS):

@@ -155,7 +155,7 @@ class SeamProbe:
         long = columns * len(blocks.ids) * parameters.substeps(dt) >= WORTH_TWO
         middle = columns // 2 if long and cores() > 1 else columns
         self._benches = []
-        for ends in (0, middle), (middle, columns):
+        for ends in ((0, middle), (middle, columns)) if middle < columns else ((0, columns),):
             scratch = new_scratch(self._arrays, self._numbers, numbers.padding_x, 0)
             scratch.xw[:n, 3] = inverse_mass
             probing = Probing(
@@ -167,9 +167,8 @@ class SeamProbe:
                 compliance=self._compliance,
                 ways=self._ways,
             )
-            if ends[0] < ends[1]:
-                start, work = new_state(n, b, p, t), new_state(n, b, p, t)
-                self._benches.append(_Bench(start, work, scratch, probing, new_workspace()))
+            start, work = new_state(n, b, p, t), new_state(n, b, p, t)
+            self._benches.append(_Bench(start, work, scratch, probing, new_workspace()))
 
     def compliance(
         self, x: Floats, force: Floats, position: Floats, orientation: Floats, ramp: bool = False
