@@ -12,24 +12,22 @@ import functools
 import re
 import types
 import typing
-from collections.abc import Callable
-from operator import attrgetter
 from typing import Any, TypeVar, overload
 
 from google.protobuf.message import DecodeError as ProtobufDecodeError
 
-from softseam_protocol.errors import DecodeError, EncodeError, SchemaMismatch
-from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.errors import DecodeError, EncodeError
+from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.wire.descriptors import (
     FIELDS,
     MESSAGES,
     PACKAGE,
-    Field,
     file_descriptor_set,
     full_name,
     protobuf_class,
 )
-from softseam_protocol.wire.fields import Wrong, field_reader, field_writer, is_name
+from softseam_protocol.wire.fields import Wrong, is_name
+from softseam_protocol.wire.functions import functions_of, wrong_schema
 
 __all__ = ["MAX_BYTES", "decode", "encode", "file_descriptor_set", "full_name", "is_name", "peek"]
 
@@ -42,81 +40,13 @@ T = TypeVar("T")
 # ---- one message class -----------------------------------------------------------------------------------
 
 
-def _getter(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
-    if not names:
-        return lambda _: ()
-    if len(names) == 1:
-        get = attrgetter(names[0])
-        return lambda message: (get(message),)
-    return attrgetter(*names)
-
-
 class _Form:
-    """The precomputed wire form of one message class."""
+    """The wire form of one message class."""
 
     def __init__(self, cls: type) -> None:
-        self.cls = cls
         self.wire = protobuf_class(cls.__name__)
         self.type_name = full_name(cls)
-        self.fields = FIELDS[cls]
-        rest = [f for f in self.fields if f.is_array or f.is_message or f.container]
-        self._scalars = [f.name for f in self.fields if f not in rest]
-        self._get_scalars = _getter(self._scalars)
-        self._get_rest = _getter([f.name for f in rest])
-        self._writers = [field_writer(f"{cls.__name__}.{f.name}", f, _form) for f in rest]
-        self._get_all = _getter([f.name for f in self.fields])
-        self._readers: list[tuple[int, Callable[[Any], Any]]] = []
-        self._absent: list[tuple[int, str, Any]] = []
-        self._defaulted: list[tuple[int, str, Any, Callable[[], Any]]] = []
-        for i, f in enumerate(self.fields):
-            read = field_reader(f"{cls.__name__}.{f.name}", f, _form)
-            if f.is_array and not f.container and f.make_default is not None:
-                self._defaulted.append((i, f.name, read, f.make_default))
-            elif read is not None and not f.optional:
-                self._readers.append((i, read))
-            if f.has_presence:
-                self._absent.append((i, f.name, f.default))
-        self._optional = [(i, f.name, _form_reader(f)) for i, f in enumerate(self.fields) if f.optional]
-        self._required = [f.name for f in self.fields if f.is_message and not (f.optional or f.container)]
-        self._is_header = cls is Header
-
-    def new(self, message: Any) -> Any:
-        """The protobuf message for an outermost message."""
-        wire = self.wire(message_type=self.type_name)
-        self.fill(wire, message)
-        return wire
-
-    def fill(self, wire: Any, message: Any) -> None:
-        for name, value in zip(self._scalars, self._get_scalars(message), strict=True):
-            try:
-                setattr(wire, name, value)
-            except (TypeError, ValueError, OverflowError) as error:
-                raise Wrong(f"{self.cls.__name__}.{name}: {error}") from None
-        for write, value in zip(self._writers, self._get_rest(message), strict=True):
-            write(wire, value)
-
-    def read(self, wire: Any) -> Any:
-        for name in self._required:
-            if not wire.HasField(name):
-                raise Wrong(f"{self.cls.__name__}.{name}: missing")
-        values = list(self._get_all(wire))
-        if self._is_header and values[0] != SCHEMA_VERSION:
-            raise SchemaMismatch(_mismatch(f"{values[0]}"))
-        for i, read in self._readers:
-            values[i] = read(values[i])
-        for i, name, read in self._optional:
-            values[i] = read(values[i]) if wire.HasField(name) else None
-        for i, name, read, make_default in self._defaulted:
-            values[i] = read(values[i]) if wire.HasField(name) else make_default()
-        for i, name, default in self._absent:
-            if not wire.HasField(name):
-                values[i] = default
-        return self.cls(*values)
-
-
-def _form_reader(field: Field) -> Callable[[Any], Any]:
-    of = field.of
-    return lambda wire: _form(of).read(wire)
+        self.fill, self.read = functions_of(cls)
 
 
 _FORMS: dict[type, _Form] = {}
@@ -138,7 +68,9 @@ def encode(message: Any) -> bytes:
     """The bytes of a message. Raises EncodeError if a field is not what it is declared to be."""
     form = _form(type(message))
     try:
-        data = bytes(form.new(message).SerializeToString(deterministic=True))
+        wire = form.wire(message_type=form.type_name)
+        form.fill(wire, message)
+        data = bytes(wire.SerializeToString(deterministic=True))
     except Wrong as error:
         raise EncodeError(str(error)) from None
     except (TypeError, ValueError, AttributeError) as error:
@@ -151,13 +83,6 @@ def encode(message: Any) -> bytes:
 _BY_TYPE_NAME = {full_name(cls).encode(): cls for cls in MESSAGES.values()}
 _Probe = protobuf_class("Released")
 _VERSION = re.compile(rb"softseam\.v(\d{1,9})\.")
-
-
-def _mismatch(theirs: str) -> str:
-    return (
-        f"the other side speaks schema version {theirs}, this one speaks {SCHEMA_VERSION}: "
-        "install the same version of softseam on both"
-    )
 
 
 def _type_name(data: bytes) -> bytes:
@@ -180,7 +105,7 @@ def peek(data: bytes) -> type:
         return cls
     version = _VERSION.match(name)
     if version is not None and int(version[1]) != SCHEMA_VERSION:
-        raise SchemaMismatch(_mismatch(version[1].decode()))
+        raise wrong_schema(version[1].decode())
     if name.startswith(PACKAGE.encode() + b"."):
         raise DecodeError(f"unknown message type {name.decode(errors='replace')!r}")
     raise DecodeError(f"{len(data)} bytes that are not a softseam message")

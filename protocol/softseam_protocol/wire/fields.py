@@ -16,9 +16,6 @@ from softseam_protocol.wire.descriptors import Field, shape_text
 _MAX_AXIS = 2**31
 _NAME = re.compile(r"[A-Za-z0-9_-]{0,64}")
 
-FormOf = Callable[[type], Any]
-"""finds the form (`fill`, `read`) of a nested message's class at the first call, for classes come in any order"""
-
 
 class Wrong(Exception):
     """A field's value is not allowed; the text names class, field and reason."""
@@ -39,8 +36,8 @@ def is_id(text: str) -> bool:
 # ---- one array -------------------------------------------------------------------------------------------
 
 
-def _array_writer(where: str, array: Array) -> Callable[[Any, Any], None]:
-    """Fill a Tensor message from an array that must be what the field declares."""
+def array_writer(where: str, array: Array) -> Callable[[Any, Any], None]:
+    """Fills a Tensor message from an array that must be what the field declares."""
     name, dtype, rank = array.name, array.dtype, len(array.shape)
     fixed = tuple((axis, n) for axis, n in enumerate(array.shape) if n is not None)
 
@@ -58,16 +55,17 @@ def _array_writer(where: str, array: Array) -> Callable[[Any, Any], None]:
     return write
 
 
-def _array_reader(where: str, array: Array) -> Callable[[Any], Any]:
+def array_reader(where: str, array: Array) -> Callable[[Any], Any]:
     """Take an array from a Tensor message, refusing what the field does not declare."""
     name, dtype, rank = array.name, array.dtype, len(array.shape)
     itemsize, is_float = dtype.itemsize, dtype.kind == "f"
     fixed = tuple((axis, n) for axis, n in enumerate(array.shape) if n is not None)
     # vdot, for dot warns when it overflows
-    frombuffer, vdot = np.frombuffer, np.vdot
+    ndarray, vdot, prod, isfinite = np.ndarray, np.vdot, math.prod, math.isfinite
 
     def check_floats(values: Any) -> None:
         """The exact test, after the fast one raised a suspicion."""
+        values = values.reshape(-1)
         bad = np.isnan(values) | (values == -np.inf) if array.unbounded else ~np.isfinite(values)
         if bad.any():
             raise Wrong(f"{where}: entry {int(np.argmax(bad))} is {values[np.argmax(bad)]}, not a finite number")
@@ -77,38 +75,46 @@ def _array_reader(where: str, array: Array) -> Callable[[Any], Any]:
             if not tensor.dtype:
                 raise Wrong(f"{where}: missing")
             raise Wrong(f"{where}: dtype {tensor.dtype[:16]!r} where {name!r} belongs")
-        shape, data = tensor.shape, tensor.data
+        shape, data = tensor.shape[:], tensor.data
         if len(shape) != rank:
             raise Wrong(f"{where}: {len(shape)} axes where {shape_text(array)} belongs")
-        shape = tuple(shape)
         for axis, n in fixed:
             if shape[axis] != n:
-                raise Wrong(f"{where}: shape {shape} where {shape_text(array)} belongs")
-        if math.prod(shape) * itemsize != len(data):
-            raise Wrong(f"{where}: shape {shape} needs {math.prod(shape) * itemsize} bytes, but {len(data)} came")
+                raise Wrong(f"{where}: shape {tuple(shape)} where {shape_text(array)} belongs")
+        if prod(shape) * itemsize != len(data):
+            needed = prod(shape) * itemsize
+            raise Wrong(f"{where}: shape {tuple(shape)} needs {needed} bytes, but {len(data)} came")
         if not data:
             if max(shape) >= _MAX_AXIS:
-                raise Wrong(f"{where}: shape {shape} has an axis that is too long")
+                raise Wrong(f"{where}: shape {tuple(shape)} has an axis that is too long")
             return np.zeros(shape, dtype)
-        values = frombuffer(bytearray(data), dtype)
+        values = ndarray(shape, dtype, bytearray(data))
         if is_float and array.unbounded:
             if not values.min() > -math.inf:  # nor NaN, which it would be
                 check_floats(values)
         elif is_float:
             # the squares' sum is finite only if every entry is; overflow is settled by the exact test
-            if not math.isfinite(vdot(values, values)):
+            if not isfinite(vdot(values, values)):
                 check_floats(values)
         elif array.least is not None and values.min() < array.least:
             raise Wrong(f"{where}: entry {int(values.argmin())} is {values.min()}, less than {array.least}")
-        return values.reshape(shape)
+        return values
 
     return read
 
 
-# ---- one field -------------------------------------------------------------------------------------------
+# ---- scalars ---------------------------------------------------------------------------------------------
 
 
-def _scalar_check(where: str, field: Field) -> Callable[[Any], Any] | None:
+def wrong_float(owner: str, wire: Any, names: tuple[str, ...]) -> None:
+    """Raises Wrong for the first of these floats that is not finite."""
+    for name in names:
+        value = getattr(wire, name)
+        if not math.isfinite(value):
+            raise Wrong(f"{owner}.{name}: {value} is not a finite number")
+
+
+def scalar_check(where: str, field: Field) -> Callable[[Any], Any] | None:
     """Check of one decoded scalar, or None if any value will do."""
     if field.of is float:
 
@@ -148,80 +154,3 @@ def _scalar_check(where: str, field: Field) -> Callable[[Any], Any] | None:
 
         return check_name
     return None
-
-
-def _element_reader(where: str, field: Field, form_of: FormOf) -> Callable[[Any], Any] | None:
-    if isinstance(field.of, Array):
-        return _array_reader(where, field.of)
-    if field.is_message:
-        of = field.of
-        return lambda wire: form_of(of).read(wire)
-    return _scalar_check(where, field)
-
-
-def field_reader(where: str, field: Field, form_of: FormOf) -> Callable[[Any], Any] | None:
-    one = _element_reader(where, field, form_of)
-    if field.container == "list":
-        return lambda wire: [one(item) for item in wire] if one else list(wire)
-    if field.container == "map":
-        # by key: protobuf's own order differs from process to process
-        return lambda wire: {k: one(wire[k]) if one else wire[k] for k in sorted(wire)}
-    return one
-
-
-def _element_writer(where: str, field: Field, form_of: FormOf) -> Callable[[Any, Any], None]:
-    if isinstance(field.of, Array):
-        return _array_writer(where, field.of)
-    of = field.of
-
-    def write(wire: Any, value: Any) -> None:
-        if type(value) is not of:
-            raise Wrong(f"{where}: {type(value).__name__} where {of.__name__} belongs")
-        wire.SetInParent()
-        form_of(of).fill(wire, value)
-
-    return write
-
-
-def field_writer(where: str, field: Field, form_of: FormOf) -> Callable[[Any, Any], None]:
-    """Write a field's value into the message that holds it."""
-    name = field.name
-    scalar = not (field.is_array or field.is_message)
-    if scalar and field.container == "map":
-        return lambda wire, value: getattr(wire, name).update(value)
-    if scalar:
-        return lambda wire, value: getattr(wire, name).extend(value)
-    write = _element_writer(where, field, form_of)
-    if field.is_array and not field.container and field.make_default is not None:
-        empty = field.make_default().shape
-
-        def write_unless_empty(wire: Any, value: Any) -> None:
-            # an empty default need not travel: its absence means the same
-            if not (isinstance(value, np.ndarray) and value.size == 0 and value.shape == empty):
-                write(getattr(wire, name), value)
-
-        return write_unless_empty
-    if field.container == "map":
-
-        def write_map(wire: Any, value: Any) -> None:
-            entries = getattr(wire, name)
-            for key, item in value.items():
-                write(entries[key], item)
-
-        return write_map
-    if field.container == "list":
-
-        def write_list(wire: Any, value: Any) -> None:
-            items = getattr(wire, name)
-            for item in value:
-                write(items.add(), item)
-
-        return write_list
-    if field.optional:
-
-        def write_optional(wire: Any, value: Any) -> None:
-            if value is not None:
-                write(getattr(wire, name), value)
-
-        return write_optional
-    return lambda wire, value: write(getattr(wire, name), value)
