@@ -23,7 +23,7 @@ from softseam_services.bus_options import BusOptions
 pytestmark = pytest.mark.slow
 
 KEYS = Keys("frozen")
-SLEEPERS, SECONDS = 6, 40.0
+SLEEPERS, SECONDS = 6, 28.0
 BACK = 30.0
 """longest time until one is heard of again: zenoh gives leaving a bus whose links are full 10 s [s]"""
 SETTLED = 2.5 * LEASE
@@ -113,4 +113,4 @@ def test_all_are_heard_of_again(endpoint: str) -> None:
                     if one.due < now < end:
                         one.freeze()
             time.sleep(0.05)  # the pace of asking and of freezing
-        assert sum(one.times for one in sleepers) >= 3 * SLEEPERS
+        assert sum(one.times for one in sleepers) >= 2 * SLEEPERS

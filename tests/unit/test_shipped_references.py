@@ -37,6 +37,7 @@ TIME = np.arange(100) / 100
 NAMES = ("grip_force", "sag", "slip", "peak_von_mises", "compression")
 CELLS = [(across, 0.01) for across in (2, 3, 4, 6)]
 STEPS = [(2, 0.01), (2, 0.005), (2, 0.0025)]
+HEADLINES = ("cantilever", "tofu_grasp", "tofu_pads", "tofu_slab")
 FILES = sorted(references_folder().glob("*.json"))
 
 
@@ -317,10 +318,12 @@ def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_what_ships_is_still_true(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A moderate level does what it did when the reference was made."""
+    """A moderate level does what it did when the reference was made; of the scenes that headline, one in time, too."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     found, (ladder, _) = shipped.read(path), ladder_of(path.stem)
     assert found is not None
+    if path.stem not in HEADLINES:
+        found = found.model_copy(update={"checks": found.checks[:1]})
     ladder.open(solver_digest(), fresh=False)
     off = shipped.moved(found, ladder)
     assert not off, f"{path.stem} no longer does what it did (moved by {off}): make references"

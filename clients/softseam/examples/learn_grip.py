@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from softseam.gym import TofuGrasp
 
-GENERATIONS, CANDIDATES, BEST = 8, 12, 3
+GENERATIONS, CANDIDATES, BEST = 5, 12, 3
 PIECES, OTHERS = range(6), range(100, 112)
 """seeds of tofu to learn from, and to try on what was learned"""
 LOW, HIGH = np.array([0.1, 0.01, 0.1]), np.array([1.0, 0.40, 1.0])
