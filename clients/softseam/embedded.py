@@ -65,7 +65,10 @@ class EmbeddedBackend:
         self._events.clear()
         if self._record is not None:
             self._start_recording(self._record, seed)
-        return self._observation(fields=True)
+        seen = self._observation(fields=True)
+        for frame in seen.frames.values():
+            self._emit(frame)
+        return seen
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
         recording = self._recorder is not None

@@ -30,6 +30,11 @@ Recorded = StepReport | Frame | Event
 T = TypeVar("T", StepReport, Frame, Event)
 
 
+def time_of(frame: Frame, step: float) -> float:
+    """Simulation time of a frame [s], in a run of steps of this length [s]."""
+    return frame.header.time + (0.0 if frame.start else step)
+
+
 class RecordingError(Exception):
     """A file is no recording that can be read; the text names the file, what is wrong and the remedy."""
 

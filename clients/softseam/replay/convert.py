@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import rerun as rr
 import rerun.blueprint as rrb
 
-from softseam.recording import Recording
+from softseam.recording import Recording, time_of
 from softseam.replay import paths
 from softseam.replay.curves import log_curves
 from softseam.replay.facts import log_event, log_scale, summary
@@ -36,7 +36,7 @@ def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
             _at(stream, header.time, header.step)
             log_event(stream, message)
         elif isinstance(message, Frame) and message.body in logs:
-            _at(stream, header.time + step, header.step)
+            _at(stream, time_of(message, step), header.step)
             logs[message.body].log(message)
     tabs = log_curves(stream, builder.columns, recording.scene)
     if not surfaces:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from softseam.recording import Recording
+from softseam.recording import Recording, time_of
 from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
@@ -60,7 +60,7 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
         for row, image in enumerate(images):
             axes[row, column].imshow(image, interpolation="lanczos")
             axes[row, column].set_axis_off()
-        time = next(iter(frames.values())).header.time + recording.scene.step
+        time = time_of(next(iter(frames.values())), recording.scene.step)
         axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
     outlined = any(len(body.surface.border_lines) > 0 for body in bodies.values())
     _legend(figure, builder, tall, outlined=outlined)
@@ -137,12 +137,16 @@ def _moments(recording: Recording) -> Iterator[Moment]:
     """The frames of all bodies, step by step; a step that lost one is left out."""
     frames: Moment = {}
     for frame in recording.frames():
-        if frames and frame.header.step != next(iter(frames.values())).header.step:
+        if frames and _when(frame) != _when(next(iter(frames.values()))):
             frames = {}
         frames[frame.body] = frame
         if len(frames) == len(recording.surfaces):
             yield frames
             frames = {}
+
+
+def _when(frame: Frame) -> tuple[int, bool]:
+    return frame.header.step, not frame.start
 
 
 def _look(frame: Frame) -> Floats:

@@ -149,7 +149,7 @@ class Indicators:
 
 @message
 class Frame:
-    """One body, whole, at the end of a step: what a replay draws. A step has one for each body."""
+    """One body, whole, at the end of a step, or at the start: what a replay draws. A step has one for each body."""
 
     header: Header
     body: NameText
@@ -174,6 +174,8 @@ class Frame:
     """strain energy of each cell (n_cells,) [J]; empty in recordings from before there was one"""
     indicators: Indicators | None = None
     """where the scene asks for one of them"""
+    start: bool = False
+    """it is from before the step that the header names, with which the run starts"""
 
 
 @message

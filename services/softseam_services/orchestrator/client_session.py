@@ -106,7 +106,10 @@ class ClientSession:
         self._seed = seed
         self._events.clear()
         self._feed.begin(self._begin())
-        return self._observe(fields=True)
+        seen = self._observe(fields=True)
+        for frame in seen.frames.values():
+            self._feed.publish(frame)
+        return seen
 
     def step(self, request: Step) -> Observation | Observations:
         """Take `count` steps, fewer where the scene's motion ends before."""

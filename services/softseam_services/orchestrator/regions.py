@@ -225,6 +225,8 @@ class Regions:
         sides = self.sides
         multiplier, header = self.participants.multiplier(), self._clock.last_step()
         frame = whole_frame(header, self._body, sides, fields, self.near.mask, multiplier, position, orientation)
+        if self._clock.step == 0:
+            frame = replace(frame, start=True)
         if not indicators:
             return frame
         assert isinstance(self._body, Body)  # others have none
