@@ -84,7 +84,7 @@ def test_tools_that_hold_the_same_nodes_do_not_work_against_each_other(friction:
         for name, x in (("left", -0.0305), ("right", 0.0305)):
             scene["tools"][name] |= {"size": (0.01, 0.08, 0.04), "position": (x, 0.0, 0.02)}
     run = FemRun(Scene.model_validate(scene))
-    assert bool(run.solver._model.edged.any()) == edged
+    assert bool(run.solver._model.at_faces.any()) == edged
     run.run(0.1, CLOSE)
     before = run.run(0.3)[-1].wrench
     after = run.run(1.0)[-1].wrench
@@ -99,7 +99,7 @@ def test_a_cube_that_pads_turn_is_held_as_it_was() -> None:
     for name, x in (("left", -0.0305), ("right", 0.0305)):
         scene["tools"][name] |= {"size": (0.01, 0.03, 0.03), "position": (x, 0.0, 0.025)}
     run = FemRun(Scene.model_validate(scene))
-    assert run.solver._model.edged.all()
+    assert run.solver._model.at_faces.all()
     run.run(0.1, CLOSE)
     run.run(0.3)
     sideways = run.solver.state.contact[:, :, 1:3]

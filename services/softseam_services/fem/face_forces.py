@@ -42,8 +42,8 @@ def spread_over_faces(model: FemModel, parameters: FemParameters, contact: Float
     if len(inner) == 0:
         return
     n_surface = int(inner[0])
-    edged = model.edged[None, :] & (model.point_face[:n_surface, None] == -1)
-    moved = np.where(edged[:, :, None], contact[:n_surface, :, :3], 0.0)
+    inside = model.at_faces[None, :] & (model.point_face[:n_surface, None] == -1)
+    moved = np.where(inside[:, :, None], contact[:n_surface, :, :3], 0.0)
     point_of = surface_point_of_node(model, n_surface)
     begin = model.point_ptr[inner[0]]
     rows = np.repeat(inner, np.diff(model.point_ptr)[inner])

@@ -1,8 +1,9 @@
-"""Contact points inside the faces of cells, for tools whose edge presses into a face of a block.
+"""Contact points inside the faces of cells, for tools that are round, or whose edge presses into a face of a block.
 
 A node of the surface is inside a tool's face or beside it; with nodes alone the pressed area comes in steps of half a
-cell, and so does the force. Points at the middles of 4 x 4 patches a face know which part of their patch is covered
-(`kernels.cover`). Such tools touch at these points and at no node.
+cell, and so does the force, and what is thinner than a cell is missed between them. Points at the middles of 4 x 4
+patches a face know which part of their patch a box covers (`kernels.cover`). Such tools touch at these points and at no
+node.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, hex27
 from softseam_services.body.kernels.shape_functions import fill_weights
-from softseam_services.body.outer_faces import FACE_NODES, outer_faces
+from softseam_services.body.outer_faces import FACE_NODES, is_covered_by_faces, outer_faces
 from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.region import node_of_point
+from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.edged import edged_tools
 from softseam_services.tools.tool_set import ToolSet
 
@@ -27,7 +29,9 @@ Mask = NDArray[np.bool_]
 PATCHES = 4
 """along each edge of a face"""
 SOFT = 8.0
-"""contact penalty at these points, E A/h with h the spacing of nodes; see the decision note"""
+"""contact penalty at these points, E A/h with h the spacing of nodes; see the decision notes"""
+DENSE = 20.0
+"""the same for tools that are no boxes, see `kernels.candidates`"""
 
 
 def _middles() -> tuple[Floats, Floats, Floats]:
@@ -79,17 +83,19 @@ def touched_faces(body: Body, region: Region, tools: ToolSet | None) -> tuple[Ma
     """Tools that touch at points inside faces (t,), surface points of the region that no such face holds, so that they
     touch every tool (p,), and these faces as of `outer_faces` (f, 2).
 
-    No tools and no faces where no tool has an edge that presses into the block, or another side owns its surface.
+    No tools and no faces where all tools are planes, and boxes that cover the block; or another side owns its surface.
     """
     n_tools = 0 if tools is None else len(tools.names)
-    edged = np.zeros(n_tools, dtype=np.bool_)
+    at_faces = np.zeros(n_tools, dtype=np.bool_)
     own = node_of_point(body)[region.points]
     owns = len(region.seam) == 0 or bool(np.isin(own, region.nodes[region.seam]).any())
     if tools is not None and owns:
-        edged = edged_tools(tools, body)
-    outer = outer_faces(body, region) if edged.any() else np.zeros((0, 2), dtype=np.int32)
+        at_faces = edged_tools(tools, body)
+        if is_covered_by_faces(body):
+            at_faces |= ~np.isin(tools.kind, (PLANE, BOX))
+    outer = outer_faces(body, region) if at_faces.any() else np.zeros((0, 2), dtype=np.int32)
     held = np.isin(own, region.nodes[np.unique(_nodes(region, outer))])
-    return edged, ~held, outer
+    return at_faces, ~held, outer
 
 
 def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -> FacePoints:

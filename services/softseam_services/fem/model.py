@@ -86,7 +86,7 @@ class FemModel(NamedTuple):
     """as of `FacePoints` (f, 9)"""
     faces: Ints
     """cell, and number in it as of `FACE_NODES`, of each face with points inside (f, 2)"""
-    edged: NDArray[np.bool_]
+    at_faces: NDArray[np.bool_]
     """tools that touch at points inside faces (t,)"""
 
 
@@ -100,7 +100,7 @@ class Connectivity:
         element = (FemSpec() if spec is None else spec).element
         functions, material = FACTS[element].functions, body.material
         general = element not in SHARES or not material.splits
-        edged, alone, faces = touched_faces(body, region, tools)
+        at_faces, alone, faces = touched_faces(body, region, tools)
         inner = face_points(body, region, faces, functions)
         pointer, node, _ = point_weights(body, region, functions)
         pointer = np.concatenate([pointer, pointer[-1] + inner.indptr[1:]])
@@ -133,7 +133,7 @@ class Connectivity:
             "point_patch": np.concatenate([np.zeros((len(region.points), 2)), inner.patch]),
             "face_nodes": inner.face_nodes,
             "faces": faces,
-            "edged": edged,
+            "at_faces": at_faces,
         }
         """of `FemModel`, but for the order of elimination"""
 

@@ -1,13 +1,20 @@
-"""Candidates for contact: which points may touch which tools in a step, and what each begins with (contact.py)."""
+"""Candidates for contact: which points may touch which tools in a step, and what each begins with (contact.py).
+
+Inside faces a tool that is no box presses by r = 20 E A/h max(1, R/2h), h the spacing of nodes and R its radius, where
+it has one, and nothing is carried over (c = 0): p = -r g. There are more points than a face has freedoms, and a gap of
+zero at all of them would flatten what curves within a cell. What a thin tool sinks in stands for the waves that the
+cells lack; a tool wide beside them needs none (docs/decisions/43).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from softseam_services.fem.face_points import DENSE, SOFT
 from softseam_services.fem.kernels.contact import ALONE, ANCHOR, OPEN, point_position
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import BOX
+from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, SPHERE
 from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
 
 _BESIDE = 0.25
@@ -111,15 +118,15 @@ def find_candidates(x, model, parameters, tools, multiplier, reach, inertia, pac
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
             alone = alone and holder[model.point_node[entry]] != _SEVERAL
         for tool in range(n_tools):
-            # on faces with points of their own a tool with an edge touches at these, all others at nodes
-            if face != ALONE and model.edged[tool] != (face >= 0):
+            # on faces with points of their own a tool that is round, or has an edge, touches at these; others at nodes
+            if face != ALONE and model.at_faces[tool] != (face >= 0):
                 continue
             kind, shape = tools.kind[tool], tools.shape[tool]
             position, turn = tools.position_next[tool], tools.orientation_next[tool]
             f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
             touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
             share, carry, side = 1.0, 1.0, -1
-            if face >= 0:
+            if face >= 0 and kind == BOX:
                 nodes, patch = model.face_nodes[face], model.point_patch[point]
                 if seen[tool] != face:
                     # points of a face come one after another
@@ -148,6 +155,10 @@ def find_candidates(x, model, parameters, tools, multiplier, reach, inertia, pac
                     continue
             else:
                 gap = tool_gap(kind, shape, position, turn, xp)[0]
+                if face >= 0:
+                    share, carry = DENSE / SOFT, 0.0
+                    if kind == SPHERE or kind == CAPSULE or kind == CYLINDER:
+                        share *= max(1.0, shape[0] / parameters.face_edge[face])
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
                 if face < 0 and kind == BOX:
                     side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)

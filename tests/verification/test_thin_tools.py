@@ -1,0 +1,113 @@
+"""Round and thin tools pressed into a block by FEM: found wherever they are set down, and as firm as they should be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import solids
+
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.scene.scene import Scene
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+
+PLACES = ((0.0, 0.0), (1.5e-3, 1e-3), (3.1e-3, 2.7e-3), (5e-3, 5e-3), (7.5e-3, 2.5e-3))
+ROD = 0.784
+"""force of a round rod of 10 mm, 5 mm deep in a bonded block, on 3 mm cells with points of an eighth [N]"""
+PUNCH, ROUND = 5.81, 1.59
+"""of a square punch 2 mm deep and a round one .8 mm deep, from cells refined evenly and graded [N]"""
+
+
+def pressed(
+    tool: dict[str, Any],
+    depth: float,
+    block: tuple[float, float, float],
+    cell: float,
+    young: float,
+    poisson: float,
+    files: dict[str, bytes] | None = None,
+) -> float:
+    """Force on a tool [N] that begins half a millimetre above a block bonded to the ground and ends so deep [m]."""
+    scene = Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "thin",
+            "step": 0.01,
+            "gravity": [0, 0, 0],
+            "body": {
+                "shape": {"kind": "block", "size": block},
+                "cell": cell,
+                "material": {"young": young, "poisson": poisson, "density": 1000.0},
+                "fixed": [{"min": [-1, -1, -1e-3], "max": [1, 1, 1e-3]}],
+            },
+            "tools": {"tool": tool},
+            "motion": [{"tools": ["tool"], "move": [0, 0, -depth - 5e-4], "speed": 0.02}, {"hold": 0.2}],
+            "regions": {"default": "fem"},
+        }
+    )
+    simulation = Simulation(Bundle(scene.model_dump_json(), files or {}), EmbeddedTransport())
+    report = simulation.step()
+    while not report.done:
+        report = simulation.step()
+    simulation.close()
+    assert 0.0 < report.penetration < (1.5e-3 if tool["kind"] == "box" else 6e-4)
+    return float(np.linalg.norm(report.wrench[0, :3]))
+
+
+def rod(place: tuple[float, float], cell: float, depth: float = 5e-3, kind: str = "capsule") -> float:
+    """Force of the rod at a place on the block's face [m], with its axis upright."""
+    tool: dict[str, Any] = {"kind": "capsule", "radius": 5e-3, "length": 0.04, "position": [*place, 0.0555]}
+    if kind == "sphere":
+        tool = {"kind": "sphere", "radius": 5e-3, "position": [*place, 0.0355]}
+    files = {"ball.obj": solids.obj(*solids.sphere(5e-3, 5))}
+    if kind == "mesh":
+        tool = {"kind": "mesh", "path": "ball.obj", "position": [*place, 0.0355]}
+    return pressed(tool, depth, (0.06, 0.06, 0.03), cell, 20e3, 0.4, files)
+
+
+@pytest.mark.parametrize(("cell", "within"), [(0.01, 0.1), (0.006, 0.05)])
+def test_a_rod_is_felt_alike_wherever_it_is_set_down(cell: float, within: float) -> None:
+    """With nodes alone it was felt at two of these places on cells of 10 mm, and by a quarter."""
+    for place in PLACES:
+        assert rod(place, cell) == pytest.approx(ROD, rel=within)
+
+
+def test_at_any_depth_coarse_cells_are_somewhat_stiffer() -> None:
+    random = np.random.default_rng(7)
+    for _ in range(4):
+        place, depth = tuple(random.uniform(-0.018, 0.018, 2).tolist()), float(random.uniform(0.002, 0.006))
+        assert 0.95 < rod(place, 0.01, depth) / rod(place, 0.006, depth) < 1.15
+
+
+def test_a_rod_drawn_across_the_face_meets_no_steps() -> None:
+    """Set down at 11 places between two rows of nodes: force changes by little from each to the next."""
+    forces = np.array([rod((x, 0.0), 0.01) for x in np.linspace(0.0, 0.01, 11)])
+    assert np.ptp(forces) < 0.2 * ROD
+    assert np.abs(np.diff(forces)).max() < 0.06 * ROD
+
+
+def test_tools_of_one_outline_press_alike() -> None:
+    """A rod's end, a ball and a mesh of it, as deep."""
+    forces = [rod(PLACES[2], 0.01, kind=kind) for kind in ("capsule", "sphere", "mesh")]
+    assert np.ptp(forces) < 0.03 * ROD
+
+
+@pytest.mark.parametrize("cell", [0.02, 0.01])
+def test_a_cube_as_a_mesh_presses_as_a_box(cell: float) -> None:
+    """It was 5.12 and 3.65 N, where a box gives 6.04 and 5.79."""
+    files = {"cube.obj": solids.obj(*solids.box((0.03, 0.03, 0.03)))}
+    at = [0, 0, 0.0555]
+    size = (0.08, 0.08, 0.04)
+    mesh = pressed({"kind": "mesh", "path": "cube.obj", "position": at}, 2e-3, size, cell, 50e3, 0.3, files)
+    box = pressed({"kind": "box", "size": [0.03, 0.03, 0.03], "position": at}, 2e-3, size, cell, 50e3, 0.3)
+    assert mesh == pytest.approx(PUNCH, rel=0.05)
+    assert mesh == pytest.approx(box, rel=0.08)
+
+
+@pytest.mark.parametrize("cell", [0.02, 0.12 / 9])
+def test_the_flat_end_of_a_cylinder(cell: float) -> None:
+    tool = {"kind": "cylinder", "radius": 0.015, "length": 0.02, "position": [0, 0, 0.0905]}
+    force = pressed(tool, 0.8e-3, (0.12, 0.12, 0.08), cell, 50e3, 0.3)
+    assert force == pytest.approx(ROUND, rel=0.05)
