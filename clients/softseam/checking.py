@@ -26,9 +26,11 @@ from softseam_protocol.scene.file import bundle_scene, scene_hash
 from softseam_protocol.scene.parts import SpherePart
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion, Vector
+from softseam_protocol.scene.tools import CapsuleTool, CylinderTool, SphereTool
 
 _MANY = 100_000
 """unknowns whose factor takes 1.5 GB, and seconds"""
+_ROUND = (SphereTool, CapsuleTool, CylinderTool)
 _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
 
@@ -124,7 +126,7 @@ def _check_body(
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
     doubts = [*body.warnings, *_locks(scene), *_stiff_for_pbd(scene, built), *_leaps(scene, built, setup.tools)]
-    doubts += _large(scene, 3 * (body.n_nodes - body.n_fixed))
+    doubts += [*_large(scene, 3 * (body.n_nodes - body.n_fixed)), *_thin_tools(scene, built)]
     doubts += [*_in_vain(scene, built), *_stiffened_by_time(scene), *odd_motion(scene, max(body.size))]
     try:
         doubts += _few_substeps(scene, built, setup.tools)
@@ -181,6 +183,22 @@ def _large(scene: Scene, n_unknowns: int) -> list[str]:
     return [
         f"body.cell: fem factors a matrix of {n:,.0f} unknowns, which takes about {1.5 * (n / _MANY) ** 1.35:.2g} GB, "
         "and a step many seconds: give a longer edge, or `symmetry` where the scene has one"
+    ]
+
+
+def _thin_tools(scene: Scene, body: Body) -> list[str]:
+    """Round tools thinner than the cells that they touch, where PBD has these."""
+    near, edge = scene.regions.near, float(max(body.edges))
+    if "fem" in (scene.regions.default, near.model if near else ""):
+        return []
+    round_tools = {name: tool.radius for name, tool in scene.tools.items() if isinstance(tool, _ROUND)}
+    thin = [f"{name} ({2e3 * radius:.3g} mm)" for name, radius in round_tools.items() if radius < edge]
+    if not thin:
+        return []
+    return [
+        f"body.cell: pbd feels tools at points {0.5e3 * edge:.3g} mm apart, between which these may pass, or sink in "
+        f"beside one: {', '.join(thin)}. Make cells {min(round_tools.values()):g} m long, or give all to fem by "
+        "regions.default"
     ]
 
 
