@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,11 +26,9 @@ from softseam_protocol.scene.file import bundle_scene, scene_hash
 from softseam_protocol.scene.parts import SpherePart
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion, Vector
-from softseam_protocol.scene.tools import CapsuleTool, CylinderTool, SphereTool
 
 _MANY = 100_000
 """unknowns whose factor takes 1.5 GB, and seconds"""
-_ROUND = (SphereTool, CapsuleTool, CylinderTool)
 _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
 
@@ -126,7 +124,7 @@ def _check_body(
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
     doubts = [*body.warnings, *_locks(scene), *_stiff_for_pbd(scene, built), *_leaps(scene, built, setup.tools)]
-    doubts += [*_large(scene, 3 * (body.n_nodes - body.n_fixed)), *_thin_tools(scene, built)]
+    doubts += [*_large(scene, 3 * (body.n_nodes - body.n_fixed)), *_thin_tools(scene, built, setup.tools)]
     doubts += [*_in_vain(scene, built), *_stiffened_by_time(scene), *odd_motion(scene, max(body.size))]
     try:
         doubts += _few_substeps(scene, built, setup.tools)
@@ -186,20 +184,33 @@ def _large(scene: Scene, n_unknowns: int) -> list[str]:
     ]
 
 
-def _thin_tools(scene: Scene, body: Body) -> list[str]:
-    """Round tools thinner than the cells that they touch, where PBD has these."""
+def _thin_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
+    """Tools narrower than two of the cells that they touch, where PBD has these."""
     near, edge = scene.regions.near, float(max(body.edges))
     if "fem" in (scene.regions.default, near.model if near else ""):
         return []
-    round_tools = {name: tool.radius for name, tool in scene.tools.items() if isinstance(tool, _ROUND)}
-    thin = [f"{name} ({2e3 * radius:.3g} mm)" for name, radius in round_tools.items() if radius < edge]
-    if not thin:
+    widths = {name: width for name, width in _felt_at_points(scene, body, tools) if width < 2.0 * edge * (1.0 - 1e-9)}
+    if not widths:
         return []
+    named = ", ".join(f"{name} ({1e3 * width:.3g} mm)" for name, width in widths.items())
     return [
         f"body.cell: pbd feels tools at points {0.5e3 * edge:.3g} mm apart, between which these may pass, or sink in "
-        f"beside one: {', '.join(thin)}. Make cells {min(round_tools.values()):g} m long, or give all to fem by "
+        f"beside one: {named}. Make cells {0.5 * min(widths.values()):.3g} m long, or give all to fem by "
         "regions.default"
     ]
+
+
+def _felt_at_points(scene: Scene, body: Body, tools: ToolSet) -> Iterator[tuple[str, float]]:
+    """Tools that PBD feels at points, and how wide each is: the middle one of its three extents [m].
+
+    Planes are not narrow, and boxes press by the share of a face that they cover.
+    """
+    from softseam_services.body.outer_faces import is_covered_by_faces
+
+    shares = is_covered_by_faces(body)
+    for name, geometry in zip(tools.names, tools.geometry, strict=True):
+        if len(geometry.outline) and not (shares and scene.tools[name].kind == "box"):
+            yield name, float(np.sort(np.ptp(geometry.outline, axis=0))[1])
 
 
 def _locks(scene: Scene) -> list[str]:
@@ -287,25 +298,20 @@ def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
 def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: ToolSet) -> list[str]:
     """That cells of one block meet tools at their corners, where a tool is narrower than they are: it fits between.
 
-    A tool is as wide as the middle one of its three extents. Planes are not narrow, boxes press by the share of a face
-    that they cover, and tools beside which cells are FEM's meet none of PBD's.
+    Tools beside which cells are FEM's meet none of PBD's.
     """
-    from softseam_services.body.outer_faces import is_covered_by_faces
-
     near = scene.regions.near
     if not coarse.any() or "pbd" not in (scene.regions.default, near.model if near else scene.regions.default):
         return []
     corners = body.x_rest[body.cell_nodes[coarse]].reshape(-1, 3, 3, 3, 3)[:, ::2, ::2, ::2]
     edge = max(float(np.linalg.norm(np.diff(corners, axis=axis), axis=-1).max()) for axis in (1, 2, 3))
     kept_away = near is not None and near.model == "fem" and near.within is not None
-    shares = is_covered_by_faces(body)
-    narrow = []
-    for name, geometry, followed in zip(tools.names, tools.geometry, tools.near, strict=True):
-        outline = geometry.outline
-        width = float(np.sort(np.ptp(outline, axis=0))[1]) if len(outline) else math.inf
-        felt = shares and scene.tools[name].kind == "box"
-        if width < edge * (1.0 - 1e-9) and not felt and not (followed and kept_away):
-            narrow.append(f"{name} ({1e3 * width:.3g} mm)")
+    followed = {name for name, near_it in zip(tools.names, tools.near, strict=True) if near_it and kept_away}
+    narrow = [
+        f"{name} ({1e3 * width:.3g} mm)"
+        for name, width in _felt_at_points(scene, body, tools)
+        if width < edge * (1.0 - 1e-9) and name not in followed
+    ]
     if not narrow:
         return []
     return [
