@@ -78,7 +78,7 @@ def test_one_exchange_in_most_steps(name: str, most_loose: float, most_tight: fl
     inclusion, as its far points begin to slide and as they leave the ground, there were 14 exchanges at 1 %, and 42 at
     3e-4. So where the cube's last far points leave the ground two steps in a row take 9 and 36 at 1 %; at 19 other
     tolerances no step takes more than 8. For the same reason one tolerance may lose 12 % less than all beside it, on
-    one kind of processor, so what is lost is the middle of three.
+    one kind of processor; two beside it are asked then, and the middle of three counts.
     """
     loose, tight = (run(name, f"seam.tolerance={tolerance}") for tolerance in (1e-2, 3e-4))
     for reports, most in ((loose, most_loose), (tight, most_tight)):
@@ -91,8 +91,11 @@ def test_one_exchange_in_most_steps(name: str, most_loose: float, most_tight: fl
         if quantity in tight[-1].quantities:
             ends = [abs(reports[-1].quantities[quantity]) for reports in (loose, tight)]
             assert abs(ends[0] - ends[1]) <= 2e-3 * ends[1]
-    beside = [loss(run(name, f"seam.tolerance={tolerance}")) for tolerance in (9e-3, 1.1e-2)]
-    assert abs(np.median([loss(loose), *beside]) - loss(tight)) < 0.1 * loss(tight)
+    lost = loss(loose)
+    if abs(lost - loss(tight)) >= 0.1 * loss(tight):
+        beside = [loss(run(name, f"seam.tolerance={tolerance}")) for tolerance in (9e-3, 1.1e-2)]
+        lost = float(np.median([lost, *beside]))
+    assert abs(lost - loss(tight)) < 0.1 * loss(tight)
 
 
 def loss(reports: list[StepReport]) -> float:
