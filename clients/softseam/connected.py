@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from softseam.errors import (
     BadInput,
@@ -41,6 +41,9 @@ from softseam_protocol.messages.session import (
     Step,
 )
 
+if TYPE_CHECKING:
+    from softseam_services.server import Setup
+
 Reply = TypeVar("Reply", Observation, Observations, Saved, Estimated, Closed)
 _MOST = 1000
 """steps asked for at once; the orchestrator answers after a tenth of a second"""
@@ -69,6 +72,7 @@ class ConnectedBackend:
         self._record = record
         self.recorded: Recorded | None = None
         self.unrecorded = ""
+        self.setups: Mapping[str, Setup] = {}
         self._endpoint, self._timeout = endpoint, timeout
         self._count = 0
         self.session = secrets.token_hex(8)

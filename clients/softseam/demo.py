@@ -11,6 +11,7 @@ from time import perf_counter
 from rich.console import Console
 from rich.text import Text
 
+from softseam.checking import print_doubts
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
 from softseam.opening import open as open_session
@@ -52,6 +53,7 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
         with services(endpoint, Path(recordings), say):
             set_up = perf_counter()
             with open_session(name, endpoint, model=_both(scene), record=True) as session:
+                print_doubts(session.doubts(), name, (), console)
                 report = follow(session, console, began=set_up)
         written = sorted(Path(recordings).rglob("*.mcap"))
         if len(written) != 1:

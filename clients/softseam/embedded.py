@@ -25,6 +25,7 @@ from softseam_protocol.scene.scene import Scene
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
     from softseam_services.recorder.recorder import McapRecorder
+    from softseam_services.server import Setup
 
 Message = StepReport | Frame | Event
 
@@ -52,6 +53,13 @@ class EmbeddedBackend:
             check_tables()
             compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
+
+    @property
+    def setups(self) -> dict[str, Setup]:
+        from softseam_services.server import Setup
+
+        simulation = self.simulation
+        return {name: Setup(one.scene, one.body, simulation.tools) for name, one in simulation.bodies.items()}
 
     def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
         self._stop_recording()

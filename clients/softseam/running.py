@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
+from softseam.checking import print_doubts
 from softseam.choice import choice
 from softseam.closing import print_closing
 from softseam.errors import BadInput, SoftseamError
@@ -65,6 +66,7 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
         with open_session(
             wishes.scene, wishes.connect, model=wishes.model, settings=settings, record=record
         ) as session:
+            print_doubts(session.doubts(), wishes.scene, settings, console)
             report = follow(session, console, began=began, model=wishes.model)
         if recording is not None:
             note_recording(report, session, _brought(session, recording))

@@ -29,6 +29,8 @@ from softseam_protocol.scene.scene import Scene
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from softseam_services.server import Setup
+
 
 class Backend(Protocol):
     """What runs the simulation: this process, or an orchestrator on the bus. Every call may raise SoftseamError."""
@@ -36,6 +38,11 @@ class Backend(Protocol):
     recorded: Recorded | None
     unrecorded: str
     """what became of the last recording that was ended"""
+
+    @property
+    def setups(self) -> Mapping[str, Setup]:
+        """Bodies that are built in this process, by name; none where that is done elsewhere."""
+        ...
 
     def reset(self, seed: int, bundle: Bundle | None = None) -> messages.Observation:
         """Begin the scene anew, or another one; where that is refused, stand at the start of the one at hand."""
@@ -279,6 +286,17 @@ class Session:
             if unread is not None:
                 self._observe(unread)
         return self.last
+
+    @one_thread
+    def doubts(self) -> list[str]:
+        """What is doubtful about the scene, as far as that costs little to find out: sentences that begin with their key.
+
+        `softseam check` warns of the same, and `softseam run` before the first step. Over a bus it is what the scene
+        alone tells, without the meshes that it names.
+        """
+        from softseam.doubts import doubts
+
+        return doubts(self.scene, self._running().setups)
 
     @one_thread
     def snapshot(self) -> bytes:
