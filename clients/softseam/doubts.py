@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from softseam.duration import expected_duration
 from softseam.odd_motion import odd_motion
+from softseam.odd_units import odd_units
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.kinds import element_warning
 from softseam_protocol.scene.particles import RopeBody, SheetBody
@@ -66,7 +67,7 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
 
 def _doubts_of_scene(scene: Scene, size: float) -> list[str]:
     """What the scene of one body of this extent [m] alone tells."""
-    return [*_locks(scene), *_stiffened_by_time(scene), *odd_motion(scene, size)]
+    return [*_locks(scene), *_stiffened_by_time(scene), *odd_motion(scene, size), *odd_units(scene, size)]
 
 
 def _size(scene: Scene) -> float:
