@@ -24,6 +24,7 @@ from softseam_protocol.scene.motion import PHASE_KEYS
 from softseam_protocol.scene.particles import TetMeshBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import MeshTool
+from softseam_protocol.scene.written_number import remedy
 
 MAX_SCENE_BYTES = 2**20
 MAX_FILE_BYTES = 128 * 2**20
@@ -219,7 +220,12 @@ def _located(details: ErrorDetails, marked: Marked, name: str) -> SceneError:
         return error("unknown key", mark, allowed=", ".join(keys), nearest=_nearest(str(path[-1]), keys))
     if kind in ("missing", "too_long", "too_short") and isinstance(found, list):
         few = kind != "too_long"
-        return error(f"a list of {len(found)} has too {'few' if few else 'many'} entries", expected=described(loc))
+        problem = f"a list of {len(found)} has too {'few' if few else 'many'} entries"
+        meant = marked.close.get(path, [])
+        if len(meant) == context.get("max_length"):
+            commas = next(entry for entry in meant if "," in entry)
+            problem += f': "{commas}" is {remedy(commas)}'
+        return error(problem, expected=described(loc))
     if kind in ("missing", "union_tag_not_found"):
         key = "kind" if kind == "union_tag_not_found" else str(loc[-1])
         return error(f"the key {key!r} is missing", mark, (*path, key))
@@ -245,7 +251,13 @@ def _located(details: ErrorDetails, marked: Marked, name: str) -> SceneError:
     if kind == "string_pattern_mismatch":
         return error(f"{found!r} is not a name: letters, digits, _ and -")
     problem = f"{_plain(details['msg'])}, but this is {_called(found)}"
+    if kind in _OF_NUMBERS and isinstance(found, str) and (what := remedy(found)):
+        problem += f", {what}"
     return error(problem, mark if missing else value_mark, expected=described(loc))
+
+
+_OF_NUMBERS = ("float_type", "int_type")
+"""pydantic's errors about what is no number"""
 
 
 def _not_among(found: Any, options: str) -> tuple[str, str, str]:

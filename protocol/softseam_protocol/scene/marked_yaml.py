@@ -8,6 +8,8 @@ from typing import Any
 
 import yaml
 
+from softseam_protocol.scene.written_number import remedy
+
 MAX_ENTRIES = 100_000
 MAX_DEPTH = 40
 
@@ -17,6 +19,7 @@ _NULL = re.compile(r"~|null|Null|NULL|")
 _BOOL = re.compile(r"true|True|TRUE|false|False|FALSE")
 _INT = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_AFTER_COMMA = re.compile(r"[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]+)?")
 _SPECIAL = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
@@ -44,6 +47,8 @@ class Marked:
     data: Any
     keys: dict[Path, Mark]
     values: dict[Path, Mark]
+    close: dict[Path, list[str]]
+    """of lists: their entries where two whole numbers with nothing but a comma between them are taken for one"""
 
 
 def parse(text: str) -> Marked:
@@ -62,7 +67,7 @@ def parse(text: str) -> Marked:
     if root is None:
         raise YamlError("the file is empty", Mark(1, 1))
     builder = _Builder()
-    return Marked(builder.build(root, ()), builder.keys, builder.values)
+    return Marked(builder.build(root, ()), builder.keys, builder.values, builder.close)
 
 
 def _explain(text: str, error: yaml.MarkedYAMLError, place: Mark) -> str:
@@ -79,6 +84,7 @@ class _Builder:
     def __init__(self) -> None:
         self.keys: dict[Path, Mark] = {}
         self.values: dict[Path, Mark] = {}
+        self.close: dict[Path, list[str]] = {}
 
     def build(self, node: yaml.Node, path: Path) -> Any:
         mark = Mark(node.start_mark.line + 1, node.start_mark.column + 1)
@@ -91,6 +97,9 @@ class _Builder:
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
         if isinstance(node, yaml.SequenceNode):
+            entries = _merged(node.value)
+            if len(entries) < len(node.value):
+                self.close[path] = entries
             return [self._entry(child, (*path, i)) for i, child in enumerate(node.value)]
         return _scalar(node, mark, path)
 
@@ -100,6 +109,8 @@ class _Builder:
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Any]:
         data: dict[str, Any] = {}
+        if node.flow_style:
+            self._find_commas(node, path)
         for key_node, value_node in node.value:
             mark = Mark(key_node.start_mark.line + 1, key_node.start_mark.column + 1)
             if not isinstance(key_node, yaml.ScalarNode):
@@ -111,6 +122,34 @@ class _Builder:
             self.keys[(*path, key)] = mark
             data[key] = self.build(value_node, (*path, key))
         return data
+
+
+    def _find_commas(self, node: yaml.MappingNode, path: Path) -> None:
+        """Raise YamlError where a number in `{young: 20,000}` has a comma: YAML reads what follows as a key."""
+        for i, (key_node, value_node) in enumerate(node.value):
+            text, end = value_node.value, value_node.end_mark.index
+            for after, nothing in node.value[i + 1 :]:
+                if after.start_mark.index != end + 1 or nothing.value or not _AFTER_COMMA.fullmatch(str(after.value)):
+                    break
+                text, end = f"{text},{after.value}", after.end_mark.index
+            if text is not value_node.value and (what := remedy(text)):
+                mark = Mark(value_node.start_mark.line + 1, value_node.start_mark.column + 1)
+                raise YamlError(f'"{text}" is {what}', mark, (*path, str(key_node.value)))
+
+
+def _merged(nodes: list[yaml.Node]) -> list[str]:
+    """Entries of a list as text, two whole numbers as one where nothing but a comma is between them."""
+    entries: list[str] = []
+    before: yaml.Node | None = None
+    for node in nodes:
+        whole = isinstance(node, yaml.ScalarNode) and _INT.fullmatch(node.value)
+        if whole and before is not None and before.end_mark.index + 1 == node.start_mark.index and node.value.isdigit():
+            entries[-1] += f",{node.value}"
+            before = None
+        else:
+            entries.append(str(node.value))
+            before = node if whole else None
+    return entries
 
 
 def _scalar(node: yaml.ScalarNode, mark: Mark, path: Path) -> Any:
