@@ -27,6 +27,7 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     _print_trust(console, report["estimated_error"])
     _print_damping(console, report["energy"])
     console.print(_quantities(report["quantities"]))
+    _print_gaps(console, report["quantities"], report["steps"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))
         grid = Table.grid(padding=(0, 2))
@@ -51,9 +52,17 @@ def _quantities(found: Mapping[str, Mapping[str, Any]]) -> Table:
             if entry["asked"] != asked or entry["max"] is None or not (asked or any(extremes)):
                 continue
             unit, factor = shown_unit(name)
-            figures = (_figure(value, factor, unit) for value in (entry["final"], *extremes))
+            figures = (_value(value, factor, unit) for value in (entry["final"], *extremes))
             table.add_row(label(name), *figures, style="" if asked else "dim")
     return table
+
+
+def _print_gaps(console: Console, found: Mapping[str, Mapping[str, Any]], steps: int) -> None:
+    """That least and most are of some steps only."""
+    some = {name: entry["measured"] for name, entry in found.items() if entry["asked"] and entry["measured"] < steps}
+    if some:
+        names, least = ", ".join(map(label, some)), min(some.values())
+        console.print(Text(f"measured in {least} of {steps} steps: {names}", style="dim"), soft_wrap=True)
 
 
 def _print_trust(console: Console, estimate: Mapping[str, Any] | None) -> None:
@@ -114,10 +123,13 @@ def _print_events(console: Console, events: list[Mapping[str, Any]]) -> None:
     console.print(grid)
 
 
-def _figure(value: float | None, factor: float, unit: str) -> str:
-    """A value in the unit shown; what is below a millionth of that unit is noise."""
-    if value is None:
-        return "-"
+def _value(value: float | None, factor: float, unit: str) -> str:
+    """A value in the unit shown."""
+    return "-" if value is None else f"{value * factor:.4g} {unit}"
+
+
+def _figure(value: float, factor: float, unit: str) -> str:
+    """An indicator in the unit shown; what is below a millionth of that unit is noise."""
     shown = value * factor
     return f"{0.0 if abs(shown) < 1e-6 else shown:.4g} {unit}"
 

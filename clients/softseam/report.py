@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from softseam.columns import SPENT, Columns, unit_of
 from softseam.outputs import cannot_write
+from softseam.rounding import Rounding
 from softseam.symmetric import symmetric
 from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages.header import SCHEMA_VERSION
@@ -45,6 +46,7 @@ class ReportBuilder:
         self._bundle = bundle
         self._scene = Scene.model_validate_json(bundle.scene)
         self._facts, self._model = dict(facts or {}), model
+        self._rounding = Rounding(self._scene)
         self.columns = Columns(self._scene.step, tuple(self._scene.tools))
         self._events: list[Event] = []
         self._done = False
@@ -152,21 +154,27 @@ class ReportBuilder:
         }
 
     def _quantities(self) -> dict[str, Any]:
-        """By name: its values, and whether the scene asks for it; what it does not ask for is always reported."""
+        """By name: its values, and whether the scene asks for it; what it does not ask for is always reported.
+
+        Of `final`, `min` and `max` what is rounding is 0.
+        """
         c = self.columns
         asked = {*self._scene.asked}
         found = {}
         for name in c.names("quantity."):
-            values = c[f"quantity.{name}"]
+            unit, values = unit_of(name), c[f"quantity.{name}"]
             known = values[np.isfinite(values)]
+            least = self._rounding.least(unit, known)
+            shown = np.where(np.abs(values) <= least, 0.0, values)
             found[name] = {
-                "unit": unit_of(name),
+                "unit": unit,
                 "asked": name in asked,
                 "time": _list(c["time"]),
                 "values": _list(values),
-                "final": _number(values[-1]),
-                "min": _number(known.min()) if len(known) else None,
-                "max": _number(known.max()) if len(known) else None,
+                "measured": len(known),
+                "final": _number(shown[-1]),
+                "min": _number(np.nanmin(shown)) if len(known) else None,
+                "max": _number(np.nanmax(shown)) if len(known) else None,
             }
         return found
 
