@@ -14,6 +14,8 @@ from softseam.view.colors import label
 
 _DAMPED = 0.05
 """part of the largest energy of a free body that its run may lose without a word"""
+_MOST = 6
+"""sentences on what was not done"""
 _COLOR = {"lifted": "green", "set down": "green", "finished": "green"}
 
 
@@ -26,6 +28,7 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
         console.print(Text(f"symmetric {report['symmetry']}", style="dim"))
     _print_trust(console, report["estimated_error"])
     _print_damping(console, report["energy"])
+    _print_not_done(console, report["not_done"])
     console.print(_quantities(report["quantities"]))
     _print_gaps(console, report["quantities"], report["steps"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
@@ -82,6 +85,14 @@ def _print_damping(console: Console, energy: Mapping[str, Any]) -> None:
     )
     told += "tool touched, so it spins or swings too little: shorten the step, or try models.fem.integrator: midpoint"
     console.print(Text(told, "bold yellow"), soft_wrap=True)
+
+
+def _print_not_done(console: Console, told: list[str]) -> None:
+    """What the scene asks for and the run did not do."""
+    for text in told[:_MOST]:
+        console.print(Text(f"not done: {text}", "bold yellow"), soft_wrap=True)
+    if len(told) > _MOST:
+        console.print(Text(f"not done: {len(told) - _MOST} more, see not_done in a --report", "bold yellow"))
 
 
 def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.columns import SPENT, Columns, unit_of
+from softseam.not_done import not_done, touched
 from softseam.outputs import cannot_write
 from softseam.rounding import Rounding
 from softseam.symmetric import symmetric
@@ -108,13 +109,14 @@ class ReportBuilder:
                 "ledger": {name: _list(c[f"energy.{name}"]) for name in c.names("energy.")},
                 "balance_error": self._energy_from_nowhere(),
                 "damped": self._damped(),
-                "touched": self._touched(),
+                "touched": any(touched(c, tool) for tool in self._scene.tools),
                 "largest": _max(c["energy.kinetic"] + c["energy.strain"]),
             },
             "penetration": {"worst": _max(c["penetration"]), "unit": "m"},
             "slip": {"worst": max((_max(c[f"quantity.{name}"]) for name in self._slips()), default=0.0), "unit": "m"},
             "momentum": {"unit": "kg m/s", "values": self._vectors("momentum")},
             "angular_momentum": {"unit": "kg m^2/s", "values": self._vectors("angular_momentum")},
+            "not_done": not_done(self._scene, c, self._events, self._done),
             "events": [
                 {"time": e.header.time, "step": e.header.step, "kind": e.kind, "message": e.message}
                 for e in self._events
@@ -185,11 +187,6 @@ class ReportBuilder:
     def _damped(self) -> float:
         """What the integrators took from the motion, in all [J]: swings die out that much sooner than true ones."""
         return _sum(np.maximum(self.columns["energy.dissipation"], 0.0))
-
-    def _touched(self) -> bool:
-        """Whether a tool ever pressed on the body: where none did, nothing but the steps and its viscosity damps it."""
-        c = self.columns
-        return any(bool(c[f"tool.{name}.f{axis}"].any()) for name in self._scene.tools for axis in "xyz")
 
     def _vectors(self, name: str) -> list[list[float | None]]:
         axes = [_list(self.columns[f"{name}.{axis}"]) for axis in "xyz"]

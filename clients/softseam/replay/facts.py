@@ -17,7 +17,10 @@ from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import Event
 
-_ALARMS = (EventKind.SOLVER, EventKind.SEAM, EventKind.PARTICIPANT_LOST, EventKind.ENERGY, EventKind.RECORDING)
+_ALARMS = (
+    *(EventKind.SOLVER, EventKind.SEAM, EventKind.PARTICIPANT_LOST, EventKind.ENERGY, EventKind.RECORDING),
+    EventKind.NOT_DONE,
+)
 
 
 def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, Scales]) -> str:
@@ -27,6 +30,8 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
     lines = [f"# {recording.scene.name}", "", f"**{verdict['text']}**", ""]
     if recording.note:
         lines += [f"> {recording.note}", ""]
+    for told in report["not_done"]:
+        lines += [f"> not done: {told}", ""]
     lines += ["| | |", "|---|---|"]
     for name, entry in report["quantities"].items():
         if entry["max"] is not None:

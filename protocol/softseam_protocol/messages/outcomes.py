@@ -67,6 +67,8 @@ class EventKind(StrEnum):
     """the step that its header names counts, but what follows it was not done"""
     MONITOR = "monitor"
     """what a participant's monitor saw"""
+    NOT_DONE = "not_done"
+    """what the scene asks for and the run did not do"""
     PARTICIPANT_LOST = "participant_lost"
     PARTICIPANT_RESTORED = "participant_restored"
     RECORDING = "recording"

@@ -51,6 +51,8 @@ class Moved:
     phase_ends: bool
     missed: str
     """what to say of a phase that ends off its force; '' of others"""
+    unreached: str
+    """what to say of one that its time ended before its tools got where they were to"""
 
 
 class MovingTools:
@@ -150,14 +152,20 @@ class MovingTools:
         self._promised, self._ahead = self._ahead, None
         if not move.by_hand:
             self._drives.measured(wrench, self.orientation)
-        before, after, missed = self._progress, move.after, ""
+        before, after, missed, unreached = self._progress, move.after, "", ""
+        closing = self.program.closing_force(before, wrench, self.orientation)
         if after is None:
-            closing = self.program.closing_force(before, wrench, self.orientation)
             after = self.program.after(before, self.position, self.orientation, closing)
             missed = self.program.missed(before, closing) if after.phase > before.phase else ""
+        if after.phase > before.phase and not missed:
+            unreached = self.program.unreached(before, self.position, self.orientation, closing)
         self._progress = after
         self.lifting = self.lifting or max(move.command[:, 2].tolist(), default=0.0) > 0.0
-        return Moved(self.program.phase_of(before, after), after.phase > before.phase, missed)
+        return Moved(self.program.phase_of(before, after), after.phase > before.phase, missed, unreached)
+
+    def left_out(self, duration: float) -> str:
+        """What to say of the motion as it stands when the duration [s] of a run is over; '' where it is over, too."""
+        return self.program.left_out(self._progress, self.position, self.orientation, duration)
 
     # ---- snapshots
 

@@ -10,6 +10,7 @@ from the start, and the rule does not look.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,18 @@ RETRY = 10
 """steps after which a switch that was refused is tried again"""
 _STEPS_AHEAD = 2
 """a tool that would be within reach after so many steps is: a switch takes effect in the next"""
+
+
+@dataclass(frozen=True, slots=True)
+class Unmet:
+    """What became of the switches that were refused."""
+
+    n_refused: int
+    """of the switches"""
+    n_never: int
+    """cells that were to become near, and never were"""
+    n_asked: int
+    """cells that are near, were, or were to become so"""
 
 
 class NearCells:
@@ -112,6 +125,7 @@ class NearCells:
         self._distance = distance
         self._refinement.reset()
         self._wait = 0
+        self._forget_refused()
         self._state: RegionState = self._rule.init(self._grid, distance)
         if self._none:
             self._state.near[:] = False
@@ -131,6 +145,7 @@ class NearCells:
         """
         if self._fixed:
             return ""
+        self._had |= self._cut
         if self.enough:
             self._distance = replies[sides.near].cell_distance.copy()
             return ""
@@ -163,9 +178,23 @@ class NearCells:
 
     def refused(self) -> None:
         """The switch that the last step asked for was taken back: ask again in `RETRY` steps."""
+        self._n_refused += 1
+        self._wanted |= self._cut
         state, self._cut = self._before
         self._state = RegionState.from_arrays(state)
         self._wait = RETRY
+
+    @property
+    def unmet(self) -> Unmet:
+        """What was refused since the start, or since a state was taken."""
+        had = self._had | self._cut
+        never, asked = self._wanted & ~had, self._wanted | had
+        return Unmet(self._n_refused, int(never.sum()), int(asked.sum()))
+
+    def _forget_refused(self) -> None:
+        """Nothing was refused yet."""
+        self._n_refused = 0
+        self._had, self._wanted = np.zeros((2, self._body.n_cells), dtype=np.bool_)
 
     def _spare(self, near: Mask) -> tuple[Mask, str]:
         """The cut to make where the rule asks for `near` (C,), and why it is another."""
@@ -213,6 +242,7 @@ class NearCells:
         if not len(state.near) == len(state.idle) == len(cut) == len(distance) == self._body.n_cells:
             raise ValueError(f"it is not of {self._body.n_cells} cells")
         self._refinement.take(arrays)
+        self._forget_refused()
         self._state, self._cut, self._distance, self._wait = state, cut, distance, wait
 
 

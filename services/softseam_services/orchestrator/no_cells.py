@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced, Fields
+from softseam_services.orchestrator.near_cells import Unmet
 from softseam_services.orchestrator.sides import Sides
 
 
@@ -18,6 +19,7 @@ class NoCells:
     looks_for = (False, False)
     looks_for_goal = False
     enough = ""
+    unmet = Unmet(0, 0, 0)
     neighbours: NDArray[np.int32] = np.zeros((0, 6), dtype=np.int32)
 
     def __init__(self) -> None:

@@ -19,6 +19,7 @@ from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, Mov
 from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.unfinished import left_out, unreached
 from softseam_services.shapes.turns import quaternion_turning, turned
 from softseam_services.tools.kernels import rotate
 from softseam_services.tools.tool_set import ToolSet
@@ -167,6 +168,25 @@ class Program:
             f"motion[{progress.phase}] ends with {force:.3g} N, not with the {wanted:g} N of until.force: shorten the "
             "step, close more slowly, or leave it more of until.time"
         )
+
+    def unreached(self, progress: Progress, position: Floats, orientation: Floats, force: float) -> str:
+        """What to say of a phase that its time ended before its tools, at these poses and with this mean force [N], got
+        where they were to; '' of others. Progress is that before its last step."""
+        phase, grip = self._phases[progress.phase], self._grips.get(progress.phase)
+        if grip is None or not isinstance(phase, ClosePhase) or phase.until.time is None:
+            return ""
+        if progress.elapsed + self._dt < phase.until.time * (1.0 - _ROUNDING):
+            return ""  # something else ended it
+        return unreached(progress.phase, phase, 1.0 - grip.gap(position, orientation) / grip.width, force)
+
+    def left_out(self, progress: Progress, position: Floats, orientation: Floats, duration: float) -> str:
+        """What to say of a motion that stands here when the duration [s] of a run is over; '' where it is over, too."""
+        for number in range(progress.phase, len(self._phases)):
+            begun = number == progress.phase
+            at = progress if begun else Progress(number)
+            if self._left(at, position, orientation) > 0.5 * self._dt:
+                return left_out(self._phases, number, begun and progress.elapsed > 0.0, duration)
+        return ""
 
     def gripping(self, progress: Progress, before: NDArray[np.int8]) -> NDArray[np.int8]:
         """1 for the tools that hold particles in the coming step (t,), after those that did before."""

@@ -113,6 +113,19 @@ class Regions:
         self._tell("refused", f"{cost} is too much for a switch; it is tried again in {RETRY} steps")
         return None
 
+    def tell_unmet(self) -> None:
+        """Tell, as a run ends, of cells that the rule asked for and never got."""
+        unmet, model = self.near.unmet, self.near.model
+        if unmet.n_never:
+            self._tell(
+                "not_done",
+                f"{unmet.n_never} of the {unmet.n_asked} cells that regions.near asked for never became {model}: "
+                f"{unmet.n_refused} switches were refused, since each would have changed the energy by more than "
+                f"{100.0 * SWITCH_LIMIT:g} %; put these cells into regions.near.boxes, which makes them {model} from "
+                f"the start, or say regions.default: {model}",
+                count=unmet.n_never,
+            )
+
     def looks_after(self, step: int) -> bool:
         """Whether `follow` looks at the fields once so many steps were taken."""
         return _is_turn(step) and (self.near.looks_for[0] or self.near.looks_for_goal)

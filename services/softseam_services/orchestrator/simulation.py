@@ -231,6 +231,8 @@ class Simulation:
         if switched:
             self._frames = None
         self._notify(solutions, move, moved, estimates)
+        if self.done and ongoing:
+            self._tell_not_done(move.by_hand)
         self._report = report
         if self._emit is not None:
             self._emit(report)
@@ -302,7 +304,16 @@ class Simulation:
             body.warnings.follow(at, solutions[name].replies, body.balance.raised, estimates.get(name))
         if moved.missed:
             self._event("force", f"step {at}: {moved.missed}")
+        if moved.unreached:
+            self._event("not_done", f"step {at}: {moved.unreached}")
         self._warnings.follow(at, move.too_far, self._moving.met)
+
+    def _tell_not_done(self, by_hand: bool) -> None:
+        """Tell, as a run ends, what the scene asks for that was not done."""
+        for body in self.bodies.values():
+            body.regions.tell_unmet()
+        if self._duration is not None and not by_hand and (left := self._moving.left_out(self._duration)):
+            self._event("not_done", left)
 
     # ---- what is known
 

@@ -1,0 +1,47 @@
+"""What a scene asks for and its run did not do: what the services told of that, and tools that took hold of nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from softseam.columns import Columns
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.session import Event
+from softseam_protocol.scene.motion import ClosePhase, GripPhase
+from softseam_protocol.scene.scene import Scene
+
+_TOLD = (EventKind.NOT_DONE, EventKind.FORCE)
+
+
+def not_done(scene: Scene, columns: Columns, events: Iterable[Event], done: bool) -> list[str]:
+    """Sentences, each with its remedy.
+
+    done  whether the run came to its end: before, tools may still get where they are to
+    """
+    told = [event.message for event in events if event.kind in _TOLD]
+    return told + (list(_idle(scene, columns)) if done else [])
+
+
+def touched(columns: Columns, tool: str) -> bool:
+    """Whether a tool ever pressed on a body."""
+    return any(bool(columns[f"tool.{tool}.f{axis}"].any()) for axis in "xyz")
+
+
+def _idle(scene: Scene, columns: Columns) -> Iterator[str]:
+    """Phases whose tools never touched a body, or took hold of none of its particles."""
+    reached = columns["phase"].max(initial=-1.0)
+    held = [columns[f"quantity.{name}"] for name in columns.names("quantity.") if name.rpartition(".")[2] == "held"]
+    for number, phase in enumerate(scene.motion):
+        if number > reached:
+            break
+        tools = " and ".join(phase.tools) if isinstance(phase, ClosePhase | GripPhase) else ""
+        if isinstance(phase, ClosePhase) and phase.force is None and phase.until.force is None:
+            if not any(touched(columns, tool) for tool in phase.tools):
+                yield f"motion[{number}]: {tools} never touched a body: close longer, or begin nearer to it"
+        elif isinstance(phase, GripPhase) and held and not any(np.nan_to_num(each).any() for each in held):
+            yield (
+                f"motion[{number}]: {tools} took hold of nothing: a tool takes the particles within one spacing of it, "
+                "so move it there first"
+            )

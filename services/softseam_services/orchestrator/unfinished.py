@@ -1,0 +1,51 @@
+"""What to say of a motion that did not get where it was to: phases that time ended, and those that a run left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from softseam_protocol.scene.motion import ClosePhase, Phase
+
+_HELD = 0.9
+"""of the force that a phase is to hold, from which on its tools have taken hold"""
+_NEAR = 0.98
+"""of the force or squeeze that is to end a phase, from which on it was reached"""
+
+
+def unreached(number: int, phase: Phase, compression: float, force: float) -> str:
+    """What a closing phase lacked when its `until.time` ended it, with the remedy; '' where that was nothing.
+
+    compression  of the body between its tools [1]
+    force        mean force on them [N]
+    """
+    if not isinstance(phase, ClosePhase) or phase.until.time is None:
+        return ""
+    until, short = phase.until, []
+    if until.force is not None and force < _NEAR * until.force:
+        short.append(f"{max(0.0, force):.3g} N, not with the {until.force:g} N of until.force")
+    elif phase.force is not None and force < _HELD * phase.force:
+        short.append(f"{max(0.0, force):.3g} N, not with the {phase.force:g} N of `force`")
+    if until.compression is not None and compression < _NEAR * until.compression:
+        squeezed = f"a compression of {max(0.0, compression):.3g}"
+        short.append(f"{squeezed}, not with the {until.compression:g} of until.compression")
+    if not short:
+        return ""
+    tools = " and ".join(phase.tools)
+    return (
+        f"motion[{number}]: its until.time of {until.time:g} s ended it with {', and '.join(short)}: give {tools} more "
+        "time, or more speed, or let them begin nearer to the body"
+    )
+
+
+def left_out(phases: Sequence[Phase], number: int, begun: bool, duration: float) -> str:
+    """What to say of a motion that a run's duration [s] ends in, with the remedy.
+
+    number  first phase that is not over
+    begun   whether it was begun
+    """
+    what = f"motion[{number}] is not over" if begun else f"motion[{number}] is not begun"
+    later = len(phases) - number - 1
+    if later > 0:
+        rest = f"motion[{number + 1}]" if later == 1 else f"motion[{number + 1}] to motion[{len(phases) - 1}]"
+        what += f", and {rest} not begun" if begun else f", nor {'is' if later == 1 else 'are'} {rest}"
+    return f"the duration of {duration:g} s ends before the motion: {what}; give a longer `duration`, or leave it out"
