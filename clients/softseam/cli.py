@@ -67,13 +67,23 @@ def run(
     connect: Endpoint = None,
     view: Annotated[bool, typer.Option("--view", help="Show the run in rerun afterwards.")] = False,
     tolerance: Tolerance = None,
+    step_limit: Annotated[
+        float | None,
+        typer.Option(
+            "--step-limit",
+            metavar="SECONDS",
+            min=0.0,
+            help="End the run where no step is solved for so long, 0: never; default: 20 s, and 10 ms a node.",
+        ),
+    ] = None,
     settings: Settings = None,
 ) -> None:
     """Simulate a scene: progress, a closing table, and whatever files you ask for."""
     from softseam.running import Wishes
     from softseam.running import run as run_scene
 
-    wishes = Wishes(scene, model, tuple(settings or ()), connect, record, report, pictures, view, tolerance)
+    options = tuple(settings or ())
+    wishes = Wishes(scene, model, options, connect, record, report, pictures, view, tolerance, step_limit)
     if run_scene(wishes, _out())["verdict"]["outcome"] == "failed":
         raise typer.Exit(1)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from softseam.errors import (
     BadInput,
@@ -40,9 +40,7 @@ from softseam_protocol.messages.session import (
     Saved,
     Step,
 )
-
-if TYPE_CHECKING:
-    from softseam_services.server import Setup
+from softseam_protocol.scene.scene import Scene
 
 Reply = TypeVar("Reply", Observation, Observations, Saved, Estimated, Closed)
 _MOST = 1000
@@ -72,7 +70,6 @@ class ConnectedBackend:
         self._record = record
         self.recorded: Recorded | None = None
         self.unrecorded = ""
-        self.setups: Mapping[str, Setup] = {}
         self._endpoint, self._timeout = endpoint, timeout
         self._count = 0
         self.session = secrets.token_hex(8)
@@ -88,6 +85,11 @@ class ConnectedBackend:
         except BaseException:  # nothing is kept back: whoever interrupts leaves no bus behind
             self._bus.close()
             raise
+
+    def doubts(self, scene: Scene) -> list[str]:
+        from softseam.doubts import doubts
+
+        return doubts(scene, {})  # bodies are built elsewhere
 
     def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
         refused = SimulationFailed if bundle is None else SceneRefused

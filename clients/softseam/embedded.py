@@ -25,7 +25,6 @@ from softseam_protocol.scene.scene import Scene
 if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
     from softseam_services.recorder.recorder import McapRecorder
-    from softseam_services.server import Setup
 
 Message = StepReport | Frame | Event
 
@@ -54,12 +53,12 @@ class EmbeddedBackend:
             compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
 
-    @property
-    def setups(self) -> dict[str, Setup]:
+    def doubts(self, scene: Scene) -> list[str]:
+        from softseam.doubts import doubts
         from softseam_services.server import Setup
 
-        simulation = self.simulation
-        return {name: Setup(one.scene, one.body, simulation.tools) for name, one in simulation.bodies.items()}
+        bodies, tools = self.simulation.bodies, self.simulation.tools
+        return doubts(scene, {name: Setup(one.scene, one.body, tools) for name, one in bodies.items()})
 
     def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
         self._stop_recording()
@@ -210,7 +209,7 @@ def compile_clock() -> Iterator[Callable[[], tuple[float, float]]]:
     except ImportError as error:
         raise missing_extra(error, "simulating in this process") from error
     with CompileClock() as clock:
-        yield lambda: (clock.wall, clock.cpu)
+        yield lambda: (clock.wall_so_far, clock.cpu)
 
 
 _APART = (

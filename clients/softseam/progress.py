@@ -75,6 +75,14 @@ class RunProgress:
             self._tenth, self._shown = tenth, now
             self._console.print(f"{self._label}: {self._state(observation)}", highlight=False)
 
+    def wait(self, step: int, seconds: float) -> None:
+        """Show that a step has taken so long so far [s]; may be called by another thread."""
+        state = f"step {step} has taken {seconds:.0f} s so far"
+        if self._bar is not None:
+            self._bar.show(None, state)
+        else:
+            self._console.print(f"{self._label}: {state}", highlight=False)
+
     def _state(self, observation: Observation) -> str:
         total = f" of {self._total:.2f}" if self._total else ""
         rtf = f"RTF {self.rtf:.1f}" if self.rtf else "RTF -"

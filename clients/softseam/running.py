@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -16,6 +17,7 @@ from rich.text import Text
 from softseam.checking import print_doubts
 from softseam.choice import choice
 from softseam.closing import print_closing
+from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
 from softseam.opening import open as open_session
@@ -25,6 +27,7 @@ from softseam.report import ReportBuilder, write_report
 from softseam.scenes import bundle_of, inputs_of
 from softseam.session import Session
 from softseam.showing import draw, drawing_errors
+from softseam.step_watch import StepWatch, limit_for
 from softseam.variants import Model, with_settings
 from softseam_protocol.facts import facts
 
@@ -42,6 +45,8 @@ class Wishes:
     pictures: Path | None = None
     view: bool = False
     tolerance: float | None = None
+    step_limit: float | None = None
+    """see `StepWatch` [s]; None: as long as suits the body"""
 
 
 def run(wishes: Wishes, console: Console) -> dict[str, Any]:
@@ -67,7 +72,10 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
             wishes.scene, wishes.connect, model=wishes.model, settings=settings, record=record
         ) as session:
             print_doubts(session.doubts(), wishes.scene, settings, console)
-            report = follow(session, console, began=began, model=wishes.model)
+            here = wishes.connect is None
+            report = follow(
+                session, console, began=began, model=wishes.model, limit=wishes.step_limit, compiles_here=here
+            )
         if recording is not None:
             note_recording(report, session, _brought(session, recording))
         print_closing(console, report)
@@ -104,11 +112,21 @@ def _check_outputs(wishes: Wishes) -> None:
 
 
 def follow(
-    session: Session, console: Console, *, began: float, model: Model | None = None, label: str | None = None
+    session: Session,
+    console: Console,
+    *,
+    began: float,
+    model: Model | None = None,
+    label: str | None = None,
+    limit: float | None = None,
+    compiles_here: bool = False,
 ) -> dict[str, Any]:
-    """Run an open session to its end with progress; returns its report.
+    """Run an open session to its end with progress; returns its report. Called in the main thread.
 
-    began    when its set-up began, on the clock of perf_counter [s]
+    began          when its set-up began, on the clock of perf_counter [s]
+    limit          longest time in which it does not get on [s], 0 for ever; None: as long as suits the bodies
+    compiles_here  whether this process compiles kernels, which may take longer than any step
+    Raises SimulationFailed where it does not get on within the limit.
     """
     scene = session.scene
     builder = ReportBuilder(session.bundle, facts=facts(), model=None if model == "hybrid" else model)
@@ -123,11 +141,22 @@ def follow(
             builder.add(event)
         builder.add(observation.report)
         progress.update(observation)
+        watch.taken(observation)
 
-    with RunProgress(scene, console, label or scene.name) as progress:
-        session.reset()
-        session.run(step)
+    with (
+        RunProgress(scene, console, label or scene.name) as progress,
+        compile_clock() if compiles_here else nullcontext(_nothing) as compiled,
+    ):
+        frames = session.reset().frames.values()
+        limit = limit_for(sum(len(frame.x) for frame in frames), not compiles_here) if limit is None else limit
+        with StepWatch(limit, progress.wait, lambda: compiled()[0]) as watch:
+            session.run(step)
     return builder.build(setup_seconds=setup or 0.0)
+
+
+def _nothing() -> tuple[float, float]:
+    """Wall and processor time that is spent compiling elsewhere [s]."""
+    return 0.0, 0.0
 
 
 def note_recording(report: dict[str, Any], session: Session, path: Path | None) -> None:

@@ -29,8 +29,6 @@ from softseam_protocol.scene.scene import Scene
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from softseam_services.server import Setup
-
 
 class Backend(Protocol):
     """What runs the simulation: this process, or an orchestrator on the bus. Every call may raise SoftseamError."""
@@ -39,9 +37,8 @@ class Backend(Protocol):
     unrecorded: str
     """what became of the last recording that was ended"""
 
-    @property
-    def setups(self) -> Mapping[str, Setup]:
-        """Bodies that are built in this process, by name; none where that is done elsewhere."""
+    def doubts(self, scene: Scene) -> list[str]:
+        """What is doubtful about the scene that it runs, as far as that is known here."""
         ...
 
     def reset(self, seed: int, bundle: Bundle | None = None) -> messages.Observation:
@@ -289,14 +286,12 @@ class Session:
 
     @one_thread
     def doubts(self) -> list[str]:
-        """What is doubtful about the scene, as far as that costs little to find out: sentences that begin with their key.
+        """What is doubtful about the scene, where that costs little to find out: sentences that begin with their key.
 
         `softseam check` warns of the same, and `softseam run` before the first step. Over a bus it is what the scene
         alone tells, without the meshes that it names.
         """
-        from softseam.doubts import doubts
-
-        return doubts(self.scene, self._running().setups)
+        return self._running().doubts(self.scene)
 
     @one_thread
     def snapshot(self) -> bytes:

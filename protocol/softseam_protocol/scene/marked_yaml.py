@@ -123,7 +123,6 @@ class _Builder:
             data[key] = self.build(value_node, (*path, key))
         return data
 
-
     def _find_commas(self, node: yaml.MappingNode, path: Path) -> None:
         """Raise YamlError where a number in `{young: 20,000}` has a comma: YAML reads what follows as a key."""
         for i, (key_node, value_node) in enumerate(node.value):

@@ -20,6 +20,12 @@ class CompileClock(Listener):
         self._depth = 0
         self._began = (0.0, 0.0)
 
+    @property
+    def wall_so_far(self) -> float:
+        """Wall time so far, with that of what is compiled right now [s]; may be read by another thread."""
+        ongoing = perf_counter() - self._began[0] if self._depth > 0 else 0.0
+        return self.wall + ongoing
+
     def on_start(self, event: Event) -> None:
         if self._depth == 0:
             self._began = perf_counter(), process_time()

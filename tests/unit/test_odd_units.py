@@ -1,0 +1,75 @@
+"""Gravity, speeds and tools that are likely in another unit than meant are warned of, and no others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from softseam.odd_units import odd_units
+from softseam_protocol.scene.scene import Scene
+
+
+def scene(**changes: Any) -> Scene:
+    given: dict[str, Any] = {
+        "softseam": 1,
+        "name": "cube",
+        "duration": 1.0,
+        "body": {
+            "shape": {"kind": "block", "size": [0.05, 0.05, 0.05]},
+            "material": {"young": 2e4, "poisson": 0.45, "density": 1000},
+        },
+    }
+    for key, value in changes.items():
+        given[key] = {**given[key], **value} if key == "body" else value
+    return Scene.model_validate(given)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "words"),
+    [
+        ([0, 0, -9810], "gravity: 9810 m/s^2 is 1e+03 times the earth's; is it in m/s^2, not in mm/s^2?"),
+        ([0, -981, 0], "gravity: 981 m/s^2 is 100 times the earth's"),
+        ([3355.2, 0, -9218.4], "gravity: 9810 m/s^2 is"),
+        ([0, 0, -1620], "gravity: 1620 m/s^2 is 165 times"),
+        ([0, 0, -9.81], ""),
+        ([0, 0, -24.8], ""),
+        ([0, 0, 0], ""),
+    ],
+)
+def test_gravity_in_millimetres(gravity: list[float], words: str) -> None:
+    """The earth's, the moon's; but not Jupiter's."""
+    told = odd_units(scene(gravity=gravity), 0.05)
+    assert [text.startswith(words) for text in told] == [True] if words else not told
+
+
+@pytest.mark.parametrize(("speed", "told"), [(500.0, True), (2000.0, True), (120.0, True), (20.0, False), (0.0, False)])
+def test_speeds_in_millimetres(speed: float, told: bool) -> None:
+    found = odd_units(scene(body={"velocity": [0.0, 0.6 * speed, -0.8 * speed]}), 0.05)
+    assert bool(found) == told and all("in m/s, not in mm/s?" in text for text in found)
+
+
+@pytest.mark.parametrize(
+    ("tool", "words"),
+    [
+        (
+            {"kind": "box", "size": [10, 60, 60], "position": [-0.05, 0, 0.03]},
+            "tools.finger: 60 m from end to end, 1.2e+03",
+        ),
+        ({"kind": "sphere", "radius": 8, "position": [0, 0, 9]}, "tools.finger: 16 m from end to end, 320 times"),
+        ({"kind": "capsule", "radius": 5, "length": 40, "position": [0, 0, 9]}, "tools.finger: 50 m from end to end"),
+        ({"kind": "box", "size": [0.01, 0.06, 0.06], "position": [-43, 0, 29]}, "tools.finger.position: 51.87 m from"),
+        ({"kind": "box", "size": [2, 2, 0.04], "position": [0, 0, -0.02]}, ""),
+        ({"kind": "box", "size": [0.01, 0.06, 0.06], "position": [-0.043, 0, 2.0]}, ""),
+        ({"kind": "plane", "point": [0, 0, -100]}, ""),
+    ],
+)
+def test_tools_in_millimetres(tool: dict[str, Any], words: str) -> None:
+    """A table of two metres and a plane far below are none."""
+    told = odd_units(scene(tools={"finger": tool}), 0.05)
+    assert [text.startswith(words) for text in told] == [True] if words else not told
+
+
+def test_a_large_body_has_large_tools() -> None:
+    tool = {"kind": "box", "size": [8, 8, 0.1], "position": [0, 0, -0.05]}
+    assert odd_units(scene(tools={"belt": tool}), 0.05) and not odd_units(scene(tools={"belt": tool}), 0.2)
