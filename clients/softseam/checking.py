@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.doubts import doubts_of, too_few_substeps
+from softseam.doubts import doubts_of, of_body
 from softseam.duration import expected_duration, too_many_steps
 from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
@@ -60,7 +60,8 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         if len(found) > 1:
             console.print(Text(f"\n{body}", style="bold"))
         console.print(facts)
-        print_doubts(doubts, name, settings, console)
+        told = doubts if scene.one is not None else [of_body(body, doubt) for doubt in doubts]
+        print_doubts(told, name, settings, console)
         for note in notes:
             console.print(Text(f"note: {note}", style="dim"))
     console.print(Text("the scene can be simulated", style="green"))
@@ -116,9 +117,8 @@ def _check_body(
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
     table.add_row("models", _models(scene))
-    doubts = doubts_of(setup, body)
     try:
-        doubts += too_few_substeps(scene, built, setup.tools)
+        doubts = doubts_of(setup, body)
     except SettingError as error:
         raise SceneRefused(located(str(error), name, settings)) from None
     if scene.models.pbd.coarse is not None:

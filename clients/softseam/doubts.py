@@ -31,7 +31,8 @@ _SWIFT = 4.0
 
 
 def doubts(scene: Scene, setups: Mapping[str, Setup]) -> list[str]:
-    """What is doubtful about a scene, as far as that costs next to nothing to find out.
+    """What is doubtful about a scene, which costs little to find out: thousands of cells take some hundredths of a
+    second, and half a second where PBD's substeps are fixed.
 
     setups  bodies that are built, by name; of others the scene alone is looked at
     """
@@ -39,7 +40,7 @@ def doubts(scene: Scene, setups: Mapping[str, Setup]) -> list[str]:
     for name in scene.bodies:
         one, setup = scene.of(name), setups.get(name)
         told = _doubts_of_scene(one, _size(one)) if setup is None else doubts_of(setup)
-        found += told if scene.one is not None else [_of_body(name, doubt) for doubt in told]
+        found += told if scene.one is not None else [of_body(name, doubt) for doubt in told]
     return list(dict.fromkeys(found))
 
 
@@ -48,6 +49,7 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
 
     setup  the scene with that body alone, the body, and the tools
     found  what it looks like, where that is known already
+    Raises SettingError where the run would be refused.
     """
     from softseam_services.body.body import Body
     from softseam_services.body.check import check_body
@@ -59,7 +61,7 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
     found = check_body(body) if found is None else found
     told = [*found.warnings, *_stiff_for_pbd(scene, body), *_leaps(scene, body, tools)]
     told += [*_large(scene, 3 * (found.n_nodes - found.n_fixed)), *_thin_tools(scene, body, tools)]
-    told += [*_in_vain(scene, body), *_doubts_of_scene(scene, max(found.size))]
+    told += [*_in_vain(scene, body), *_doubts_of_scene(scene, max(found.size)), *_few_substeps(scene, body, tools)]
     if scene.models.pbd.coarse is not None:
         told += _pokes_between(scene, body, coarse_cells(body, scene.models.pbd.coarse, tools), tools)
     return told
@@ -80,7 +82,7 @@ def _size(scene: Scene) -> float:
     return body.length if isinstance(body, RopeBody) else math.inf
 
 
-def _of_body(name: str, doubt: str) -> str:
+def of_body(name: str, doubt: str) -> str:
     """A sentence about `body`, about one of several."""
     return f"bodies.{name}.{doubt.removeprefix('body.')}" if doubt.startswith("body.") else doubt
 
@@ -157,7 +159,7 @@ def _locks(scene: Scene) -> list[str]:
     return [f"models.fem.element: {found}"] if found else []
 
 
-def too_few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
+def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
     """That a fixed number of PBD's substeps is fewer than is stable.
 
     Raises SettingError where leapfrog, which has all cells or none, would be unstable: the run would be refused.

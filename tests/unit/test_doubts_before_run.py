@@ -1,0 +1,117 @@
+"""`softseam run` warns before the first step of what `softseam check` warns of; over a bus, of what the scene tells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+import softseam
+from softseam.checking import check_scene
+from softseam.doubts import doubts
+from softseam.running import Wishes, run
+from softseam_protocol.scene.file import load_scene
+
+SCENE = """\
+softseam: 1
+name: cube
+step: 0.01
+duration: 0.02
+body:
+  shape: {kind: block, size: [0.02, 0.02, 0.02]}
+  cell: 0.01
+  material: {kind: neo_hookean, young: 2.0e4, poisson: 0.45, density: 1000}
+tools:
+  left: {kind: box, size: [0.01, 0.03, 0.03], position: [-0.0155, 0, 0.016]}
+  right: {kind: box, size: [0.01, 0.03, 0.03], position: [0.0155, 0, 0.016]}
+motion:
+  - {tools: [left, right], close: 0.02, until: {time: 0.02}}
+regions: {default: pbd}
+models: {pbd: {substeps: 40}}
+"""
+
+DOUBTFUL = [
+    ("young: 2.0e4", "young: 200", "8:40: body.material.young: 200 Pa; the body would sink by some 98 %"),
+    ("density: 1000", "density: 1.05", "8:71: body.material.density: 1.05 kg/m^3 is unlike any solid"),
+    ("substeps: 40", "substeps: 3", "15:26: models.pbd.substeps: 3 in a step of 10 ms are fewer than the"),
+    ("duration: 0.02", "gravity: [0, -1.2e3, 0]\nduration: 0.02", "4:10: gravity: 1200 m/s^2 is 122 times the earth's"),
+    ("cell: 0.01", "cell: 0.01\n  velocity: [0, 0, 250]", "8:13: body.velocity: 250 m/s is faster than"),
+    ("close: 0.02", "close: 0.7", "13:5: motion.0: left moves half its thickness in a step of 10 ms"),
+]
+
+
+def warnings_of_run(path: Path, settings: Sequence[str] = ()) -> list[str]:
+    """All that it prints before the run begins; it prints no warning later."""
+    said = StringIO()
+    run(Wishes(str(path), settings=tuple(settings)), Console(file=said, width=1000))
+    lines = said.getvalue().splitlines()
+    begun = lines.index("cube: setting up")
+    assert not [line for line in lines[begun:] if line.startswith("warning")]
+    return lines[:begun]
+
+
+def warnings_of_check(path: Path, settings: Sequence[str] = ()) -> list[str]:
+    said = StringIO()
+    check_scene(str(path), settings, Console(file=said, width=1000))
+    return [line for line in said.getvalue().splitlines() if line.startswith("warning")]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), DOUBTFUL, ids=[words.split(": ")[1] for _, _, words in DOUBTFUL])
+def test_a_run_begins_with_the_warnings_of_check(old: str, new: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "cube.yaml"
+    assert old in SCENE
+    path.write_text(SCENE.replace(old, new))
+    told = warnings_of_run(path)
+    assert any(line.startswith(f"warning: {path}:{words}") for line in told)
+    assert told == warnings_of_check(path)
+
+
+def test_a_sound_scene_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "cube.yaml"
+    path.write_text(SCENE)
+    assert warnings_of_run(path) == []
+
+
+@pytest.mark.parametrize("young", [90, 150, 310])
+def test_what_a_setting_changed_is_warned_of_by_its_name(young: int, tmp_path: Path) -> None:
+    path, setting = tmp_path / "cube.yaml", f"body.material.young={young}"
+    path.write_text(SCENE)
+    (told,) = warnings_of_run(path, [setting])
+    assert told.startswith(f"warning: --set {setting}: body.material.young: {young} Pa")
+
+
+@pytest.mark.parametrize("name", ["tofu", "jelly"])
+def test_of_several_bodies_the_one_is_named(name: str, tmp_path: Path) -> None:
+    """The same material for both, but one of them as soft as soup."""
+    softs = {"tofu": "2.0e4", "jelly": "2.0e4"} | {name: "100"}
+    body = "    shape: {{kind: block, size: [0.02, 0.02, 0.02]}}\n    cell: 0.01\n    position: [{x}, 0, 0]\n"
+    body += "    material: {{young: {young}, poisson: 0.4, density: 1000}}\n"
+    bodies = "".join(f"  {each}:\n{body.format(x=x, young=softs[each])}" for each, x in (("tofu", 0), ("jelly", 0.1)))
+    path = tmp_path / "cube.yaml"
+    path.write_text(f"softseam: 1\nname: cube\nduration: 0.02\nbodies:\n{bodies}tools:\n  ground: {{kind: plane}}\n")
+    line = 9 if name == "tofu" else 14
+    (told,) = warnings_of_run(path)
+    assert told.startswith(f"warning: {path}:{line}:23: bodies.{name}.material.young: 100 Pa")
+    assert warnings_of_check(path) == [told]
+
+
+def test_a_session_tells_them(tmp_path: Path) -> None:
+    path = tmp_path / "cube.yaml"
+    path.write_text(SCENE.replace("2.0e4", "200"))
+    with softseam.open(path) as session:
+        (told,) = session.doubts()
+        assert told.startswith("body.material.young: 200 Pa")
+        session.reset(settings=["body.material.young=2e4"])
+        assert session.doubts() == []
+
+
+@pytest.mark.parametrize(("old", "new", "words"), DOUBTFUL[3:5])
+def test_without_bodies_the_scene_alone_tells(old: str, new: str, words: str, tmp_path: Path) -> None:
+    """As where they are built elsewhere; what needs them is not told."""
+    path = tmp_path / "cube.yaml"
+    path.write_text(SCENE.replace(old, new).replace("2.0e4", "200"))
+    (told,) = doubts(load_scene(path).scene, {})
+    assert told.startswith(words.split(": ", 1)[1])
