@@ -1,7 +1,7 @@
 """What of a quantity is rounding: values too small for the scene that they are of, which are shown as 0.
 
 A solid of Young's modulus E and extent L that strains by e moves by e L, bears stresses of e E, pulls with e E L^2 and
-stores e^2 E L^3. No weight and no tool strains a body by less than 1e-10: what is smaller than that makes is rounding.
+stores e^2 E L^3. No weight and no tool strains a body by less than 1e-9: what is smaller than that makes is rounding.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from softseam_protocol.scene.bodies import AnyBody, BlockShape, BodySpec
 from softseam_protocol.scene.particles import RopeBody, SheetBody
 from softseam_protocol.scene.scene import Scene
 
-_STRAIN = 1e-10
-"""its own weight strains the stiffest food, a few millimetres of it, by more than a hundred times as much"""
+_STRAIN = 1e-9
+"""its own weight strains the stiffest food, a few millimetres of it, by ten times as much"""
 _BESIDE = 1e-9
 """of the largest value of a quantity: what is less is rounding beside it"""
 

@@ -41,7 +41,7 @@ def test_a_bodys_own_weight_is_more_than_rounding(size: float, young: float) -> 
             assert (value > rounding.least(unit, np.array([value]))) == (scale == strain), unit
 
 
-@pytest.mark.parametrize("most", [3.0, 40.0, 1.7e6])
+@pytest.mark.parametrize("most", [90.0, 400.0, 1.7e6])
 def test_what_is_nothing_beside_the_largest_is_rounding(most: float) -> None:
     assert 1e-10 * most < Rounding(scene(0.05, 2e4)).least("N", np.array([0.0, -most, 1e-10 * most])) < 1e-8 * most
 

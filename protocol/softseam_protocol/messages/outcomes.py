@@ -63,6 +63,8 @@ class EventKind(StrEnum):
     """an alarm of the ledger"""
     FORCE = "force"
     """a phase ends off its force"""
+    GONE = "gone"
+    """a body left the scene, or came out behind a tool"""
     LOST = "lost"
     """the step that its header names counts, but what follows it was not done"""
     MONITOR = "monitor"

@@ -24,6 +24,7 @@ from softseam_services.orchestrator.saved_state import SavedBody
 from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
+from softseam_services.orchestrator.whereabouts import Whereabouts
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -63,6 +64,7 @@ class SimulatedBody:
         """that hold the parts"""
         self.errors = ErrorEstimator(self.body, self.scene)
         self.warnings = StepWarnings(self.scene, tell)
+        self.whereabouts = Whereabouts(self.body, setup.tools, tell)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
         self._probes = Probes(self.body, points) if isinstance(self.body, Body) else None
         self.wants_fields = bool(points) or self._quantities.need_fields
@@ -76,6 +78,7 @@ class SimulatedBody:
         self._lift_base = 0.0
         self.errors.reset()
         self.balance.reset()
+        self.whereabouts.start()
         self.participants.stand(self._clock.step)
         self.balance.begun = self.regions.start(resting_state(self.body))
 

@@ -35,6 +35,7 @@ from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
+from softseam_services.orchestrator.whereabouts import LOOK_EVERY
 from softseam_services.server import build_setup
 
 T = TypeVar("T")
@@ -181,6 +182,7 @@ class Simulation:
         self._warnings.forget()
         for body in self.bodies.values():
             body.warnings.forget()
+            body.whereabouts.forget()
         self._report: StepReport | None = None
         self._frames: dict[str, Frame] | None = None
         self._unseen = False  # their fields were asked for, and lost
@@ -301,7 +303,10 @@ class Simulation:
         """Tell what of the step is worth an event."""
         at = self._clock.step - 1
         for name, body in self.bodies.items():
-            body.warnings.follow(at, solutions[name].replies, body.balance.raised, estimates.get(name))
+            replies = solutions[name].replies
+            body.warnings.follow(at, replies, body.balance.raised, estimates.get(name))
+            if self.done or self._clock.step % LOOK_EVERY == 0:
+                body.whereabouts.look(at, replies, *self._moving.poses)
         if moved.missed:
             self._event("force", f"step {at}: {moved.missed}")
         if moved.unreached:

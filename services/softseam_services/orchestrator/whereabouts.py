@@ -1,0 +1,140 @@
+"""Where a body is: whether it left all that is in the scene, or came out behind a plane or plate that was to hold it.
+
+What the participants tell of a step, the bounds of its nodes, is enough for that, and is looked at now and then: no
+body comes back from there. Draped over a tool a body may have its middle behind it; so only plates that are wider than
+the body count, and for sheets and ropes only planes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages.participant import Advanced
+from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.step_warnings import Tell
+from softseam_services.shapes.branches import BOX, PLANE
+from softseam_services.tools.kernels import rotate_back
+from softseam_services.tools.tool_set import ToolSet
+
+Floats = NDArray[np.float64]
+
+LOOK_EVERY = 10
+"""steps between looks"""
+_FAR = 10.0
+"""extents of the body by which it is away from everything else when it is gone"""
+
+
+class Whereabouts:
+    """Watches one body; tells once that it is gone, and of each tool once that it is behind it.
+
+    tell  receives every event
+    """
+
+    def __init__(self, body: AnyBody, tools: ToolSet, tell: Tell) -> None:
+        self._tools, self._tell = tools, tell
+        self._low, self._high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
+        self._size = float((self._high - self._low).max())
+        self._gravity = np.asarray(body.gravity)
+        solid = isinstance(body, Body) or body.kind == "tet_mesh"
+        self._holding = [
+            tool
+            for tool, kind in enumerate(tools.kind)
+            if kind == PLANE or (solid and kind == BOX and np.sort(2.0 * tools.shape[tool, :3])[1] > self._size)
+        ]
+        """planes, and plates wider than the body"""
+        self.forget()
+
+    def forget(self) -> None:
+        """The last step is another's."""
+        self._side: dict[int, float] = {}
+        self._behind: set[int] = set()
+        self._gone = False
+        self._middle: Floats | None = None
+
+    def start(self) -> None:
+        """The body is at rest, where the scene starts."""
+        self.forget()
+        self._middle = 0.5 * (self._low + self._high)
+        for tool in self._holding:
+            if across := self._across(tool, self._middle, self._tools.position, self._tools.orientation):
+                self._side[tool] = across
+
+    def look(self, step: int, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> None:
+        """A step was taken, at whose end the tools have these poses (t, 3) [m], (t, 4)."""
+        bounds = np.array([reply.bounds for reply in replies.values()])
+        low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+        middle = 0.5 * (low + high)
+        if not np.isfinite(middle).all():
+            return
+        for tool in self._holding:
+            if tool not in self._behind:
+                self._look_behind(step, tool, middle, position, orientation)
+        if not self._gone and len(self._tools.names) and not any(reply.n_contacts for reply in replies.values()):
+            self._look_away(step, low, high, middle, position, orientation)
+        self._middle = middle
+
+    def _look_behind(self, step: int, tool: int, middle: Floats, position: Floats, orientation: Floats) -> None:
+        """Tell where the body's middle has come from one side of a tool to the other."""
+        across = self._across(tool, middle, position, orientation)
+        if across is None:
+            self._side.pop(tool, None)
+        elif across * self._side.get(tool, across) < 0.0:
+            self._behind.add(tool)
+            self._gone = True  # said with that
+            name = self._tools.names[tool]
+            self._tell(
+                "gone",
+                f"step {step}: the body came through {name}, its middle is {abs(across):.3g} m behind it: shorten the "
+                f"step, meet {name} more slowly, make it thicker, or give the body to fem by regions.default",
+            )
+        elif across:
+            self._side[tool] = across
+
+    def _across(self, tool: int, middle: Floats, position: Floats, orientation: Floats) -> float | None:
+        """How far the body's middle is on one side of a tool, negative on the other [m]; 0 inside a plate, and None
+        where it is beside one."""
+        at = np.array(rotate_back(orientation[tool], *(middle - position[tool])))
+        shape = self._tools.shape[tool, :3]
+        if self._tools.kind[tool] == PLANE:
+            return float(at @ shape)
+        thin = int(shape.argmin())
+        if (np.delete(np.abs(at) - shape, thin) > 0.0).any():
+            return None
+        return float(at[thin]) if abs(at[thin]) > shape[thin] else 0.0
+
+    def _look_away(
+        self, step: int, low: Floats, high: Floats, middle: Floats, position: Floats, orientation: Floats
+    ) -> None:
+        """Tell where the body is far from everything, moves farther away, and neither gravity nor a plane stops it."""
+        least, most = self._low.copy(), self._high.copy()
+        for tool, reach in enumerate(self._tools.reach):
+            if math.isfinite(reach):
+                least = np.minimum(least, position[tool] - reach)
+                most = np.maximum(most, position[tool] + reach)
+        away = np.maximum(low - most, 0.0) - np.maximum(least - high, 0.0)
+        far = float(np.linalg.norm(away))
+        if self._middle is None or far < _FAR * self._size:
+            return
+        moved = middle - self._middle
+        if float(moved @ away) <= 0.0 or float(self._gravity @ away) < 0.0 or self._is_caught(orientation):
+            return
+        self._gone = True
+        self._tell(
+            "gone",
+            f"step {step}: the body is {far:.3g} m away from the tools and from where it began, and nothing stops it: "
+            "hold it better, put a plane under it, or give the run a shorter duration",
+        )
+
+    def _is_caught(self, orientation: Floats) -> bool:
+        """Whether the body falls onto a plane, on the right side of which it still is."""
+        return any(
+            self._tools.kind[tool] == PLANE
+            and tool not in self._behind
+            and float(np.array(rotate_back(orientation[tool], *self._gravity)) @ self._tools.shape[tool, :3]) < 0.0
+            for tool in self._holding
+        )
