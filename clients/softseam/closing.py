@@ -11,6 +11,7 @@ from rich.text import Text
 
 from softseam.columns import shown_unit
 from softseam.view.colors import label
+from softseam_protocol.messages.outcomes import EventKind
 
 _DAMPED = 0.05
 """part of the largest energy of a free body that its run may lose without a word"""
@@ -121,9 +122,11 @@ def _times(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def _print_events(console: Console, events: list[Mapping[str, Any]]) -> None:
-    """Count the events by kind, and spell out the last one of each."""
+    """Count the events by kind, and spell out the last one of each; what was not done is said above."""
     by_kind: dict[str, list[Mapping[str, Any]]] = {}
     for event in events:
+        if event["kind"] == EventKind.NOT_DONE:
+            continue
         by_kind.setdefault(event["kind"], []).append(event)
     if not by_kind:
         return

@@ -20,7 +20,7 @@ from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.orchestrator.cost import DEARER, one_is_enough, substeps
-from softseam_services.orchestrator.near_cells import NearCells
+from softseam_services.orchestrator.near_cells import NearCells, Unmet
 from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.pbd.model import build_model
 from softseam_services.pbd.parameters import build_parameters
@@ -200,6 +200,30 @@ def test_a_cut_made_by_hand_and_a_spared_one_survive_a_snapshot() -> None:
         near.reset()
         near.take(arrays)
         assert np.array_equal(near.mask, mask)
+
+
+@pytest.mark.parametrize("n_touched", [2, 3, 20])
+def test_cells_that_never_became_near_are_counted(n_touched: int) -> None:
+    """A tool comes to so many columns of eight cells, the first of which are near from the start; the switch is refused
+    three times, then made."""
+    near, _ = _near(LONG, "always")
+    distance = np.where(near._body.cell_grid[:, 0] < n_touched, 0.0, 1.0)
+    sides = cut("body", near._body, near.mask, "fem", "pbd")
+
+    def switch() -> int:
+        """Cells that are near once the rule asks for a switch; after one that was refused it waits."""
+        assert any(_follow(near, sides, distance) for _ in range(20))
+        return int(near.mask.sum())
+
+    assert near.unmet == Unmet(0, 0, 8)
+    for tries in (1, 2, 3):
+        assert switch() == 8 * n_touched
+        near.refused()
+        assert near.unmet == Unmet(tries, 8 * (n_touched - 1), 8 * n_touched)
+    switch()
+    assert near.unmet == Unmet(3, 0, 8 * n_touched)
+    near.take(near.to_arrays())
+    assert near.unmet.n_refused == 0
 
 
 def test_every_element_has_a_price() -> None:

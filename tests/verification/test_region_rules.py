@@ -109,5 +109,10 @@ def test_a_switch_that_is_too_dear_is_taken_back(monkeypatch: pytest.MonkeyPatch
             plain.save()
     np.testing.assert_array_equal(simulation.frame().x, plain.frame().x)
     assert not simulation.regions.near.mask.any()
+    unmet = simulation.regions.near.unmet
+    assert unmet.n_refused == len(refused) and 0 < unmet.n_never == unmet.n_asked
+    (told,) = [event.message for event in events if event.kind == "not_done"]
+    assert told.startswith(f"{unmet.n_never} of the {unmet.n_never} cells that regions.near asked for never became fem")
+    assert "regions.near.boxes" in told and f"{len(refused)} switches were refused" in told
     for each in (simulation, plain):
         each.close()
