@@ -54,9 +54,9 @@ def squeezed(values: list[float | None], name: str = "lift_height", folder: Path
     for message in run.messages():
         if isinstance(message, StepReport):
             value = next(told)
-            quantities = {**message.quantities, name: value}
-            if value is None:
-                del quantities[name]
+            quantities = {other: known for other, known in message.quantities.items() if other != name}
+            if value is not None:
+                quantities[name] = value
             message = replace(message, quantities=quantities)
         messages.append(message)
     builder = ReportBuilder(run.bundle)
