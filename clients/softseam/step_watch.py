@@ -10,7 +10,7 @@ import signal
 import threading
 from collections.abc import Callable
 from time import perf_counter
-from types import TracebackType
+from types import FrameType, TracebackType
 
 from softseam.errors import SimulationFailed
 from softseam.observation import Observation
@@ -28,8 +28,14 @@ _HARD = {EventKind.SOLVER, EventKind.STEP, EventKind.SEAM, EventKind.MONITOR}
 """events of steps that were not solved at once"""
 _LOOK = 0.5
 """time between looks at the clock [s]"""
+_AGAIN = 10.0
+"""time after which a run that was to end is ended again [s]"""
 _TELL = 5.0
 """time that a step takes before it is told of, and again each time that this has doubled [s]"""
+
+
+class _Ended(KeyboardInterrupt):
+    """Raised in the main thread as the limit is passed: what an interrupt may end, this may."""
 
 
 def limit_for(n_nodes: int, afar: bool) -> float:
@@ -55,7 +61,6 @@ class StepWatch:
         self._main = threading.main_thread().ident
         self._steps, self._good, self._failed = 0, 0, 0
         self._begun = self._last = self._now()
-        self._ended = False
 
     def taken(self, observation: Observation) -> None:
         """A step was taken."""
@@ -69,6 +74,7 @@ class StepWatch:
 
     def __enter__(self) -> StepWatch:
         self._begun = self._last = self._now()
+        self._handler = signal.signal(signal.SIGUSR1, _end)  # SIGINT is ignored where a script began this process
         self._thread.start()
         return self
 
@@ -78,10 +84,11 @@ class StepWatch:
         try:
             self._stop.set()
             self._thread.join()
-        except KeyboardInterrupt:  # sent by the watch as the last step ended
-            if not self._ended:
-                raise
-        if self._ended and isinstance(error, KeyboardInterrupt):
+        except _Ended:
+            pass  # as the last step ended, it was time to
+        finally:
+            signal.signal(signal.SIGUSR1, self._handler)
+        if isinstance(error, _Ended):
             raise SimulationFailed(self._words()) from None
 
     def _now(self) -> float:
@@ -89,7 +96,7 @@ class StepWatch:
         return perf_counter() - self._compiled()
 
     def _watch(self) -> None:
-        due = _TELL
+        due, over = _TELL, self._limit
         step = self._steps
         while not self._stop.wait(_LOOK):
             now = self._now()
@@ -98,10 +105,9 @@ class StepWatch:
             if now - self._begun >= due:
                 due *= 2.0
                 self._tell(step + 1, now - self._begun)
-            if self._limit and now - self._last >= self._limit and self._main is not None:
-                self._ended = True
-                signal.pthread_kill(self._main, signal.SIGINT)
-                return
+            if self._limit and now - self._last >= over and self._main is not None:
+                over = now - self._last + _AGAIN  # should it be lost on its way
+                signal.pthread_kill(self._main, signal.SIGUSR1)
 
     def _words(self) -> str:
         what = f"step {self._steps + 1} was not solved within {self._limit:.0f} s"
@@ -114,3 +120,7 @@ class StepWatch:
             "a stiffer material), or give it fewer cells by a longer `body.cell`; --step-limit waits longer, with 0 "
             "for ever"
         )
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    raise _Ended

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from io import StringIO
@@ -148,3 +150,14 @@ def test_a_sound_scene_runs_to_its_end(tmp_path: Path) -> None:
     path.write_text(SCENE)
     report = run(Wishes(str(path), step_limit=5.0), Console(file=StringIO()))
     assert report["verdict"]["outcome"] == "finished" and report["steps"] == 5
+
+
+def test_it_ends_also_where_interrupts_are_ignored(tmp_path: Path) -> None:
+    """As they are in what a script runs in the background."""
+    path = tmp_path / "cube.yaml"
+    path.write_text(SCENE.replace("-9.81", "-9810"))
+    ignore = "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+    code = f"{ignore}; from softseam.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", code, "run", str(path), "--step-limit", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1 and "--step-limit waits longer" in done.stderr
