@@ -179,6 +179,7 @@ def told_by(trace: Trace) -> list[str]:
 
 _TOLD_BY_KIND = {
     EventKind.GONE: "event: a body is gone",
+    EventKind.CREEP: "event: a body creeps",
     EventKind.FORCE: "event: a phase ends off its force",
     EventKind.ACCURACY: "event: the estimated error is too large",
     EventKind.ELEMENT: "event: the element is too stiff",

@@ -19,7 +19,7 @@ from softseam_protocol.messages.session import Event
 
 _ALARMS = (
     *(EventKind.SOLVER, EventKind.SEAM, EventKind.PARTICIPANT_LOST, EventKind.ENERGY, EventKind.RECORDING),
-    *(EventKind.NOT_DONE, EventKind.GONE),
+    *(EventKind.NOT_DONE, EventKind.GONE, EventKind.CREEP),
 )
 
 

@@ -57,6 +57,8 @@ class EventKind(StrEnum):
     """what exchanges cost"""
     CELLS = "cells"
     """cells pass to full quadrature"""
+    CREEP = "creep"
+    """a body creeps along tools that stand still"""
     ELEMENT = "element"
     """the element is too stiff for the material"""
     ENERGY = "energy"

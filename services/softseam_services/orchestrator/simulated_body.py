@@ -14,6 +14,7 @@ from softseam_protocol.messages.session import ErrorEstimate, Frame
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
 from softseam_services.orchestrator.error_estimate import ErrorEstimator
 from softseam_services.orchestrator.probes import Probes
@@ -24,7 +25,7 @@ from softseam_services.orchestrator.saved_state import SavedBody
 from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
-from softseam_services.orchestrator.whereabouts import Whereabouts
+from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Whereabouts
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -65,6 +66,7 @@ class SimulatedBody:
         self.errors = ErrorEstimator(self.body, self.scene)
         self.warnings = StepWarnings(self.scene, tell)
         self.whereabouts = Whereabouts(self.body, setup.tools, tell)
+        self.creep = Creep(self.body, setup.tools, LOOK_EVERY * self.scene.step, tell)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
         self._probes = Probes(self.body, points) if isinstance(self.body, Body) else None
         self.wants_fields = bool(points) or self._quantities.need_fields
@@ -79,6 +81,7 @@ class SimulatedBody:
         self.errors.reset()
         self.balance.reset()
         self.whereabouts.start()
+        self.creep.forget()
         self.participants.stand(self._clock.step)
         self.balance.begun = self.regions.start(resting_state(self.body))
 

@@ -183,6 +183,7 @@ class Simulation:
         for body in self.bodies.values():
             body.warnings.forget()
             body.whereabouts.forget()
+            body.creep.forget()
         self._report: StepReport | None = None
         self._frames: dict[str, Frame] | None = None
         self._unseen = False  # their fields were asked for, and lost
@@ -307,6 +308,8 @@ class Simulation:
             body.warnings.follow(at, replies, body.balance.raised, estimates.get(name))
             if self.done or self._clock.step % LOOK_EVERY == 0:
                 body.whereabouts.look(at, replies, *self._moving.poses)
+            if self._clock.step % LOOK_EVERY == 0:
+                body.creep.look(at, replies, *self._moving.poses)
         if moved.missed:
             self._event("force", f"step {at}: {moved.missed}")
         if moved.unreached:

@@ -8,7 +8,7 @@ the body count, and for sheets and ropes only planes.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,14 @@ LOOK_EVERY = 10
 """steps between looks"""
 _FAR = 10.0
 """extents of the body by which it is away from everything else when it is gone"""
+
+
+def box_of(replies: Sequence[Advanced]) -> Floats:
+    """Lower and upper bounds of all parts of a body (2, 3) [m]."""
+    first, *others = (reply.bounds for reply in replies)
+    for bounds in others:
+        first = np.stack((np.minimum(first[0], bounds[0]), np.maximum(first[1], bounds[1])))
+    return first
 
 
 class Whereabouts:
@@ -66,8 +74,7 @@ class Whereabouts:
 
     def look(self, step: int, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> None:
         """A step was taken, at whose end the tools have these poses (t, 3) [m], (t, 4)."""
-        bounds = np.array([reply.bounds for reply in replies.values()])
-        low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+        low, high = box_of(list(replies.values()))
         middle = 0.5 * (low + high)
         if not np.isfinite(middle).all():
             return
@@ -103,7 +110,7 @@ class Whereabouts:
         if self._tools.kind[tool] == PLANE:
             return float(at @ shape)
         thin = int(shape.argmin())
-        if (np.delete(np.abs(at) - shape, thin) > 0.0).any():
+        if any(abs(at[axis]) > shape[axis] for axis in range(3) if axis != thin):
             return None
         return float(at[thin]) if abs(at[thin]) > shape[thin] else 0.0
 
