@@ -121,7 +121,7 @@ def follow(
     limit: float | None = None,
     compiles_here: bool = False,
 ) -> dict[str, Any]:
-    """Run an open session to its end with progress; returns its report. Called in the main thread.
+    """Run an open session to its end with progress; returns its report.
 
     began          when its set-up began, on the clock of perf_counter [s]
     limit          longest time in which it does not get on [s], 0 for ever; None: as long as suits the bodies

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable
 from time import perf_counter
 from types import FrameType, TracebackType
+from typing import Any
 
 from softseam.errors import SimulationFailed
 from softseam.observation import Observation
@@ -44,7 +45,7 @@ def limit_for(n_nodes: int, afar: bool) -> float:
 
 
 class StepWatch:
-    """A context around the steps of a run, in the main thread of a process.
+    """A context around the steps of a run; in another thread than a process's main one it tells, but ends nothing.
 
     limit     longest time in which the run does not get on [s]; 0: as long as it takes
     tell      receives the number of the step at hand and how long it has taken, now and then [s]
@@ -59,6 +60,7 @@ class StepWatch:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="softseam step watch", daemon=True)
         self._main = threading.main_thread().ident
+        self._handler: Any = None
         self._steps, self._good, self._failed = 0, 0, 0
         self._begun = self._last = self._now()
 
@@ -74,7 +76,10 @@ class StepWatch:
 
     def __enter__(self) -> StepWatch:
         self._begun = self._last = self._now()
-        self._handler = signal.signal(signal.SIGUSR1, _end)  # SIGINT is ignored where a script began this process
+        if threading.current_thread() is threading.main_thread():
+            self._handler = signal.signal(signal.SIGUSR1, _end)  # SIGINT is ignored where a script began this process
+        else:
+            self._limit = 0.0  # signals are heard by the main thread alone
         self._thread.start()
         return self
 
@@ -87,7 +92,8 @@ class StepWatch:
         except _Ended:
             pass  # as the last step ended, it was time to
         finally:
-            signal.signal(signal.SIGUSR1, self._handler)
+            if self._handler is not None:
+                signal.signal(signal.SIGUSR1, self._handler)
         if isinstance(error, _Ended):
             raise SimulationFailed(self._words()) from None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from io import StringIO
@@ -102,6 +103,21 @@ def test_a_run_that_gets_on_is_let_be(seconds: float, kinds: tuple[EventKind, ..
 def test_without_a_limit_it_waits() -> None:
     with StepWatch(0.0, lambda step, seconds: None):
         work(1.5)
+
+
+def test_another_thread_than_the_main_one_is_not_ended() -> None:
+    """Where a program runs scenes in threads of its own, signals would reach another."""
+    ended: list[bool] = []
+
+    def watched() -> None:
+        with StepWatch(0.3, lambda step, seconds: None):
+            work(1.5)
+        ended.append(True)
+
+    thread = threading.Thread(target=watched)
+    thread.start()
+    thread.join(30.0)
+    assert ended == [True]
 
 
 def test_compiling_counts_for_nothing() -> None:
