@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
+from softseam_protocol.scene.mesh_files import MeshPart
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.scene.regions import OwnRegions
 from softseam_protocol.scene.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
@@ -72,7 +73,8 @@ class MeshShape(Spec):
     """A closed surface or solid mesh, embedded in cells of one size, or hexahedra that are the cells."""
 
     kind: Literal["mesh"] = "mesh"
-    path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
+    path: str = Field(min_length=1, description="mesh file, relative to the scene file")
+    part: MeshPart = None
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
     up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
     cells: Literal["boxes", "own"] = Field(

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, SerializationInfo, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from softseam_protocol.scene.mesh_files import MeshPart
 from softseam_protocol.scene.regions import OwnRegions
 from softseam_protocol.scene.spec import BoxRegion, NonNegative, OfKind, Positive, Spec, Vector, check_edge, wrong
 from softseam_protocol.table import Table
@@ -136,7 +137,8 @@ class TetMeshBody(_Particles):
     """A solid of tetrahedra from a file, a particle at each corner."""
 
     kind: Literal["tet_mesh"]
-    path: str = Field(min_length=1, description="file of tetrahedra read through meshio, relative to the scene file")
+    path: str = Field(min_length=1, description="mesh file of tetrahedra, relative to the scene file")
+    part: MeshPart = None
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
     up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
     density: Positive = Field(description="[kg/m^3]")

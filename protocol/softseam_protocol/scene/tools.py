@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from softseam_protocol.scene.mesh_files import MeshPart
 from softseam_protocol.scene.spec import Direction, NonNegative, OfKind, Positive, Spec, Vector
 from softseam_protocol.table import Table
 
@@ -95,7 +96,8 @@ class MeshTool(SolidTool):
     """A rigid solid from a file: a closed surface, or the boundary of a tetrahedral mesh."""
 
     kind: Literal["mesh"] = "mesh"
-    path: str = Field(min_length=1, description="file read through meshio, relative to the scene file")
+    path: str = Field(min_length=1, description="mesh file, relative to the scene file")
+    part: MeshPart = None
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
     up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
     rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")

@@ -24,9 +24,9 @@ import numpy as np
 
 from softseam_protocol.inner_ball import Ball
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.formats.mesh_file import Cells
 from softseam_services.body.hexahedra import cell_volumes_at
 from softseam_services.body.lattice import LOCAL
-from softseam_services.body.mesh_io import Cells
 
 _CUBE = 0.5
 """half edge of the cube at the middles of its faces [radii]"""

@@ -137,7 +137,7 @@ def _borders(scene: Scene, spec: BodySpec, shape: BlockShape, ball: Ball | None)
 
 
 def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
-    raw = read_hexahedra(shape.path, data)
+    raw = read_hexahedra(shape.path, data, shape.part)
     cells = own_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
     return _of_hexahedra(scene, spec, cells)
 
@@ -161,7 +161,7 @@ def _of_hexahedra(scene: Scene, spec: BodySpec, cells: OwnCells) -> Body:
 
 
 def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
-    vertices, triangles, read_notes = read_solid(shape.path, data, shape.scale, shape.up)
+    vertices, triangles, read_notes = read_solid(shape.path, data, shape.scale, shape.up, shape.part)
     solid = embed(shape.path, vertices + np.array(spec.position), triangles, cell_edges(spec))
     centres = octant_centres(solid.x_rest[solid.cell_nodes[:, 13]], solid.edges)
     octant_material = materials_at(spec, centres, float(solid.edges.min()))

@@ -13,15 +13,18 @@ from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import divide, number_nodes
 from softseam_services.body.mass import lump
 from softseam_services.body.mesh_io import read_surface
+from softseam_services.body.one_body import choices, closed_bodies, take_body, without_dust
+from softseam_services.body.repair import repair
 from softseam_services.body.surface_check import check_surface
 from softseam_services.body.surface_points import contact_shares, refine, vertex_shares
+from softseam_services.body.units import check_extent, unit_guess
 
 _ON_PLANE = 1e-9
 _NOTHING = 1e-12
 _DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
-_TETS_AGREE = 1e-6
+_CELLS_AGREE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -45,23 +48,44 @@ class Embedded:
         return fill, self.spread * mass
 
 
-def read_solid(path: str, data: bytes, scale: float, up: str) -> tuple[Floats, Ints, tuple[str, ...]]:
-    """Vertices (n, 3) [m] with the base's centre at the origin, outward triangles (T, 3), notes; raises MeshError.
+def read_solid(
+    path: str, data: bytes, scale: float, up: str, part: str | int | None = None
+) -> tuple[Floats, Ints, tuple[str, ...]]:
+    """Vertices (n, 3) [m] with the base's centre at the origin, outward triangles (T, 3), notes on what was repaired;
+    raises MeshError.
 
     up: the axis of the file that points up; axes are turned cyclically, so nothing is mirrored.
+    part: of the file's parts the one of this name, or of its bodies the one of this number by size, from 1
     """
-    raw = read_surface(path, data)
+    raw = read_surface(path, data, part)
     axis = "xyz".index(up)
     vertices = scale * raw.vertices[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
-    triangles, volume, notes = check_surface(path, vertices, raw.triangles)
-    if raw.tet_volume is not None and abs(raw.tet_volume * scale**3 - volume) > _TETS_AGREE * volume:
+    check_extent(path, vertices, scale)
+    surface = repair(vertices, raw.triangles, raw.part)
+    vertices, triangles, whose, notes = surface.vertices, surface.triangles, surface.part, [*raw.notes, *surface.notes]
+    bodies = closed_bodies(path, vertices, triangles, whose, raw.names)
+    if isinstance(part, int) and raw.volume is None:
+        kept, left_out = take_body(path, bodies, part)
+    else:
+        kept, left_out = without_dust(bodies, len(triangles))
+    triangles, whose = triangles[kept], whose[kept]
+    notes += left_out
+    used, numbers = np.unique(triangles, return_inverse=True)
+    vertices, triangles = vertices[used], numbers.reshape(-1, 3).astype(np.int32)
+    try:
+        triangles, volume, turned = check_surface(path, vertices, triangles)
+    except MeshError as error:
+        if part is not None:
+            raise
+        raise MeshError(f"{error}{choices(bodies, whose, raw.names)}") from None
+    if raw.volume is not None and abs(raw.volume * scale**3 - volume) > _CELLS_AGREE * volume:
         raise MeshError(
-            f"{path}: the tetrahedra sum to {raw.tet_volume * scale**3:.6g} m^3, but their boundary encloses "
-            f"{volume:.6g} m^3; tetrahedra overlap, remesh"
+            f"{path}: the cells sum to {raw.volume * scale**3:.6g} m^3, but their boundary encloses {volume:.6g} m^3; "
+            "cells overlap, remesh"
         )
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     base = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
-    return vertices - base, triangles, raw.notes + notes
+    return vertices - base, triangles, (*notes, *turned, *unit_guess(vertices, scale))
 
 
 def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> Embedded:

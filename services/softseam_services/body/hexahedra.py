@@ -17,10 +17,12 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Ints, Surface
 from softseam_services.body.errors import MeshError
+from softseam_services.body.formats.mesh_file import Cells
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.lattice import LOCAL, SIMPSON
-from softseam_services.body.mesh_io import Cells, RawHexahedra
+from softseam_services.body.mesh_io import RawHexahedra
 from softseam_services.body.surface_check import check_surface
+from softseam_services.body.units import check_extent, unit_guess
 
 CORNERS = np.array([0, 2, 8, 6, 18, 20, 26, 24])
 """lattice nodes of VTK's corners"""
@@ -76,12 +78,14 @@ def own_cells(path: str, raw: RawHexahedra, scale: float, up: str, at: Floats, d
     """Cells with the base's centre at `at` [m]; raises MeshError. up: the file's axis that points up."""
     axis = "xyz".index(up)
     points = scale * raw.points[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
+    check_extent(path, points, scale)
     x, corner, turned = _lattice(path, points, raw.cells)
     _quality(path, x, "put its corners in order, or remesh there")
     cell_nodes, x_rest = _number(path, x, corner)
     low, high = x_rest.min(axis=0), x_rest.max(axis=0)
     x_rest += at - np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
     notes = ["all hexahedra were mirrored; their corners were put in order"] if turned else []
+    notes += unit_guess(x_rest, scale)
     return numbered_cells(path, x_rest, cell_nodes, density, notes)
 
 

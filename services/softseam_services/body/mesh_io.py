@@ -1,34 +1,27 @@
-"""Files of closed surfaces and solid meshes -> triangles, or hexahedra that are cells themselves.
-
-meshio reads them, but for those of `mesh_formats`.
-"""
+"""Files of closed surfaces and solid meshes -> triangles, or cells that are taken as they are."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import tempfile
-from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 
-import meshio
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.cells_boundary import FACES, PLURAL, boundary, cell_volumes, flat_cells
 from softseam_services.body.errors import MeshError
-from softseam_services.body.mesh_formats import read_known
+from softseam_services.body.formats.mesh_file import CORNERS, Block, Cells, MeshFile
+from softseam_services.body.formats.reading import read_mesh_file
 
-Cells = NDArray[np.int64]
-
-_VOLUME_CELLS = {"tetra": 4, "tetra10": 4}
-_FACE_CELLS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
-_HEXAHEDRA = {"hexahedron": 8, "hexahedron20": 20, "hexahedron27": 27}
-_HEX_FACES = np.array([[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]])
-_IGNORED_CELLS = {"vertex", "line", "line3"}
-_TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+_FACES = ("triangle", "quad")
+_IGNORED = ("vertex", "line")
 _WELD = 1e-9
-_FLAT_TET = 1e-9
+_CURVED = 0.01
+"""of a cell's extent: a middle node farther than that from a middle of corners makes it curved"""
 
 
 @dataclass(frozen=True)
@@ -39,8 +32,12 @@ class RawSurface:
     """(n, 3) in the file's units"""
     triangles: Ints
     """(T, 3)"""
-    tet_volume: float | None
-    """sum of the tetrahedra's volumes where the file has them, in the file's units cubed"""
+    part: Cells
+    """number of the name that each triangle belongs to (T,)"""
+    names: tuple[str, ...]
+    """of the file's parts, "" of what has none"""
+    volume: float | None
+    """sum of the cells' volumes where the file has solid ones, in the file's units cubed"""
     notes: tuple[str, ...]
 
 
@@ -52,29 +49,6 @@ class RawHexahedra:
     """(n, 3) in the file's units"""
     cells: tuple[Cells, ...]
     """of 8, 20 or 27 nodes in VTK's order, block by block"""
-
-
-def read_hexahedra(path: str, data: bytes) -> RawHexahedra:
-    """Read hexahedra that are to be cells; raises MeshError where the file has other solids, or none."""
-    mesh = _read(path, data)
-    points = _points(path, mesh)
-    blocks: list[Cells] = []
-    others: dict[str, int] = {}
-    for block in mesh.cells:
-        cells = np.asarray(block.data, dtype=np.int64)
-        if block.type in _HEXAHEDRA:
-            blocks.append(cells)
-        elif block.type not in _FACE_CELLS and block.type not in _IGNORED_CELLS:
-            others[block.type] = others.get(block.type, 0) + len(cells)
-    if others or not blocks:
-        found = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items())) or "no solids"
-        raise MeshError(
-            f"{path}: has {found}, but cells are hexahedra of 8, 20 or 27 nodes: every element here lives on the 27 "
-            "nodes of one; mesh with hexahedra alone, or leave out `cells: own`, which embeds the surface in cells"
-        )
-    points, flat = _weld(points, np.concatenate([cells.ravel() for cells in blocks]))
-    parts = np.split(flat, np.cumsum([cells.size for cells in blocks])[:-1])
-    return RawHexahedra(points, tuple(part.reshape(cells.shape) for part, cells in zip(parts, blocks, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -89,107 +63,182 @@ class RawTetrahedra:
     """their boundary, counter-clockwise from outside (T, 3)"""
 
 
-def read_tetrahedra(path: str, data: bytes) -> RawTetrahedra:
+def read_hexahedra(path: str, data: bytes, part: str | int | None = None) -> RawHexahedra:
+    """Read hexahedra that are to be cells; raises MeshError where the file has other solids, or none."""
+    file = _read(path, data, part)
+    solids = [block for block in file.blocks if block.kind not in (*_FACES, *_IGNORED)]
+    others = [block for block in solids if block.kind != "hexahedron" or block.cells.shape[1] not in (8, 20, 27)]
+    if others or not solids:
+        raise MeshError(
+            f"{path}: has {_counted(others) or 'no solids'}, but cells are hexahedra of 8, 20 or 27 nodes: every "
+            "element here lives on the 27 nodes of one; mesh with hexahedra alone, or leave out `cells: own`, which "
+            "embeds the surface in cells"
+        )
+    points, flat = _weld(file.points, np.concatenate([block.cells.ravel() for block in solids]))
+    parts = np.split(flat, np.cumsum([block.cells.size for block in solids])[:-1])
+    return RawHexahedra(
+        points, tuple(each.reshape(block.cells.shape) for each, block in zip(parts, solids, strict=True))
+    )
+
+
+def read_tetrahedra(path: str, data: bytes, part: str | int | None = None) -> RawTetrahedra:
     """Read tetrahedra whose corners are to be particles; raises MeshError where the file has other solids, or none."""
-    mesh = _read(path, data)
-    points = _points(path, mesh)
-    solids = {block.type for block in mesh.cells} - _FACE_CELLS.keys() - _IGNORED_CELLS
-    if not solids or solids - _VOLUME_CELLS.keys():
-        found = ", ".join(sorted(solids - _VOLUME_CELLS.keys())) or "no solids"
+    file = _read(path, data, part)
+    solids = [block for block in file.blocks if block.kind not in (*_FACES, *_IGNORED)]
+    others = [block for block in solids if block.kind != "tetra"]
+    if others or not solids:
+        found = _counted(others) or "no solids"
         raise MeshError(f"{path}: has {found}, but a tet_mesh is made of tetrahedra; mesh the solid with them alone")
-    tets = [np.asarray(block.data, dtype=np.int64)[:, :4] for block in mesh.cells if block.type in _VOLUME_CELLS]
-    points, solid = _weld(points, np.concatenate(tets))
-    used, solid = np.unique(solid, return_inverse=True)
-    points, solid = points[used], solid.reshape(-1, 4)
-    triangles, _ = _tet_boundary(path, points, solid)
-    spans = points[solid[:, 1:]] - points[solid[:, :1]]
-    if np.linalg.det(spans[:1])[0] < 0.0:  # all are, or `_tet_boundary` would have refused them
-        solid = solid[:, [0, 2, 1, 3]]
-    return RawTetrahedra(points, solid.astype(np.int32), triangles.astype(np.int32))
+    points, tets = _weld(file.points, np.concatenate([block.cells[:, :4] for block in solids]))
+    used, tets = np.unique(tets, return_inverse=True)
+    points, tets = points[used], tets.reshape(-1, 4)
+    volume = cell_volumes(points, "tetra", tets)
+    flat = flat_cells(points, "tetra", tets, volume)
+    if flat.any():
+        worst = int(np.argmin(np.abs(volume) / np.maximum(np.ptp(points[tets], axis=1).max(axis=1), 1e-300) ** 3))
+        raise MeshError(
+            f"{path}: {int(flat.sum())} of {len(tets)} tetrahedra are degenerate, the worst is number {worst} with "
+            f"volume {volume[worst]:.3g} in units of the file; remesh, or remove slivers"
+        )
+    tets = np.where((volume < 0.0)[:, None], tets[:, [0, 2, 1, 3]], tets)
+    outside = boundary(path, points, [Block("tetra", tets, np.zeros(len(tets), dtype=np.int64))])
+    return RawTetrahedra(points, tets.astype(np.int32), outside.triangles.astype(np.int32))
 
 
-def _points(path: str, mesh: meshio.Mesh) -> Floats:
-    points = np.asarray(mesh.points, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
-        raise MeshError(f"{path}: points are not three-dimensional; export a solid, not a drawing")
-    if not np.isfinite(points).all():
-        raise MeshError(f"{path}: {int((~np.isfinite(points)).sum())} coordinates are not finite; export it again")
-    return points
-
-
-def read_surface(path: str, data: bytes) -> RawSurface:
-    """Read a surface, or the boundary of a tetrahedral or hexahedral mesh; raises MeshError."""
-    mesh = _read(path, data)
-    vertices = _points(path, mesh)
-    hexahedra: list[Cells] = []
-    tets: list[Cells] = []
-    faces: list[Cells] = []
-    unknown: dict[str, int] = {}
-    for block in mesh.cells:
-        cells = np.asarray(block.data, dtype=np.int64)
-        if block.type in _VOLUME_CELLS:
-            tets.append(cells[:, :4])
-        elif block.type in _HEXAHEDRA:
-            hexahedra.append(cells[:, :8])
-        elif block.type in _FACE_CELLS:
-            corners = _FACE_CELLS[block.type]
-            faces.append(cells[:, :3])
-            if corners == 4:
-                faces.append(cells[:, [0, 2, 3]])
-        elif block.type not in _IGNORED_CELLS:
-            unknown[block.type] = unknown.get(block.type, 0) + len(cells)
-    if tets and hexahedra:
-        unknown["hexahedron"] = sum(map(len, hexahedra))
+def read_surface(path: str, data: bytes, part: str | int | None = None) -> RawSurface:
+    """Read a surface, or the boundary of solid cells of any kinds, of the part of a name alone where one is given;
+    raises MeshError."""
+    file = _read(path, data, part)
+    unknown = [block for block in file.blocks if block.kind not in CORNERS]
     if unknown:
-        found = ", ".join(f"{count} {kind}" for kind, count in sorted(unknown.items()))
         raise MeshError(
-            f"{path}: cells of a kind that is not read ({found}); export triangles, quads, tetrahedra or hexahedra"
+            f"{path}: cells of a kind that is not read ({_counted(unknown)}); export triangles, quads, tetrahedra, "
+            "prisms, pyramids or hexahedra"
         )
-    notes: list[str] = []
+    blocks = [block for block in file.blocks if block.kind not in _IGNORED]
+    notes = _curved(file.points, blocks)
+    blocks = [replace(block, cells=block.cells[:, : CORNERS[block.kind]]) for block in blocks]
+    if not blocks:
+        what = f"is a cloud of {len(file.points):,} points without faces" if len(file.points) else "holds no triangles"
+        if len(file.blocks):
+            what = f"has {_counted(file.blocks)}, but no faces"
+        raise MeshError(f"{path}: {what}; make a closed surface or a solid mesh of it, and export that")
+    vertices, blocks = _welded(file.points, blocks)
+    solids = [block for block in blocks if block.kind in FACES]
     volume = None
-    if tets:
-        vertices, solid = _weld(vertices, np.concatenate(tets))
-        triangles, volume = _tet_boundary(path, vertices, solid)
-        if faces:
-            notes.append("the file has tetrahedra and faces; the boundary of the tetrahedra is the surface")
-    elif hexahedra:
-        vertices, solid = _weld(vertices, np.concatenate(hexahedra))
-        triangles = _hexahedral_boundary(solid)
-    elif faces:
-        vertices, triangles = _weld(vertices, np.concatenate(faces))
+    if solids:
+        outside = boundary(path, vertices, solids)
+        triangles, whose, volume = outside.triangles, outside.part, outside.volume
+        notes += outside.notes
+        if len(solids) < len(blocks):
+            kinds = " and ".join(dict.fromkeys(PLURAL[block.kind] for block in solids))
+            notes.append(f"the file has {kinds} and faces; the boundary of the {kinds} is the surface")
     else:
-        raise MeshError(
-            f"{path}: holds no triangles, quads, tetrahedra or hexahedra; export a closed surface or a solid mesh"
-        )
+        halves = [each for block in blocks for each in _as_triangles(block)]
+        triangles = np.concatenate([each.cells for each in halves])
+        whose = np.concatenate([each.part for each in halves])
     used, triangles = np.unique(triangles, return_inverse=True)
     return RawSurface(
         vertices=vertices[used],
         triangles=triangles.reshape(-1, 3).astype(np.int32),
-        tet_volume=volume,
+        part=whose,
+        names=file.names,
+        volume=volume,
         notes=tuple(notes),
     )
 
 
-def _read(path: str, data: bytes) -> meshio.Mesh:
-    suffix = PurePosixPath(path.replace("\\", "/")).suffix.lower()
-    if not data:
-        raise MeshError(f"{path}: the file is empty")
-    if (mesh := read_known(path, suffix, data)) is not None:
-        return mesh
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / f"mesh{suffix}"
-        file.write_bytes(data)
-        try:
-            # meshio's readers fail on malformed input with whatever their parsing trips over, SystemExit included, and
-            # print as they go; all of it means the same to a user.
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-                return meshio.read(file)
-        except (Exception, SystemExit) as error:
-            reason = str(error).replace(str(file), path).splitlines()
-            raise MeshError(
-                f"{path}: cannot be read as {suffix or 'a mesh'} ({reason[0] if reason else type(error).__name__}); "
-                "use VTK, VTU, Gmsh, STL, OBJ or PLY"
-            ) from error
+def _read(path: str, data: bytes, part: str | int | None) -> MeshFile:
+    """A file, or its part of a name; raises MeshError where it has none, or points that are no places."""
+    file = read_mesh_file(path, data)
+    used = [file.points[block.cells.ravel()] for block in file.blocks if block.kind not in _IGNORED]
+    if any(not np.isfinite(x).all() for x in used):
+        wrong = int((~np.isfinite(np.unique(np.concatenate(used), axis=0))).sum())
+        raise MeshError(f"{path}: {wrong} coordinates are not finite; export it again")
+    if part is None:
+        return file
+    if isinstance(part, int):
+        return _piece(path, file, part)
+    if part not in file.names:
+        raise MeshError(f"{path}: has no part called {part!r}; {named_parts(file.names)}")
+    number = file.names.index(part)
+    return _kept(file, [each.part == number for each in file.blocks])
+
+
+def _piece(path: str, file: MeshFile, number: int) -> MeshFile:
+    """Of solid cells those that hang together, by size the piece of a number from 1; a file without any as it is."""
+    solids = [block for block in file.blocks if block.kind in FACES and len(block.cells)]
+    if not solids:
+        return file
+    points, solids = _welded(file.points, solids)
+    first = np.concatenate([np.repeat(block.cells[:, 0], block.cells.shape[1]) for block in solids])
+    nodes = np.concatenate([block.cells.ravel() for block in solids])
+    links = coo_array((np.ones(len(nodes)), (first, nodes)), shape=(len(points), len(points)))
+    piece = connected_components(links, directed=False)[1]
+    volumes = np.zeros(piece.max() + 1)
+    for block in solids:
+        np.add.at(volumes, piece[block.cells[:, 0]], np.abs(cell_volumes(points, block.kind, block.cells)))
+    order = np.argsort(-volumes, kind="stable")[: np.count_nonzero(volumes)]
+    if number > len(order):
+        raise MeshError(f"{path}: has no body {number}: there are {len(order)}, counted by size")
+    solid = MeshFile(points, tuple(solids), file.names)
+    return _kept(solid, [piece[block.cells[:, 0]] == order[number - 1] for block in solids])
+
+
+def _kept(file: MeshFile, masks: Sequence[NDArray[np.bool_]]) -> MeshFile:
+    """The cells of a file that masks tell, block by block."""
+    found = [
+        Block(block.kind, block.cells[mask], block.part[mask]) for block, mask in zip(file.blocks, masks, strict=True)
+    ]
+    return replace(file, blocks=tuple(block for block in found if len(block.cells)))
+
+
+def named_parts(names: Sequence[str], most: int = 8) -> str:
+    """What parts a file has, in words."""
+    called = [name for name in names if name]
+    if not called:
+        return "it names none"
+    return f"it has {', '.join(called[:most])}" + (f" and {len(called) - most} more" if len(called) > most else "")
+
+
+def _counted(blocks: Sequence[Block]) -> str:
+    counts: dict[str, int] = {}
+    for block in blocks:
+        counts[block.kind] = counts.get(block.kind, 0) + len(block.cells)
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
+
+
+def _curved(points: Floats, blocks: Sequence[Block]) -> list[str]:
+    """That cells have middle nodes beside the middles of their corners, which are not seen."""
+    n_curved = 0
+    for block in blocks:
+        corners = CORNERS[block.kind]
+        if block.cells.shape[1] > corners and len(block.cells):
+            x = points[block.cells]
+            ends = np.array(list(combinations(range(corners), 2)))
+            middles = x[:, ends].mean(axis=2)
+            away = np.linalg.norm(x[:, corners:, None] - middles[:, None], axis=3).min(axis=2).max(axis=1)
+            n_curved += int((away > _CURVED * np.ptp(x, axis=1).max(axis=1)).sum())
+    return (
+        [f"{n_curved} cells are curved by middle nodes, and count as straight between their corners"]
+        if n_curved
+        else []
+    )
+
+
+def _as_triangles(block: Block) -> list[Block]:
+    if block.kind == "triangle":
+        return [block]
+    return [Block("triangle", block.cells[:, half], block.part) for half in ([0, 1, 2], [0, 2, 3])]
+
+
+def _welded(points: Floats, blocks: Sequence[Block]) -> tuple[Floats, list[Block]]:
+    """Points that coincide merged, and blocks of what is left."""
+    points, flat = _weld(points, np.concatenate([block.cells.ravel() for block in blocks]))
+    cells = np.split(flat, np.cumsum([block.cells.size for block in blocks])[:-1])
+    return points, [
+        replace(block, cells=each.reshape(block.cells.shape)) for each, block in zip(cells, blocks, strict=True)
+    ]
 
 
 def _weld(vertices: Floats, cells: Cells) -> tuple[Floats, Cells]:
@@ -201,42 +250,3 @@ def _weld(vertices: Floats, cells: Cells) -> tuple[Floats, Cells]:
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     return vertices[first[order]], rank[number.ravel()[cells]]
-
-
-def _hexahedral_boundary(hexahedra: Cells) -> Cells:
-    """Halves of the faces that belong to one hexahedron, outward where its corners are in VTK's order."""
-    faces = hexahedra[:, _HEX_FACES].reshape(-1, 4)
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    outer = faces[np.sort(first[count == 1])]
-    return np.concatenate([outer[:, [0, 1, 2]], outer[:, [0, 2, 3]]])
-
-
-def _tet_boundary(path: str, vertices: Floats, tets: Cells) -> tuple[Cells, float]:
-    """Faces that belong to one tetrahedron, outward, and the mesh's volume."""
-    corners = vertices[tets]
-    spans = corners[:, 1:] - corners[:, :1]
-    volume = np.linalg.det(spans) / 6.0
-    size = np.ptp(corners, axis=1).max(axis=1)
-    flat = np.abs(volume) < _FLAT_TET * np.maximum(size, 1e-300) ** 3
-    if flat.any():
-        worst = int(np.argmin(np.abs(volume) / np.maximum(size, 1e-300) ** 3))
-        raise MeshError(
-            f"{path}: {int(flat.sum())} of {len(tets)} tetrahedra are degenerate, the worst is number {worst} with "
-            f"volume {volume[worst]:.3g} in units of the file; remesh, or remove slivers"
-        )
-    if (volume < 0.0).all():
-        tets, volume = tets[:, [0, 2, 1, 3]], -volume
-    if (volume < 0.0).any():
-        worst = int(np.argmin(volume))
-        raise MeshError(
-            f"{path}: {int((volume < 0.0).sum())} of {len(tets)} tetrahedra are inverted, the worst is number {worst} "
-            f"with volume {volume[worst]:.3g} in units of the file; fix the order of their corners, or remesh"
-        )
-    faces = tets[:, _TET_FACES].reshape(-1, 3)
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    if (count > 2).any():
-        raise MeshError(
-            f"{path}: {int((count > 2).sum())} faces belong to three or more tetrahedra, "
-            f"the worst is {faces[first[int(np.argmax(count))]].tolist()}; remove duplicate tetrahedra"
-        )
-    return faces[np.sort(first[count == 1])], float(volume.sum())

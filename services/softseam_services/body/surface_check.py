@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import igl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.errors import MeshError
 from softseam_services.body.kernels.surface import find_crossings, grid_triangles
+from softseam_services.body.repair import FLAT, edges_of
 
-LARGEST, SMALLEST = 100.0, 1e-4
-"""extents of a body beyond which the unit must be wrong [m]"""
-
-_FLAT = 1e-12
+_PLANE = 1e-9
 _THIN_SOLID = 1e-6
+
+
+@dataclass(frozen=True)
+class Nesting:
+    """Shells by number."""
+
+    volumes: tuple[float, ...]
+    """that they enclose, negative where they face inward [m^3]"""
+    owner: tuple[int, ...]
+    """the outermost shell of the body that each bounds: itself, or the one that a cavity lies in"""
+
+    @property
+    def outer(self) -> list[int]:
+        """Shells that are no cavities, one a body."""
+        return [shell for shell, owner in enumerate(self.owner) if shell == owner]
 
 
 def check_surface(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, float, tuple[str, ...]]:
@@ -24,9 +38,9 @@ def check_surface(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, f
 
     vertices (n, 3) [m], triangles (T, 3)
     """
-    _check_extent(path, vertices)
+    _check_spread(path, vertices)
     _check_triangles(path, vertices, triangles)
-    triangles, flipped, shell = _orient(path, vertices, triangles)
+    triangles, flipped, shell = orient(path, vertices, triangles)
     _check_crossings(path, vertices, triangles)
     triangles, inverted = _nest(path, vertices, triangles, shell)
     volume = enclosed_volume(vertices, triangles)
@@ -53,22 +67,16 @@ def triangle_areas(vertices: Floats, triangles: Ints) -> Floats:
     return vectors
 
 
-def _check_extent(path: str, vertices: Floats) -> None:
-    extent = float(np.ptp(vertices, axis=0).max())
-    if extent > LARGEST:
-        raise MeshError(
-            f"{path}: the solid is {extent:.3g} m long, more than {LARGEST:g} m; set `scale` (0.001 for a file in mm)"
-        )
-    if extent < SMALLEST:
-        raise MeshError(
-            f"{path}: the solid is {extent:.3g} m long, less than {SMALLEST:g} m; set `scale` to metres per unit"
-        )
+def _check_spread(path: str, vertices: Floats) -> None:
+    spread = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
+    if spread[-1] < _PLANE * spread[0]:
+        raise MeshError(f"{path}: all points lie in a plane: a sheet has no inside; give it a thickness")
 
 
 def _check_triangles(path: str, vertices: Floats, triangles: Ints) -> None:
     extent = float(np.ptp(vertices, axis=0).max())
     area = np.linalg.norm(triangle_areas(vertices, triangles), axis=1)
-    flat = area < _FLAT * extent**2
+    flat = area < FLAT * extent**2
     if flat.all():
         raise MeshError(f"{path}: no triangle has an area; this is a mesh without volume")
     if flat.any():
@@ -80,23 +88,16 @@ def _check_triangles(path: str, vertices: Floats, triangles: Ints) -> None:
         )
 
 
-def _edges(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.int64], NDArray[np.bool_]]:
-    """Edges (E, 2), how many triangles meet there (E,), the edge of each side (3 T,), whether the side runs upward."""
-    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    edges, number, count = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return edges, count.astype(np.int32), number.ravel(), sides[:, 0] < sides[:, 1]
-
-
-def _orient(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, int, Ints]:
+def orient(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, int, Ints]:
     """Triangles that agree with their neighbours, how many were turned, and the shell of each (T,).
 
     Each triangle stands twice in a graph, as it is and turned over; neighbours are linked where they agree. A triangle
     that is connected to its own opposite lies on a one-sided surface.
     """
-    edges, count, number, upward = _edges(triangles)
+    edges, count, number, upward = edges_of(triangles)
     for wrong, what, remedy in (
         (count == 1, "open edges (with one triangle)", "close the holes"),
-        (count > 2, "non-manifold edges (with three or more triangles)", "remove inner walls and duplicate triangles"),
+        (count > 2, "non-manifold edges (with three or more triangles)", "remove inner walls, and part what touches"),
     ):
         if wrong.any():
             worst = int(
@@ -131,7 +132,7 @@ def _orient(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, int, In
 
 
 def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
-    edges, _, _, _ = _edges(triangles)
+    edges = edges_of(triangles)[0]
     corners = vertices[triangles]
     low, high = corners.min(axis=1), corners.max(axis=1)
     origin, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
@@ -159,34 +160,49 @@ def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
         )
 
 
-def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[Ints, int]:
-    """Turn the outer shell outward and cavities inward; refuse bodies in pieces. Returns how many shells turned."""
+def nesting(vertices: Floats, triangles: Ints, shell: Ints) -> Nesting:
+    """Which shells lie in which, of triangles (T, 3) that agree with their neighbours, shell (T,)."""
     n_shells = int(shell.max()) + 1
     parts = [triangles[shell == s] for s in range(n_shells)]
-    volumes = [enclosed_volume(vertices, part) for part in parts]
+    volumes = tuple(enclosed_volume(vertices, part) for part in parts)
     outward = [part if volume > 0.0 else part[:, [0, 2, 1]] for part, volume in zip(parts, volumes, strict=True)]
-    depth = [
-        sum(
-            igl.winding_number(vertices, outward[other].astype(np.int64), vertices[parts[s][0, :1]])[0] > 0.5
-            for other in range(n_shells)
+    low = np.array([vertices[part].min(axis=(0, 1)) for part in parts])
+    high = np.array([vertices[part].max(axis=(0, 1)) for part in parts])
+    around = [
+        [
+            int(other)
+            for other in np.flatnonzero(((low <= low[s]) & (high >= high[s])).all(axis=1))
             if other != s
-        )
+            and igl.winding_number(vertices, outward[other].astype(np.int64), vertices[parts[s][0, :1]])[0] > 0.5
+        ]
         for s in range(n_shells)
     ]
-    outer = [s for s in range(n_shells) if depth[s] % 2 == 0]
+    depth = [len(others) for others in around]
+    owner = [
+        next((other for other in around[s] if depth[other] == depth[s] - 1), s) if depth[s] % 2 else s
+        for s in range(n_shells)
+    ]
+    return Nesting(volumes, tuple(owner))
+
+
+def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[Ints, int]:
+    """Turn the outer shell outward and cavities inward; refuse bodies in pieces. Returns how many shells turned."""
+    found = nesting(vertices, triangles, shell)
+    outer = found.outer
     if len(outer) != 1:
-        sizes = ", ".join(f"{abs(volumes[s]):.3g} m^3" for s in outer[:5])
+        sizes = ", ".join(f"{abs(found.volumes[s]):.3g} m^3" for s in outer[:5]) + (", ..." if len(outer) > 5 else "")
         raise MeshError(
             f"{path}: the mesh is disconnected, it has {len(outer)} separate bodies ({sizes}); keep one, or join them"
         )
     result = triangles.copy()
     inverted = 0
-    for s in range(n_shells):
-        if (volumes[s] > 0.0) != (s == outer[0]):
+    for s, volume in enumerate(found.volumes):
+        if (volume > 0.0) != (s == outer[0]):
             result[shell == s] = triangles[shell == s][:, [0, 2, 1]]
             inverted += 1
     return result, inverted
 
 
 def _place(point: Floats) -> str:
+    """A point [m] as messages tell it."""
     return f"({point[0]:.4g}, {point[1]:.4g}, {point[2]:.4g}) m"

@@ -14,6 +14,7 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.mesh_io import read_tetrahedra
 from softseam_services.body.particles import Bends, ParticleBody, Solid, Springs, assemble, placed
 from softseam_services.body.skin import solid_skin
+from softseam_services.body.units import check_extent
 
 _FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -23,13 +24,14 @@ def build_tet_mesh(scene: Scene, spec: TetMeshBody, files: Mapping[str, bytes]) 
     """The solid of a scene; a corner has a quarter of the mass of each tetrahedron at it. Raises MeshError."""
     if spec.path not in files:
         raise MeshError(f"{spec.path}: the file is missing; give its path relative to the scene file")
-    raw = read_tetrahedra(spec.path, files[spec.path])
+    raw = read_tetrahedra(spec.path, files[spec.path], spec.part)
     if len(raw.points) > MOST_PARTICLES:
         raise MeshError(
             f"{spec.path}: {len(raw.points):,} corners, more than {MOST_PARTICLES:,}; mesh it more coarsely"
         )
     axis = "xyz".index(spec.up)
     points = spec.scale * raw.points[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
+    check_extent(spec.path, points, spec.scale)
     x_rest = placed(spec, points - 0.5 * (points.min(axis=0) + points.max(axis=0)))
     corners = x_rest[raw.cells]
     volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0

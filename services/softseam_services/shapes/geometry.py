@@ -62,6 +62,8 @@ class Geometry:
     what was before the tool comes out behind it; none: not looked at"""
     slack: float = 0.0
     """depth at which the distance cannot tell touching from overlapping [m]"""
+    notes: tuple[str, ...] = ()
+    """what was repaired of the file that it is from, for `softseam check`"""
 
     @classmethod
     def of_surface(cls, numbers: Floats, vertices: Floats, triangles: Ints, **others: Any) -> Geometry:

@@ -26,7 +26,7 @@ OUTLINE = 16
 RIM = 6
 """spacings between the bounding box and the end of the grid; the outermost one is for the interpolation's sake"""
 _KEPT = 8
-_made: dict[tuple[str, bytes, float, str], ToolMesh] = {}
+_made: dict[tuple[str, bytes, float, str, str | int | None], ToolMesh] = {}
 
 
 class ToolMesh:
@@ -45,12 +45,12 @@ class ToolMesh:
         self.row = _distance_row(self.vertices, triangles)
 
 
-def tool_mesh(path: str, data: bytes, scale: float, up: str) -> ToolMesh:
+def tool_mesh(path: str, data: bytes, scale: float, up: str, part: str | int | None = None) -> ToolMesh:
     """The mesh of a file, or the one made before from the same content; raises MeshError."""
-    key = (path, hashlib.sha256(data).digest(), scale, up)
+    key = (path, hashlib.sha256(data).digest(), scale, up, part)
     found = _made.pop(key, None)
     if found is None:
-        vertices, triangles, notes = read_solid(path, data, scale, up)
+        vertices, triangles, notes = read_solid(path, data, scale, up, part)
         found = ToolMesh(vertices, triangles, notes)
         while len(_made) >= _KEPT:
             _made.pop(next(iter(_made)))
@@ -83,7 +83,7 @@ def geometry(spec: MeshTool, files: Files) -> Geometry:
     """
     if spec.path not in files:
         raise MeshError(f"{spec.path}: the file is missing; give its path relative to the scene file")
-    mesh = tool_mesh(spec.path, files[spec.path], spec.scale, spec.up)
+    mesh = tool_mesh(spec.path, files[spec.path], spec.scale, spec.up, spec.part)
     half = mesh.row[:3]
     return Geometry(
         numbers=mesh.row,
@@ -92,6 +92,7 @@ def geometry(spec: MeshTool, files: Files) -> Geometry:
         orientation=quaternion_turning(np.array(spec.rotation)),
         surface=ToolSurface(mesh.vertices, mesh.triangles),
         slack=0.1 * float(mesh.row[SPACING]),
+        notes=mesh.notes,
     )
 
 
