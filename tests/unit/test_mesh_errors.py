@@ -8,7 +8,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from solids import BOX_TRIANGLES, box, join, obj, sphere
+from solids import box, join, obj, sphere
 
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body

@@ -178,7 +178,7 @@ def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Bo
         octant_material=octant_material,
         surface=solid.surface,
         moments=solid.moments,
-        notes=read_notes + solid.notes,
+        notes=(*(f"{shape.path}: {note}" for note in read_notes), *solid.notes),
     )
 
 

@@ -85,7 +85,7 @@ def own_cells(path: str, raw: RawHexahedra, scale: float, up: str, at: Floats, d
     low, high = x_rest.min(axis=0), x_rest.max(axis=0)
     x_rest += at - np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
     notes = ["all hexahedra were mirrored; their corners were put in order"] if turned else []
-    notes += unit_guess(x_rest, scale)
+    notes += [f"{path}: {guess}" for guess in unit_guess(x_rest, scale)]
     return numbered_cells(path, x_rest, cell_nodes, density, notes)
 
 

@@ -19,7 +19,9 @@ from softseam_services.body.surface_check import nesting, orient
 _DUST = 1e-6
 """of the largest body's volume"""
 _MAIN = 0.25
-"""of the surface's extent: a closed body that is shorter, among open pieces, is not the one that is meant"""
+"""of an open piece's extent: a closed body that is shorter is not the one that is meant"""
+_MOST_OPEN = 100
+"""open pieces that are measured"""
 _MOST = 5
 """bodies that a message lists"""
 
@@ -36,8 +38,10 @@ class Bodies:
     """of the part that each belongs to alone, else \"\""""
     n_open: int
     """pieces that are not closed"""
-    span: float
-    """extent of the largest over that of all [1]"""
+    extent: float
+    """of the largest [m]"""
+    open_extent: float
+    """the largest of open pieces [m]"""
 
     def listed(self) -> str:
         """The first ones by number, volume and name."""
@@ -64,9 +68,9 @@ def closed_bodies(
     sound = np.ones(n_pieces, dtype=np.bool_)
     sound[piece[at[count[number] != 2]]] = False
     closed = np.flatnonzero(sound[piece])
-    n_open = int((~sound[np.unique(piece)]).sum())
+    open_pieces = np.flatnonzero(~sound)
     if not len(closed):
-        return Bodies((), (), (), n_open, 0.0)
+        return Bodies((), (), (), len(open_pieces), 0.0, 0.0)
     turned, _, shell = orient(path, vertices, triangles[closed])
     found = nesting(vertices, turned, shell)
     outer = sorted(found.outer, key=lambda s: -abs(found.volumes[s]))
@@ -77,8 +81,9 @@ def closed_bodies(
         members,
         tuple(abs(found.volumes[s]) for s in outer),
         tuple(names[int(each[0])] if len(each) == 1 else "" for each in called),
-        n_open,
-        float(_extent(vertices[triangles[members[0]]]) / _extent(vertices[triangles])),
+        len(open_pieces),
+        _extent(vertices[triangles[members[0]]]),
+        max((_extent(vertices[triangles[piece == each]]) for each in open_pieces[:_MOST_OPEN]), default=0.0),
     )
 
 
@@ -115,7 +120,8 @@ def take_body(path: str, bodies: Bodies, wanted: int) -> tuple[NDArray[np.int64]
 
 def choices(bodies: Bodies, part: NDArray[np.int64], names: Sequence[str]) -> str:
     """What `part` could take, as the end of a message; "" where there is no choice."""
-    if len(bodies.volumes) > 1 - bool(bodies.n_open) and bodies.span > (_MAIN if bodies.n_open else 0.0):
+    choice = len(bodies.volumes) > 1 or (bodies.volumes and bodies.n_open)
+    if choice and bodies.extent > _MAIN * bodies.open_extent:
         return f"; `part: 1` takes the largest closed body alone (by size {bodies.listed()})"
     used = [names[number] for number in np.unique(part).tolist() if names[number]]
     return f"; `part` takes one of the file's parts alone: {named_parts(used)}" if len(used) > 1 else ""

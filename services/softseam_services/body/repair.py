@@ -67,8 +67,15 @@ def repair(vertices: Floats, triangles: Ints, part: NDArray[np.int64], unit: flo
 def edges_of(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.int64], NDArray[np.bool_]]:
     """Edges (E, 2), how many triangles meet there (E,), the edge of each side (3 T,), whether the side runs upward."""
     sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    edges, number, count = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return edges, count.astype(np.int32), number.ravel(), sides[:, 0] < sides[:, 1]
+    low, high = sides.min(axis=1).astype(np.int64), sides.max(axis=1).astype(np.int64)
+    key = low * (int(high.max(initial=0)) + 1) + high
+    order = np.argsort(key, kind="stable")
+    first = np.diff(key[order], prepend=-1) > 0
+    number = np.empty(len(key), dtype=np.int64)
+    number[order] = np.cumsum(first) - 1
+    at = order[first]
+    edges = np.stack([low[at], high[at]], axis=1).astype(np.int32)
+    return edges, np.bincount(number, minlength=len(edges)).astype(np.int32), number, sides[:, 0] < sides[:, 1]
 
 
 class _Work:
@@ -113,9 +120,8 @@ class _Work:
     def part_where_it_touches(self) -> None:
         """Part edges of four triangles or more, where a surface touches itself: each two that bound a wedge of the
         solid get the edge's ends to themselves, or, where these hold together elsewhere, a middle of their own."""
-        before = _faults(self.triangles)
         edges, count, _, _ = edges_of(self.triangles)
-        n_bad = int(((count > 2) & (count % 2 == 0)).sum())
+        before, n_bad = int((count != 2).sum()), int(((count > 2) & (count % 2 == 0)).sum())
         if not 0 < n_bad <= _MOST_OPEN:
             return
         parted = _Work(*_parted(self.vertices, self.triangles), self.part, self._unit)

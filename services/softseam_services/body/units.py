@@ -9,10 +9,12 @@ from softseam_services.body.errors import MeshError
 
 LARGEST, SMALLEST = 100.0, 1e-4
 """extents of a body beyond which the unit must be wrong [m]"""
+LOOKS_LIKE = "this looks like"
+"""in each guess"""
 LIKELY = (1e-3, 5.0)
 """extents of what tools press [m]"""
 _USUAL = (5e-3, 1.0)
-_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "metres": 1.0}
+_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0, "inches": 0.0254}
 
 
 def check_extent(path: str, vertices: Floats, scale: float) -> None:
@@ -37,5 +39,5 @@ def _guess(extent: float, scale: float) -> str:
     for unit, metres in _UNITS.items():
         size = extent / scale * metres
         if _USUAL[0] <= size <= _USUAL[1] and metres != scale:
-            return f"this looks like {unit}: set scale: {metres:g}, which makes it {1e3 * size:.3g} mm long"
+            return f"{LOOKS_LIKE} {unit}: set scale: {metres:g}, which makes it {1e3 * size:.3g} mm long"
     return ""

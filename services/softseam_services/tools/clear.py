@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
+from softseam_services.body.units import LOOKS_LIKE
 from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import least_gaps, rotate
 from softseam_services.tools.tool_set import ToolSet
@@ -37,7 +38,9 @@ def check_clear(tools: ToolSet, body: Body) -> None:
         elif len(probes := _probes(tools, tool, points)) and igl.winding_number(points, triangles, probes).max() > 0.5:
             problems.append(f"tools.{name}: it starts inside the body")
     if problems:
-        raise ToolError("; ".join(problems) + ": move it clear of the body, whose bounding box is " + _bounds(points))
+        unit = "".join(f"; {note}" for note in body.notes if LOOKS_LIKE in note)
+        what = f"move it clear of the body, whose bounding box is {_bounds(points)}{unit}"
+        raise ToolError(f"{'; '.join(problems)}: {what}")
 
 
 def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:

@@ -34,7 +34,7 @@ def numbers(text: bytes | str) -> Floats:
         warnings.simplefilter("error")
         try:
             return np.fromstring(text, dtype=np.float64, sep=" ") if text.strip() else np.zeros(0)
-        except DeprecationWarning:
+        except (DeprecationWarning, ValueError):
             words = text.split()
             for word in words:
                 try:
