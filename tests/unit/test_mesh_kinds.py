@@ -250,6 +250,18 @@ def test_cells_of_several_kinds(suffix: str, height: float) -> None:
     assert notes == ()
 
 
+@pytest.mark.parametrize("height", [0.3, 1.0, 2.5])
+@pytest.mark.parametrize("tets", [[[0, 1, 2, 8], [0, 2, 3, 8]], [[1, 2, 3, 8], [1, 3, 0, 8]]])
+def test_tetrahedra_on_a_hexahedron_without_a_pyramid_between(tets: list[list[int]], height: float) -> None:
+    points, cells = mixed_cells(height)
+    points[1, 2] = -0.1  # a face that is not plane
+    data = written(".vtu", points, [cells[0], ("tetra", np.array(tets))])
+    raw = read_surface("a.vtu", data)
+    vertices, triangles, notes = read_solid("a.vtu", data, 0.1, "z")
+    assert enclosed_volume(vertices, triangles) == pytest.approx(1e-3 * (raw.volume or 0.0), rel=1e-12)
+    assert len(triangles) == 14 and any("there twice were left out" in note for note in notes)
+
+
 @pytest.mark.parametrize("bulge", [0.0, 0.002, 0.2])
 def test_middle_nodes_count_as_straight_and_that_is_said(bulge: float) -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)

@@ -97,8 +97,12 @@ def boundary(path: str, points: Floats, blocks: Sequence[Block]) -> Boundary:
             all_faces[kept],
             np.concatenate([np.zeros(0, dtype=np.int64), *parts[corners]])[kept],
         )
-    halves = np.concatenate([outer[4][:, [0, 1, 2]], outer[4][:, [0, 2, 3]]])
-    a, b, c, d = (points[outer[4][:, corner]] for corner in range(4))
+    quads = outer[4]
+    # Tetrahedra may meet a hexahedron without a pyramid between: its face is halved as theirs are.
+    second = _among(quads[:, [0, 1, 3]], outer[3]) | _among(quads[:, [1, 2, 3]], outer[3])
+    quads = np.where(second[:, None], np.roll(quads, -1, axis=1), quads)
+    halves = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    a, b, c, d = (points[quads[:, corner]] for corner in range(4))
     total -= float(np.einsum("fi,fi->", d - a, np.cross(b - a, c - a))) / 12.0  # halves along one diagonal
     return Boundary(
         triangles=np.concatenate([outer[3], halves]),
@@ -106,6 +110,12 @@ def boundary(path: str, points: Floats, blocks: Sequence[Block]) -> Boundary:
         volume=total,
         notes=tuple(notes),
     )
+
+
+def _among(rows: Cells, of: Cells) -> NDArray[np.bool_]:
+    """Which rows (n, 3) have the same numbers as one of others (m, 3), in any order (n,)."""
+    _, number = np.unique(np.sort(np.concatenate([of, rows]), axis=1), axis=0, return_inverse=True)
+    return np.isin(number.ravel()[len(of) :], number.ravel()[: len(of)])
 
 
 def _without_doubles(blocks: Sequence[Block], notes: list[str]) -> list[Block]:
