@@ -100,7 +100,14 @@ def read_tetrahedra(path: str, data: bytes, part: str | int | None = None) -> Ra
             f"{path}: {int(flat.sum())} of {len(tets)} tetrahedra are degenerate, the worst is number {worst} with "
             f"volume {volume[worst]:.3g} in units of the file; remesh, or remove slivers"
         )
-    tets = np.where((volume < 0.0)[:, None], tets[:, [0, 2, 1, 3]], tets)
+    if (volume < 0.0).all():
+        tets, volume = tets[:, [0, 2, 1, 3]], -volume
+    if (volume < 0.0).any():
+        worst = int(np.argmin(volume))
+        raise MeshError(
+            f"{path}: {int((volume < 0.0).sum())} of {len(tets)} tetrahedra are inverted, the worst is number {worst} "
+            f"with volume {volume[worst]:.3g} in units of the file; fix the order of their corners, or remesh"
+        )
     outside = boundary(path, points, [Block("tetra", tets, np.zeros(len(tets), dtype=np.int64))])
     return RawTetrahedra(points, tets.astype(np.int32), outside.triangles.astype(np.int32))
 

@@ -24,7 +24,7 @@ _NEAR, _NEAR_EDGE = 1e-3, 0.1
 """of the extent, and of the shortest open edge there: points on open edges that are nearer are one"""
 _ON_EDGE = 1e-5
 """of the extent: a point that is nearer to an open edge lies on it"""
-_HOLE_AREA, _HOLE_SPAN = 0.01, 0.2
+_HOLE_AREA, _HOLE_SPAN = 0.02, 0.3
 """of the surface's area, and of its extent: holes that are smaller are closed"""
 _MOST_OPEN = 20_000
 """open edges; with more a surface is open on purpose"""

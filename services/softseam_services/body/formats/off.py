@@ -10,7 +10,7 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.mesh_file import MeshFile, polygon_file
 from softseam_services.body.formats.text import decoded, list_starts, numbers, quoted
 
-_HEAD = re.compile(r"\s*(?:ST)?C?N?OFF\b", re.ASCII)
+_HEAD = re.compile(r"\s*(?:ST)?C?N?OFF(?![A-Za-z])", re.ASCII)
 
 
 def read_off(path: str, data: bytes) -> MeshFile:

@@ -36,7 +36,8 @@ def read_ply(path: str, data: bytes) -> MeshFile:
     except KeyError as error:
         raise MeshError(f"{path}: is no PLY file of a surface: it has no {error}: save it anew, or as STL") from None
     except (ValueError, IndexError) as error:
-        raise MeshError(f"{path}: is no whole PLY file ({error}): save it anew, or as STL") from None
+        reason = "it ends too early" if isinstance(error, IndexError) else error
+        raise MeshError(f"{path}: is no whole PLY file ({reason}): save it anew, or as STL") from None
     return polygon_file(points, corners, sizes)
 
 

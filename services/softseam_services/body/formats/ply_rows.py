@@ -35,30 +35,40 @@ class Element:
 
 
 class TextRows:
-    """A body in text."""
+    """A body in text, a row a line; what a line has beyond its properties is passed over."""
 
     def __init__(self, body: bytes) -> None:
-        self._numbers, self.at = numbers(body), 0
+        self._lines, self.at = [line for line in body.splitlines() if not line.isspace() and line], 0
 
-    def take(self, kind: str, count: int) -> Numbers:
-        """The next numbers. Raises ValueError where there are fewer."""
-        found = self._numbers[self.at : self.at + count]
-        if len(found) != count:
-            raise ValueError("it ends too early")
-        self.at += count
+    def row(self, properties: list[Property]) -> list[Numbers]:
+        """Values of each property of the next row. Raises ValueError and IndexError where there is none."""
+        values = numbers(self._lines[self.at])
+        found: list[Numbers] = []
+        place = 0
+        for each in properties:
+            length = int(values[place]) if each.length else 1
+            place += bool(each.length)
+            found.append(values[place : place + length])
+            place += length
+        if place > len(values):
+            raise ValueError(f"a row has {len(values)} numbers in place of {place}")
+        self.at += 1
         return found
 
     def columns(self, layout: list[tuple[str, int]], count: int) -> list[Numbers] | None:
-        """The next rows, column by column, each (count, n) of a type; None where there are fewer."""
-        width = sum(n for _, n in layout)
-        if self.at + count * width > len(self._numbers):
+        """The next rows, column by column, each (count, n) of a type; None where they are fewer, or not alike."""
+        lines = self._lines[self.at : self.at + count]
+        values = numbers(b" ".join(lines))
+        ends = np.cumsum([n for _, n in layout])
+        width, rest = divmod(len(values), max(count, 1))
+        if rest or len(lines) < count or (count and width < ends[-1]):
             return None
-        table = self._numbers[self.at : self.at + count * width].reshape(count, width)
-        return list(np.split(table, np.cumsum([n for _, n in layout])[:-1], axis=1))
+        table: Numbers = values.reshape(count, width)
+        return np.split(table, ends, axis=1)[: len(layout)]
 
     def skip(self, layout: list[tuple[str, int]], count: int) -> None:
         """Pass over rows."""
-        self.at += count * sum(n for _, n in layout)
+        self.at += count
 
 
 class BinaryRows:
@@ -67,8 +77,13 @@ class BinaryRows:
     def __init__(self, data: bytes, at: int, order: str) -> None:
         self._data, self.at, self._order = data, at, order
 
-    def take(self, kind: str, count: int) -> Numbers:
-        """The next numbers. Raises ValueError where there are fewer."""
+    def row(self, properties: list[Property]) -> list[Numbers]:
+        """Values of each property of the next row. Raises ValueError where there is none."""
+        return [
+            self._take(each.number, int(self._take(each.length, 1).item()) if each.length else 1) for each in properties
+        ]
+
+    def _take(self, kind: str, count: int) -> Numbers:
         found = np.frombuffer(self._data, self._order + kind, count, self.at)
         self.at += found.nbytes
         return found
@@ -92,7 +107,7 @@ class BinaryRows:
 def read_element(rows: TextRows | BinaryRows, element: Element) -> Read:
     """All values of the rows of an element, which come next. Raises ValueError where there are fewer."""
     start = rows.at
-    first = _row(rows, element) if element.count else [np.zeros(0)] * len(element.properties)
+    first = rows.row(element.properties) if element.count else [np.zeros(0)] * len(element.properties)
     rows.at = start
     layout: list[tuple[str, int]] = []
     for each, values in zip(element.properties, first, strict=True):
@@ -110,7 +125,7 @@ def read_element(rows: TextRows | BinaryRows, element: Element) -> Read:
         if even:
             rows.skip(layout, element.count)
             return found
-    table = [_row(rows, element) for _ in range(element.count)]
+    table = [rows.row(element.properties) for _ in range(element.count)]
     return {
         each.name: (
             np.concatenate([row[k] for row in table]),
@@ -118,11 +133,3 @@ def read_element(rows: TextRows | BinaryRows, element: Element) -> Read:
         )
         for k, each in enumerate(element.properties)
     }
-
-
-def _row(rows: TextRows | BinaryRows, element: Element) -> list[Numbers]:
-    """Values of each property of the next row."""
-    return [
-        rows.take(each.number, int(rows.take(each.length, 1).item()) if each.length else 1)
-        for each in element.properties
-    ]

@@ -28,7 +28,7 @@ _BY_CONTENT: tuple[tuple[re.Pattern[bytes], _Reader], ...] = (
     (re.compile(rb"\s*<\?xml[^>]*>\s*(<!--.*?-->\s*)*<VTKFile\b|\s*<VTKFile\b", re.S), read_xml),
     (re.compile(rb"\s*ply\s*[\r\n]"), read_ply),
     (re.compile(rb"\s*\$(MeshFormat|NOD)\b"), read_gmsh),
-    (re.compile(rb"\s*(ST)?C?N?OFF\b"), read_off),
+    (re.compile(rb"\s*(ST)?C?N?OFF(?![A-Za-z])"), read_off),
     (re.compile(rb"\s*MeshVersionFormatted\b"), read_medit),
 )
 _BY_SUFFIX: dict[str, _Reader] = {
