@@ -127,6 +127,16 @@ def test_pinholes_are_closed(level: int) -> None:
         assert f"a pinhole of {int(around.sum())} edges" in notes[0]
 
 
+def test_what_was_repaired_before_a_refusal_is_said() -> None:
+    """A spike through a pinhole: what closes it is crossed."""
+    vertices, triangles = sphere(0.03, 4)
+    spike = vertices[triangles[0]].mean(axis=0) * np.array([[0.8], [1.2], [1.2], [0.8]])
+    spike[2, 1] += 5e-4
+    spike[3, 2] += 5e-4
+    thin = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    refused(*join((vertices, triangles[1:]), (spike, thin)), "crosses itself", "(before that, a pinhole of 3 edges")
+
+
 def test_large_holes_are_not_closed() -> None:
     vertices, triangles = SOLIDS["ball"]
     cap = vertices[triangles].mean(axis=1)[:, 2] > 0.02

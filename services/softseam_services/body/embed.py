@@ -75,9 +75,9 @@ def read_solid(
     try:
         triangles, volume, turned = check_surface(path, vertices, triangles)
     except MeshError as error:
-        if part is not None:
-            raise
-        raise MeshError(f"{error}{choices(bodies, whose, raw.names)}") from None
+        others = choices(bodies, whose, raw.names) if part is None else ""
+        before = f" (before that, {'; '.join(surface.notes)})" if surface.notes else ""
+        raise MeshError(f"{error}{others}{before}") from None
     if raw.volume is not None and abs(raw.volume * scale**3 - volume) > _CELLS_AGREE * volume:
         raise MeshError(
             f"{path}: the cells sum to {raw.volume * scale**3:.6g} m^3, but their boundary encloses {volume:.6g} m^3; "
