@@ -64,7 +64,6 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         print_doubts(told, name, settings, console)
         for note in notes:
             console.print(Text(f"note: {note}", style="dim"))
-    _warn(_repaired_tools(next(iter(setups.values())).tools), name, settings, console)
     console.print(Text("the scene can be simulated", style="green"))
 
 
@@ -134,15 +133,6 @@ def print_doubts(doubts: Sequence[str], name: str, settings: Sequence[str], cons
     """Warn of what is doubtful (see `doubts`) in a scene of this name or path, with file, line and column."""
     for doubt in doubts:
         console.print(Text(f"warning: {located(doubt, name, settings)}", style="yellow"), soft_wrap=True)
-
-
-def _repaired_tools(tools: ToolSet) -> list[str]:
-    """What was done to the meshes of tools, each by its key."""
-    return [
-        f"tools.{name}.path: {note}"
-        for name, geometry in zip(tools.names, tools.geometry, strict=True)
-        for note in geometry.notes
-    ]
 
 
 def _inclusion(kind: str, part: Part) -> str:

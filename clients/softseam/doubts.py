@@ -61,7 +61,12 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
     found = check_body(body) if found is None else found
     told = [*found.warnings, *_stiff_for_pbd(scene, body), *_leaps(scene, body, tools)]
     told += [*_large(scene, 3 * (found.n_nodes - found.n_fixed)), *_thin_tools(scene, body, tools)]
-    told += [*_in_vain(scene, body), *_doubts_of_scene(scene, max(found.size)), *_few_substeps(scene, body, tools)]
+    told += [
+        *_repaired_tools(tools),
+        *_in_vain(scene, body),
+        *_doubts_of_scene(scene, max(found.size)),
+        *_few_substeps(scene, body, tools),
+    ]
     if scene.models.pbd.coarse is not None:
         told += _pokes_between(scene, body, coarse_cells(body, scene.models.pbd.coarse, tools), tools)
     return told
@@ -123,8 +128,10 @@ def _large(scene: Scene, n_unknowns: int) -> list[str]:
 
 def _thin_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
     """Tools narrower than two of the cells that they touch, where PBD has these."""
+    from softseam_services.body.contact_points import is_embedded
+
     near, edge = scene.regions.near, float(max(body.edges))
-    if "fem" in (scene.regions.default, near.model if near else ""):
+    if is_embedded(body) or "fem" in (scene.regions.default, near.model if near else ""):
         return []
     widths = {name: width for name, width in _felt_at_points(scene, body, tools) if width < 2.0 * edge * (1.0 - 1e-9)}
     if not widths:
@@ -148,6 +155,15 @@ def _felt_at_points(scene: Scene, body: Body, tools: ToolSet) -> Iterator[tuple[
     for name, geometry in zip(tools.names, tools.geometry, strict=True):
         if len(geometry.outline) and not (shares and scene.tools[name].kind == "box"):
             yield name, float(np.sort(np.ptp(geometry.outline, axis=0))[1])
+
+
+def _repaired_tools(tools: ToolSet) -> list[str]:
+    """What was done to the meshes of tools, each by its key."""
+    return [
+        f"tools.{name}.path: {note}"
+        for name, geometry in zip(tools.names, tools.geometry, strict=True)
+        for note in geometry.notes
+    ]
 
 
 def _locks(scene: Scene) -> list[str]:

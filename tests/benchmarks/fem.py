@@ -99,7 +99,7 @@ def measure(counts: tuple[int, int, int]) -> Row:
         ready()
 
     def touch() -> None:
-        count = find_candidates(x, model, parameters, tools, contact, reach, 1.0, 1.0, work)
+        count = find_candidates(x, np.zeros_like(x), 0.0, model, parameters, tools, contact, reach, 1.0, 1.0, work)
         evaluate_contacts(x, model, parameters, tools, count, work)
         add_contact_forces(model, parameters, count, work, work.r)
 

@@ -18,13 +18,13 @@ from softseam_services.fem.kernels.contact import (
     SLIP,
     STICK,
     add_contact_forces,
-    add_contact_tangents,
     any_held,
     evaluate_contacts,
     hold_what_stuck,
     lets_go,
     next_anchor,
 )
+from softseam_services.fem.kernels.contact_tangents import add_contact_tangents
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.tool_motion import Tools
@@ -54,7 +54,9 @@ def _problem(
     touching = run.body.x_rest[run.region.nodes][model.point_node][:, 2] == low
     contact[touching, 0, :3] = multiplier
     contact[:, 0, ANCHOR:] = point_positions(model, parameters, x - np.array(start) - np.array(offset))
-    count = find_candidates(x - np.array(start), model, parameters, tools, contact, 1e-3, 1.0, pace, work)
+    count = find_candidates(
+        x - np.array(start), np.zeros_like(x), 0.0, model, parameters, tools, contact, 1e-3, 1.0, pace, work
+    )
     return model, parameters, tree, work, tools, x, count
 
 
@@ -141,7 +143,7 @@ def test_an_anchor_turns_with_its_tool() -> None:
     contact = np.zeros((len(model.point_face), 1, N_STATE))
     contact[:, 0, 2] = 10.0
     contact[:, 0, ANCHOR:] = point_positions(model, parameters, x) - OFFSET
-    count = find_candidates(x, model, parameters, tools, contact, 1e-3, 1.0, 1.0, work)
+    count = find_candidates(x, np.zeros_like(x), 0.0, model, parameters, tools, contact, 1e-3, 1.0, 1.0, work)
     turned = x @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
     evaluate_contacts(turned, model, parameters, tools, count, work)
     stuck = work.state[:count] == STICK
@@ -191,7 +193,7 @@ def test_tools_that_carry_a_point_along_do_not_rub() -> None:
     tools = tools._replace(orientation_next=turned, position_next=tools.position + np.array([[0.01, 0.0, 0.0]]))
     turn = np.array([[np.cos(half), -np.sin(half), 0.0], [np.sin(half), np.cos(half), 0.0], [0.0, 0.0, 1.0]])
     none = np.zeros((len(model.point_face), 1, N_STATE))
-    count = find_candidates(x, model, parameters, tools, none, 1e-3, 1.0, 1.0, work)
+    count = find_candidates(x, np.zeros_like(x), 0.0, model, parameters, tools, none, 1e-3, 1.0, 1.0, work)
     evaluate_contacts(x @ turn.T + np.array([0.01, 0.0, 0.0]), model, parameters, tools, count, work)
     assert (work.state[:count] == STICK).all()
     assert np.abs(work.contact[:count, 9:12]).max() < 1e-16

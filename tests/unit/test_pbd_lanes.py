@@ -15,6 +15,7 @@ from softseam_services.pbd.kernels.logarithm import logarithm
 from softseam_services.pbd.kernels.neo_hookean import volumetric
 from softseam_services.pbd.kernels.pairs import DIRECT, EIGHT, POINT, find_pairs
 from softseam_services.pbd.records import new_contacts, new_inputs
+from softseam_services.pbd.state import new_state
 
 MU, LAM = 7e3, 62e3
 GROUND = {"kind": "plane", "friction": 0.6}
@@ -72,9 +73,10 @@ def test_groups_hold_each_pair_once_and_share_no_node(embedded: bool) -> None:
         node = np.concatenate([rng.choice(40, 8, replace=False) for _ in range(p)]).astype(np.int32)
         arrays, numbers = arrays._replace(indptr=indptr, node=node), numbers._replace(weight=np.full(8 * p, 0.125))
     indptr, node = arrays.indptr, arrays.node
-    contacts, inputs, force = new_contacts(arrays, model.n_nodes, t), new_inputs(t, 0), np.zeros((p, t, 3))
+    contacts, inputs = new_contacts(arrays, model.n_nodes, t), new_inputs(t, 0)
+    state = new_state(model.n_nodes, model.blocks.n_batches, p, t)
     contacts.point_x[:], inputs.position[:], inputs.orientation[:] = point_x, tools.position, tools.orientation
-    find_pairs(arrays, numbers, force, force, inputs, contacts, 0.002, 1e-6)
+    find_pairs(arrays, numbers, state, inputs, contacts, 0.002, 1e-6)
     start, rows = contacts.start, contacts.rows
     for tool, axis, place in ((0, 2, 0.0), (1, 0, 0.025)):
         groups = rows[start[tool] : start[tool + 1], POINT : POINT + EIGHT]

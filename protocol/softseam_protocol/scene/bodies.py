@@ -101,7 +101,10 @@ class BodySpec(OwnRegions):
             Discriminator(_cell_tag),
         ]
         | None
-    ) = Field(default=None, description="cell edge, or edges along x, y, z [m]; default: a third of the least extent")
+    ) = Field(
+        default=None,
+        description="cell edge, or edges along x, y, z [m]; default: a third of the least extent, or by a mesh's walls",
+    )
     material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(
         default=(), description="parts of another material; an octant of a cell is of the last that holds its centre"

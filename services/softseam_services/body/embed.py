@@ -25,6 +25,10 @@ _DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
 _CELLS_AGREE = 1e-6
+_WALLS, _LEAST_CELLS = 1.2, 48.0
+_SPACING = 0.25
+"""longest edge of the surface's triangles, in edges of a cell: so many points that none of a cell's freedoms passes
+between them (docs/decisions/45); where a file has more, those closer than half of that count as one"""
 
 
 @dataclass(frozen=True)
@@ -88,13 +92,25 @@ def read_solid(
     return vertices - base, triangles, (*notes, *turned, *unit_guess(vertices, scale))
 
 
+def default_edge(vertices: Floats, triangles: Ints) -> float:
+    """Edge of the cells of a solid whose scene leaves it open [m]: 1.2 times 2V/S, a wall's thickness, and so short that
+    there are some 50 cells. Quadratic cells of that size give forces within 5 to 7 %.
+
+    vertices (n, 3) [m], triangles (T, 3) closed and outward
+    """
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    volume = float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6.0
+    surface = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return float(min(_WALLS * 2.0 * volume / surface, (volume / _LEAST_CELLS) ** (1.0 / 3.0)))
+
+
 def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> Embedded:
     """Cells over the bounding box of a solid, moments of the filled part of each octant, surface points.
 
     vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m]
     """
     corner, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
-    counts, edges = divide(size, cell)
+    counts, edges = divide(size, np.full(3, default_edge(vertices, triangles)) if cell is None else cell)
     if int(counts.prod()) > _MOST_CELLS:
         box = " x ".join(f"{edge:.3g}" for edge in size)
         raise MeshError(
@@ -108,28 +124,26 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> 
     moments[fill < _NOTHING] = 0.0
     moments[fill > 1.0 - _NOTHING] = FULL_MOMENTS
 
-    vertices, triangles = refine(vertices, triangles, 0.5 * float(edges.min()))
-    area, normal = vertex_shares(vertices, triangles)
-    contact = contact_shares(vertices, area, normal, 0.5 * float(edges.min()))
+    vertices, triangles = refine(vertices, triangles, _SPACING * float(edges.min()))
     cell_fill = fill.reshape(counts[0], 2, counts[1], 2, counts[2], 2).mean(axis=(1, 3, 5))
     carrier, local = _carry(vertices, corner, size, counts, cell_fill)
     kept = cell_fill > _DROPPED
     kept[carrier[:, 0], carrier[:, 1], carrier[:, 2]] = True
 
     cell_grid, cell_nodes, node_grid = number_nodes(kept)
-    by_cell = moments.reshape(counts[0], 2, counts[1], 2, counts[2], 2, 27).transpose(0, 2, 4, 5, 3, 1, 6)
-    in_cells = by_cell[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]].reshape(-1, 8, 27)
-    filled = np.maximum(in_cells[:, :, 0], FILL_FLOOR)
-
     number = np.full(kept.shape, -1, dtype=np.int32)
     number[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]] = np.arange(len(cell_grid))
-    surface = Surface(
-        cell=number[carrier[:, 0], carrier[:, 1], carrier[:, 2]],
-        local=local,
-        area=contact,
-        normal=normal,
-        triangles=triangles,
-    )
+    cell = number[carrier[:, 0], carrier[:, 1], carrier[:, 2]]
+    by_cell = np.argsort(cell, kind="stable")  # kernels take the points of a cell together
+    vertices, cell, local = vertices[by_cell], cell[by_cell], local[by_cell]
+    triangles = np.argsort(by_cell).astype(np.int32)[triangles]
+    area, normal = vertex_shares(vertices, triangles)
+    octants_of = moments.reshape(counts[0], 2, counts[1], 2, counts[2], 2, 27).transpose(0, 2, 4, 5, 3, 1, 6)
+    in_cells = octants_of[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]].reshape(-1, 8, 27)
+    filled = np.maximum(in_cells[:, :, 0], FILL_FLOOR)
+
+    share = contact_shares(vertices, area, normal, 0.5 * _SPACING * float(edges.min()))
+    surface = Surface(cell, local, share, normal, triangles)
     notes = []
     slivers = int((filled.mean(axis=1) < 0.02).sum())
     if slivers:

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.contact_points import is_embedded
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import point_weights
 from softseam_services.fem.dissection import dissect
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hex27_box import number_patterns
 from softseam_services.fem.face_points import face_points, touched_faces
-from softseam_services.fem.kernels.contact import ALONE
+from softseam_services.fem.kernels.contact import ALONE, AT_NODE, SPREAD
 from softseam_services.fem.rule import cell_shapes
 from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
@@ -78,8 +79,8 @@ class FemModel(NamedTuple):
     point_cell: Ints
     """(p,)"""
     point_face: Ints
-    """face that a point inside it belongs to; these come last, p counts them too. -1 at nodes of such faces, -2 at
-    other points (p,)"""
+    """face that a point inside it belongs to; these come last, p counts them too. AT_NODE, ALONE or SPREAD of
+    kernels/contact.py at other points (p,)"""
     point_patch: Floats
     """as `FacePoints.patch`, 0 at other points (p, 2)"""
     face_nodes: Ints
@@ -109,6 +110,7 @@ class Connectivity:
         of_point = np.repeat(np.arange(len(point_cell)), np.diff(pointer))
         local = np.argmax(region.cell_nodes[point_cell[of_point]] == node[:, None], axis=1)
         pattern, cut = _patterns(body, region, general)
+        outside = SPREAD if is_embedded(body) else ALONE
         self.fixed = region.fixed
         self.fields: dict[str, Any] = {
             "cell_nodes": region.cell_nodes,
@@ -129,7 +131,7 @@ class Connectivity:
             "point_node": node,
             "point_local": local.astype(np.int32),
             "point_cell": point_cell,
-            "point_face": np.concatenate([np.where(alone, ALONE, -1), inner.face]).astype(np.int32),
+            "point_face": np.concatenate([np.where(alone, outside, AT_NODE), inner.face]).astype(np.int32),
             "point_patch": np.concatenate([np.zeros((len(region.points), 2)), inner.patch]),
             "face_nodes": inner.face_nodes,
             "faces": faces,

@@ -14,6 +14,7 @@ from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.contact_points import PENALTY
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import Functions, point_weights
 from softseam_services.fem.elements import ELEMENTS
@@ -28,9 +29,6 @@ from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.jit import record
 from softseam_services.tools.tool_set import ToolSet
 
-# Contact penalty r = PENALTY E A / h at a surface point, h half an edge of the cells there: softer lets points sink in
-# between steps, stiffer slows the stick-slip iteration.
-PENALTY = 20.0
 # In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for, at nodes
 # and at points inside faces: multipliers lag, and gain energy where r dt^2 is less than the mass they move
 # (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import N_COLUMNS
+from softseam_services.fem.kernels.contact_tangents import BATCH, N
 from softseam_services.fem.kernels.newton import N_MEMO
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
@@ -76,12 +77,22 @@ class Work(NamedTuple):
     hold: Floats
     """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace"""
     side: NDArray[np.int8]
-    """per pair: side of the box that covers the point, -1 where the tool's gap counts"""
+    """per pair: side of the box that covers the point, -1 where the tool's gap counts, or SWEPT"""
+    plane: Floats
+    """per pair: normal and distance of a plane in the tool's frame, where `side` says so (4,)"""
     state: NDArray[np.int8]
     factored_state: NDArray[np.int8]
     """contact states that the factor holds (p, t)"""
     factored: Floats
     """and their stiffness (p, t, 3, 3) [N/m]"""
+    gathered: Floats
+    """see kernels/contact_tangents.py: weights of points of a cell (q 27,)"""
+    gathered_block: Floats
+    """their stiffness, six numbers each (q, 6) [N/m]"""
+    gathered_scaled: Floats
+    """weights times one of these (q 27,)"""
+    gathered_product: Floats
+    """what that makes of all pairs of nodes, six times (6 27 27,) [N/m]"""
     change: Floats
     """per pair: what the factor lacks of the whole tangent (3, 3) [N/m]"""
     turned: Ints
@@ -163,9 +174,14 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         contact=np.zeros((n_pairs, N_COLUMNS)),
         hold=np.zeros((n_pairs, 4)),
         side=np.zeros(n_pairs, dtype=np.int8),
+        plane=np.zeros((n_pairs, 4)),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_face), n_tools), dtype=np.int8),
         factored=np.zeros((len(model.point_face), n_tools, 3, 3)),
+        gathered=np.zeros(BATCH * N),
+        gathered_block=np.zeros((BATCH, 6)),
+        gathered_scaled=np.zeros(BATCH * N),
+        gathered_product=np.zeros(6 * N * N),
         change=np.zeros((n_pairs, 3, 3)),
         turned=np.zeros(1, dtype=np.int32),
         gone=np.zeros(1, dtype=np.int32),

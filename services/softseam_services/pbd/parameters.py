@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.contact_points import is_embedded, point_stiffness
 from softseam_services.body.errors import SettingError
 from softseam_services.body.interpolate import point_weights
 from softseam_services.tools.tool_set import ToolSet
@@ -56,6 +57,8 @@ class PbdParameters:
     """of the nodes that points follow, see `point_weights` (entries,)"""
     point_softness: Floats
     """sum of w_i N_i^2 of each point (p,) [1/kg]"""
+    point_give: Floats
+    """compliance of contact at each point: 1/r on an embedded surface, see body/contact_points.py, else 0 (p,) [m/N]"""
     wave_speed: float
     """the fastest P wave's [m/s]"""
     least_mu: float
@@ -115,6 +118,7 @@ class PbdParameters:
             kappa=KAPPA,
             weight=self.weight,
             point_softness=self.point_softness,
+            point_give=self.point_give,
             edged=faces.edged,
             face_stiffness=faces.stiffness,
             face_edge=faces.edge,
@@ -166,11 +170,21 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         point_softness=np.add.reduceat(weight**2 * inverse_mass[model.node], model.indptr[:-1])
         if len(weight)
         else np.zeros(0),
+        point_give=_point_give(body, region),
         wave_speed=body.wave_speed,
         least_mu=min(material.mu for material in body.materials),
         frequency=frequency,
         rate=rate,
     )
+
+
+def _point_give(body: Body, region: Region) -> Floats:
+    """`PbdParameters.point_give`."""
+    give = np.zeros(len(region.points))
+    if is_embedded(body):
+        stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))
+        np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
+    return give
 
 
 def block_softness(nodes: NDArray[np.int32], inverse_mass: Floats) -> Floats:

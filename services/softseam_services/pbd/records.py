@@ -54,6 +54,7 @@ class ParameterArrays(NamedTuple):
     # points
     weight: Floats
     point_softness: Floats
+    point_give: Floats
     # faces
     edged: NDArray[np.bool_]
     face_stiffness: Floats

@@ -30,6 +30,9 @@ class PbdState(NamedTuple):
     """contact force of each tool on each point (p, t, 3) [N]"""
     slip: Floats
     """slip of each touching point on each tool since it began to touch (p, t, 3) [m]"""
+    steady: Floats
+    """of each tool on each point: pressure with a memory, by which friction is bounded, and how far friction went
+    beyond the pressure so far, see kernels/contact.py (p, t, 2) [N]"""
     force_mean: Floats
     """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
     monitor: Floats
@@ -38,7 +41,7 @@ class PbdState(NamedTuple):
 
 def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     """A zero state for n nodes, b batches, p points and t tools."""
-    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 3), (N_MONITOR,))
+    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 3), (N_MONITOR,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)
@@ -46,7 +49,7 @@ def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     return PbdState(buffer, *views)
 
 
-MAGIC = b"softseam pbd 4\n"
+MAGIC = b"softseam pbd 5\n"
 
 
 def encode_state(state: PbdState, probed: Floats) -> bytes:

@@ -197,6 +197,7 @@ def attempt(
         work.stress[:] = 0.0
         work.a[:] = 0.0
         work.force[:] = 0.0
+        work.steady[:] = 0.0
     n_sweeps = parameters.spec.sweeps + number
     if watch.needs_two_sweeps(work.monitor):
         n_sweeps = max(n_sweeps, 2)

@@ -1,9 +1,10 @@
 """Candidates for contact: which points may touch which tools in a step, and what each begins with (contact.py).
 
-Inside faces a tool that is no box presses by r = 20 E A/h max(1, R/2h), h the spacing of nodes and R its radius, where
-it has one, and nothing is carried over (c = 0): p = -r g. There are more points than a face has freedoms, and a gap of
-zero at all of them would flatten what curves within a cell. What a thin tool sinks in stands for the waves that the
-cells lack; a tool wide beside them needs none (docs/decisions/43).
+On an embedded surface a tool presses by p = -r g with r = 20 E A/h (body/contact_points.py), and nothing is carried
+over (c = 0). So it is inside faces with a tool that is no box, where r = 20 E A/h max(1, R/2h), h the spacing of nodes
+and R its radius, where it has one. There are more points than a face has freedoms, and a gap of zero at all of them
+would flatten what curves within a cell. What a thin tool sinks in stands for the waves that the cells lack; a tool wide
+beside them needs none (docs/decisions/43, 45).
 """
 
 from __future__ import annotations
@@ -11,16 +12,17 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.fem.face_points import DENSE, SOFT
-from softseam_services.fem.kernels.contact import ALONE, ANCHOR, OPEN, point_position
+from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD, SWEPT, point_position
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, SPHERE
-from softseam_services.tools.kernels import rotate, rotate_back, side_gap, tool_gap
+from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from softseam_services.tools.kernels import SLOW, rotate, rotate_back, side_along, side_gap, swept_gap, tool_gap
 
 _BESIDE = 0.25
 """depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and
 that did not touch before, came in beside that side"""
 _NOBODY, _SEVERAL = -1, -2
+_ORIGIN, _UPRIGHT = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,6 +75,20 @@ def _turn_force(tools, tool, side, xp, force):
 
 
 @njit(cache=True, error_model="numpy")
+def _meets(tools, tool, start, end, plane):
+    """Whether a point on its way through the step meets a tool that it may pass; plane (4,) <- where, in its frame."""
+    position, turn = tools.position[tool], tools.orientation[tool]
+    at = rotate_back(turn, start[0] - position[0], start[1] - position[1], start[2] - position[2])
+    position, turn = tools.position_next[tool], tools.orientation_next[tool]
+    to = rotate_back(turn, end[0] - position[0], end[1] - position[1], end[2] - position[2])
+    kind, shape, slow = tools.kind[tool], tools.shape[tool], SLOW * tools.reach[tool]
+    met, gap, nx, ny, nz = swept_gap(kind, shape, _ORIGIN, _UPRIGHT, at, to, slow)
+    if met:
+        plane[0], plane[1], plane[2], plane[3] = nx, ny, nz, nx * to[0] + ny * to[1] + nz * to[2] - gap
+    return met
+
+
+@njit(cache=True, error_model="numpy")
 def _holders(model, multiplier, n_nodes):
     """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `_SEVERAL`."""
     holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
@@ -92,15 +108,15 @@ def _holders(model, multiplier, n_nodes):
 
 
 @njit(cache=True, error_model="numpy")
-def find_candidates(x, model, parameters, tools, multiplier, reach, inertia, pace, work):
+def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inertia, pace, work):
     """Pairs whose gap to the tool at the end of the step is below `reach`, that carry a force, or that the factor has.
 
-    x (n, 3) positions at the start, multiplier (p, t, 9) contact state at the start, inertia: of `firmness`, pace:
-    share of the penetration and of the offset that the step may take out; fills work.pair, start, begun, offset,
-    multiplier, hold and side, and resets the states; returns how many.
+    x (n, 3), v (n, 3) positions and velocities at the start, dt: of the step, multiplier (p, t, 9) contact state at the
+    start, inertia: of `firmness`, pace: share of the penetration and of the offset that the step may take out; fills
+    work.pair, start, begun, offset, multiplier, hold, side and plane, and resets the states; returns how many.
     """
     n_tools = len(tools.kind)
-    xp, away = np.empty(3), np.empty(3)
+    xp, away, ahead = np.empty(3), np.empty(3), np.empty(3)
     count = 0
     inner = 0
     for point in range(len(model.point_face)):
@@ -119,7 +135,7 @@ def find_candidates(x, model, parameters, tools, multiplier, reach, inertia, pac
             alone = alone and holder[model.point_node[entry]] != _SEVERAL
         for tool in range(n_tools):
             # on faces with points of their own a tool that is round, or has an edge, touches at these; others at nodes
-            if face != ALONE and model.at_faces[tool] != (face >= 0):
+            if face >= AT_NODE and model.at_faces[tool] != (face >= 0):
                 continue
             kind, shape = tools.kind[tool], tools.shape[tool]
             position, turn = tools.position_next[tool], tools.orientation_next[tool]
@@ -159,9 +175,21 @@ def find_candidates(x, model, parameters, tools, multiplier, reach, inertia, pac
                     share, carry = DENSE / SOFT, 0.0
                     if kind == SPHERE or kind == CAPSULE or kind == CYLINDER:
                         share *= max(1.0, shape[0] / parameters.face_edge[face])
+                elif face == SPREAD:
+                    carry = 0.0
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
                 if face < 0 and kind == BOX:
                     side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)
+                    # what is pressed deep into a thin box stays on the side that presses it
+                    inside = tool_gap(kind, shape, tools.position[tool], tools.orientation[tool], xp)[0] < 0.0
+                    if inside and touched and parameters.friction[tool] < 1.0:
+                        side = side_along(tools.orientation[tool], f0, f1, f2)
+                if side < 0 and kind != PLANE and not touched and reach > SLOW * tools.reach[tool]:
+                    point_position(v, model, parameters, point, ahead)
+                    for i in range(3):
+                        ahead[i] = xp[i] + dt * ahead[i]
+                    if _meets(tools, tool, xp, ahead, work.plane[count]):
+                        side = SWEPT
                 work.pair[count, 0] = point
                 work.pair[count, 1] = tool
                 work.start[count] = xp

@@ -31,6 +31,9 @@ short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they w
 stiffer by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as it is.
 With F at its bound nothing is carried over, and nothing lags.
 
+A point that comes by much in a step, and through a tool that is neither plane nor box, meets the plane at which it met
+the tool on its way: no tool is too thin for a fast body.
+
 A step that is a part of the one asked for takes out only that part of the penetration and of the offset that it starts
 with: all of it in a shorter time would throw the body off. There g is g - (1 - pace) g_0, and pace d takes the place of
 d in (1), which leaves d_next = c D + (1 - pace (1 - c)) d.
@@ -40,15 +43,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.fem.kernels.fronts import add_block
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import side_gap, tool_gap
+from softseam_services.tools.kernels import rotate, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
 """before an evaluation: what stuck in the last step shall stick once more; after it: it does, beyond its bound"""
-ALONE = -2
-"""in model.point_face: a point that touches every tool; -1 a node of a face that has points of its own"""
+AT_NODE, ALONE, SPREAD = -1, -2, -3
+"""in model.point_face: a node of a face that has points of its own; a point that touches every tool; and one of the
+many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
+SWEPT = -2
+"""in work.side: the point meets work.plane"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
@@ -71,6 +76,14 @@ def point_position(x, model, parameters, point, out):
 
 
 @njit(cache=True, error_model="numpy")
+def _plane_gap(plane, position, orientation, point):
+    """Gap to a plane of a tool, normal and distance in its frame (4,), and its outward normal: gap, nx, ny, nz."""
+    nx, ny, nz = rotate(orientation, plane[0], plane[1], plane[2])
+    away = nx * (point[0] - position[0]) + ny * (point[1] - position[1]) + nz * (point[2] - position[2])
+    return away - plane[3], nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy")
 def evaluate_contacts(x, model, parameters, tools, count, work):
     """Eq. (1) for every candidate: fills work.contact, work.state, work.turned and work.gone.
 
@@ -83,7 +96,9 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         row = work.contact[c]
         point_position(x, model, parameters, point, xp)
         orientation = tools.orientation_next[tool]
-        if work.side[c] < 0:
+        if work.side[c] == SWEPT:
+            gap, nx, ny, nz = _plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
+        elif work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
         else:
             gap, nx, ny, nz = side_gap(work.side[c], tools.shape[tool], tools.position_next[tool], orientation, xp)
@@ -189,52 +204,6 @@ def add_contact_forces(model, parameters, count, work, r):
                 r[3 * place] += weight * fx
                 r[3 * place + 1] += weight * fy
                 r[3 * place + 2] += weight * fz
-
-
-@njit(cache=True, error_model="numpy")
-def add_contact_tangents(model, parameters, tree, count, ahead, work):
-    """Add eq. (2) for every touching candidate to work.values, updated in place; returns for how many.
-
-    ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch;
-    and so are those that touch by work.factored_state, the last factor's: they may open and close by turns
-    """
-    block = np.empty((3, 3))
-    work.factored[:] = 0.0
-    added = 0
-    for c in range(count):
-        row = work.contact[c]
-        point, tool = work.pair[c, 0], work.pair[c, 1]
-        kept = work.factored_state[point, tool] != OPEN
-        work.factored_state[point, tool] = work.state[c]
-        if work.state[c] == OPEN:
-            if row[GAP] > ahead and not kept:
-                continue
-            work.factored_state[point, tool] = STICK
-        added += 1
-        stiffness = tangential = work.hold[c, 0]
-        relaxed = 0.0
-        if work.state[c] == SLIP:
-            tangential *= parameters.friction[tool] * row[PRESSURE] / row[TRIAL]
-            traction = parameters.friction[tool] * row[PRESSURE]
-            relaxed = tangential * row[RELAXED] / (traction * traction) if traction > 0.0 else 0.0
-        for i in range(3):
-            for j in range(3):
-                block[i, j] = (stiffness - tangential) * row[NORMAL + i] * row[NORMAL + j]
-                block[i, j] -= relaxed * row[TRACTION + i] * row[TRACTION + j]
-            block[i, i] += tangential
-            for j in range(3):
-                work.factored[point, tool, i, j] = block[i, j]
-        cell = model.point_cell[point]
-        for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            rank_a = tree.cell_rank[cell, model.point_local[a]]
-            if rank_a >= tree.cell_free[cell]:
-                continue
-            for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
-                rank_b = tree.cell_rank[cell, model.point_local[b]]
-                if rank_a <= rank_b < tree.cell_free[cell]:
-                    weight = parameters.point_weight[a] * parameters.point_weight[b]
-                    add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
-    return added
 
 
 @njit(cache=True, error_model="numpy")

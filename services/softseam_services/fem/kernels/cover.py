@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import overlap, rotate_back, side_gap
+from softseam_services.tools.kernels import overlap, rotate_back, side_along, side_gap
 
 CARRY_POWER = 8
 """of a face's covered fraction: the part of a normal force that the next step begins with"""
@@ -67,12 +67,7 @@ def pressed_side(face_of, first, contact, tool, orientation):
         fz += contact[point, tool, 2]
     if fx == 0.0 and fy == 0.0 and fz == 0.0:
         return -1
-    f = rotate_back(orientation, fx, fy, fz)
-    axis = 0
-    for i in range(1, 3):
-        if abs(f[i]) > abs(f[axis]):
-            axis = i
-    return axis + 3 if f[axis] > 0.0 else axis
+    return side_along(orientation, fx, fy, fz)
 
 
 @njit(cache=True, error_model="numpy")

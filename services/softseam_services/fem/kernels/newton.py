@@ -19,7 +19,6 @@ from softseam_services.fem.kernels.contact import (
     OPEN,
     RELAXED,
     add_contact_forces,
-    add_contact_tangents,
     any_held,
     evaluate_contacts,
     firm_way,
@@ -27,6 +26,7 @@ from softseam_services.fem.kernels.contact import (
     lets_go,
 )
 from softseam_services.fem.kernels.contact_changes import solve_with_changes
+from softseam_services.fem.kernels.contact_tangents import add_contact_tangents
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
 from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, hold, seam_inverse, solve
@@ -346,7 +346,9 @@ def seam_compliance(scheme, model, parameters, tree, now, x, inputs, work, inver
     x0, tools = now.x, inputs.tools
     inertia, share = begin(scheme, inputs.dt, inputs.past, x0, now.v, now.history, work.x_hat)
     resist(scheme, inputs.dt, share, x0, model, parameters, work)
-    count = find_candidates(x0, model, parameters, tools, now.contact, parameters.edge, inertia, 1.0, work)
+    count = find_candidates(
+        x0, now.v, inputs.dt, model, parameters, tools, now.contact, parameters.edge, inertia, 1.0, work
+    )
     residual(x, x0, model, parameters, tools, count, inertia, share, work)
     for c in range(count):
         # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)

@@ -216,7 +216,9 @@ def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
     search, flies = True, _flies_on(x, x0, v0, dt, parameters.edge)
     while True:
         if search:
-            count = find_candidates(x0, model, parameters, tools, now.contact, reach, inertia, inputs.pace, work)
+            count = find_candidates(
+                x0, v0, dt, model, parameters, tools, now.contact, reach, inertia, inputs.pace, work
+            )
             search = False
         status, iterations = newton(x, x0, model, parameters, tree, tools, count, inertia, share, settings, flies, work)
         flies = False  # from here on, x is a solution of something

@@ -2,11 +2,16 @@
 
 Each pair (point, tool) carries its force as blocks carry their stress: a normal part p >= 0 and a tangential part t.
 With the gap g, the slip s of this substep relative to the tool, and the compliance c = h^2 sum w_i N_i^2 of the point,
-p = max(0, p_old - (g - g_0)/c),  t = (t_old - s/c) min(1, mu p/|t_old - s/c|)                                 (1)
+p = max(0, p_old - (g - g_0)/c),  t = t_old - s/c,  where |t| > mu max(P, p) cut off to mu P                   (1)
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
+While p > 0, P = max(p_mean, p - debt), p_mean being p with a memory of 20 ms: points of a body that rings are unloaded
+one by one, and what let go of what it holds whenever p is small would creep. What a point holds beyond mu p is lent,
+and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load.
+A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
+fast is followed on its way to any other tool (`swept_gap`): neither passes to the far side.
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
-g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool covers a part of what a point stands for,
-contact has a compliance alpha (`share`), and
+g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool covers a part of what a point stands for
+(`share`), and on an embedded surface (body/contact_points.py), contact has a compliance alpha, and
 p = max(0, p_old - (g - g_0 + alpha p_old)/(c + alpha)),
 t = t_old - (s + alpha (t_old - t_0))/(c + alpha), cut off as in (1), g_0 = (old gap + alpha p_0)/(1 + h/tau),   (3)
 p_0 and t_0 being the force at the start of the substep, so that p = -g/alpha at rest, and t = t_0 - s/alpha however
@@ -21,7 +26,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.kernels import box_gap, rotate, rotate_back, side_gap, tool_gap
+from softseam_services.tools.kernels import SLOW, box_gap, rotate, rotate_back, side_gap, swept_gap
 
 from .lanes import batch_kernel, four, lane_kernel, three
 from .pairs import (
@@ -32,6 +37,7 @@ from .pairs import (
     DEPTH,
     EDGED,
     EIGHT,
+    FACED,
     FORCE,
     GAP,
     GIVE,
@@ -43,6 +49,7 @@ from .pairs import (
     SLIP_SINCE,
     SLIPPED,
     SOFT,
+    STEADY,
     WORK,
     W,
     X,
@@ -53,11 +60,18 @@ from .tool_motion import twelve
 
 RELEASE = 0.005
 """time in which an old penetration falls to a third [s]"""
+STILL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""motion of a tool that does not move, as of `tool_motions`"""
+MEMORY = 0.02
+"""of the pressure that bounds friction [s]"""
 
 
 @lane_kernel
-def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh):
-    """Eq. (1) for one pair at this gap and normal: FORCE, SLIPPED, CHANGE, HOLD and X are updated."""
+def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer):
+    """Eq. (1) for one pair at this gap and normal: FORCE, STEADY, SLIPPED, CHANGE, HOLD and X are updated.
+
+    newer: share of p in p_mean; STEADY holds p_mean and the debt, which fades with the same memory
+    """
     old_x, old_y, old_z = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
     x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
     c, per_c = row[lane + EIGHT * GIVE], row[lane + EIGHT * (GIVE + 1)]
@@ -78,8 +92,17 @@ def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh):
     tz = old_z - old_n * nz - sz * per_c
     tn = tx * nx + ty * ny + tz * nz
     tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
-    square, bound = tx * tx + ty * ty + tz * tz, mu * p
-    sticks = square <= bound * bound
+    steady = row[lane + EIGHT * STEADY]
+    steady += newer * (p - steady)
+    debt = row[lane + EIGHT * (STEADY + 1)]
+    lent = max(steady, p - debt) if p > 0.0 else 0.0
+    square, bound = tx * tx + ty * ty + tz * tz, mu * lent
+    most = mu * (max(lent, p) if p > 0.0 else 0.0)
+    sticks = square <= most * most
+    held = np.sqrt(square) / mu if mu > 0.0 else 0.0
+    debt += max(0.0, held - p) if sticks else lent - p
+    row[lane + EIGHT * STEADY] = steady
+    row[lane + EIGHT * (STEADY + 1)] = max(0.0, (1.0 - newer) * debt)
     scale = 1.0 if sticks else bound / np.sqrt(1.0 if sticks else square)
     fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
     dx, dy, dz = fx - old_x, fy - old_y, fz - old_z
@@ -102,31 +125,84 @@ def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh):
 
 
 @batch_kernel
-def solve_on_plane(row, normal, place, mu, motion, hh):
+def solve_on_plane(row, normal, place, mu, motion, hh, newer):
     """The eight pairs of a group with a plane through this place."""
     nx, ny, nz = normal
     px, py, pz = place
     for lane in range(EIGHT):
         gap = (row[lane] - px) * nx + (row[lane + EIGHT] - py) * ny + (row[lane + 2 * EIGHT] - pz) * nz
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
+
+
+@lane_kernel
+def _faced_gap(row, lane, a, b, c, x, y, z):
+    """Gap and normal, in the frame of a box of half edges a, b, c, of a point there: to the side that it faced when the
+    substep began, where it is above that, else to the box."""
+    sx, sy, sz = row[lane + EIGHT * FACED], row[lane + EIGHT * (FACED + 1)], row[lane + EIGHT * (FACED + 2)]
+    gap, nx, ny, nz = box_gap(a, b, c, x, y, z)
+    above = (sx != 0.0 or abs(x) <= a) and (sy != 0.0 or abs(y) <= b) and (sz != 0.0 or abs(z) <= c)
+    faces = above and (sx != 0.0 or sy != 0.0 or sz != 0.0)
+    gap = sx * x + sy * y + sz * z - (abs(sx) * a + abs(sy) * b + abs(sz) * c) if faces else gap
+    return gap, sx if faces else nx, sy if faces else ny, sz if faces else nz
 
 
 @batch_kernel
-def solve_on_box(row, a, b, c, place, turn, mu, motion, hh):
+def face_sides(row, a, b, c, place, turn):
+    """FACED of eight points: the side of a box that a point outside is beyond, none past an edge; of one inside the
+    side that pushes it, by its FORCE, or else the nearest. Tools are where they begin the substep."""
+    px, py, pz = place
+    for lane in range(EIGHT):
+        x, y, z = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)], row[lane + EIGHT * (BEFORE + 2)]
+        x, y, z = rotate_back(turn, x - px, y - py, z - pz)
+        fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
+        fx, fy, fz = rotate_back(turn, fx, fy, fz)
+        u, v, w = abs(x) - a, abs(y) - b, abs(z) - c
+        inside = u < 0.0 and v < 0.0 and w < 0.0
+        pushed = inside and fx * fx + fy * fy + fz * fz > 0.0
+        x, y, z = fx if pushed else x, fy if pushed else y, fz if pushed else z
+        beyond = (1.0 if u > 0.0 else 0.0) + (1.0 if v > 0.0 else 0.0) + (1.0 if w > 0.0 else 0.0)
+        u, v, w = abs(fx) if pushed else u, abs(fy) if pushed else v, abs(fz) if pushed else w
+        one = 1.0 if beyond <= 1.0 else 0.0
+        first = u >= v and u >= w
+        second = not first and v >= w
+        third = not first and not second
+        row[lane + EIGHT * FACED] = (one if x > 0.0 else -one) if first else 0.0
+        row[lane + EIGHT * (FACED + 1)] = (one if y > 0.0 else -one) if second else 0.0
+        row[lane + EIGHT * (FACED + 2)] = (one if z > 0.0 else -one) if third else 0.0
+
+
+@batch_kernel
+def solve_on_box(row, a, b, c, place, turn, mu, motion, hh, newer):
     """The eight pairs of a group with a box of half edges a, b, c."""
     px, py, pz = place
     for lane in range(EIGHT):
         x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
-        gap, nx, ny, nz = box_gap(a, b, c, x, y, z)
+        gap, nx, ny, nz = _faced_gap(row, lane, a, b, c, x, y, z)
         nx, ny, nz = rotate(turn, nx, ny, nz)
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")
-def find_gaps(row, kind, shape, place, turn):
+def _swept(row, lane, kind, shape, place, turn, motion, slow):
+    """Gap and normal of a point to a tool, which it does not pass in this substep."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+    ux, uy = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)]
+    uz = row[lane + EIGHT * (BEFORE + 2)]
+    start = (
+        xx * ux + xy * uy + xz * uz + bx,
+        yx * ux + yy * uy + yz * uz + by,
+        zx * ux + zy * uy + zz * uz + bz,
+    )
+    point = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
+    _, gap, nx, ny, nz = swept_gap(kind, shape, place, turn, start, point, slow)
+    return gap, nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy")
+def find_gaps(row, kind, shape, place, turn, motion, slow):
     """GAP of eight points to a tool of any kind."""
     for lane in range(EIGHT):
-        gap, nx, ny, nz = tool_gap(kind, shape, place, turn, (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]))
+        gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
         row[lane + EIGHT * GAP] = gap
         row[lane + EIGHT * (GAP + 1)] = nx
         row[lane + EIGHT * (GAP + 2)] = ny
@@ -134,23 +210,27 @@ def find_gaps(row, kind, shape, place, turn):
 
 
 @batch_kernel
-def solve_at_gaps(row, mu, motion, hh):
+def solve_at_gaps(row, mu, motion, hh, newer):
     """The eight pairs of a group at their GAP."""
     for lane in range(EIGHT):
         gap, nx = row[lane + EIGHT * GAP], row[lane + EIGHT * (GAP + 1)]
         ny, nz = row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")
-def find_side_gaps(row, rows, group, kind, shape, place, turn):
-    """GAP of eight points, to the side of the box whose edge is near, or to the box."""
+def find_side_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
+    """GAP of eight points, to the side of the box whose edge is near, or to the tool."""
     for lane in range(EIGHT):
         side, x = rows[group, SIDE + lane], (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT])
         if side >= 0:
             gap, nx, ny, nz = side_gap(side, shape, place, turn, x)
+        elif kind == BOX:
+            u, v, w = rotate_back(turn, x[0] - place[0], x[1] - place[1], x[2] - place[2])
+            gap, nx, ny, nz = _faced_gap(row, lane, shape[0], shape[1], shape[2], u, v, w)
+            nx, ny, nz = rotate(turn, nx, ny, nz)
         else:
-            gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
+            gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
         row[lane + EIGHT * GAP] = gap
         row[lane + EIGHT * (GAP + 1)] = nx
         row[lane + EIGHT * (GAP + 2)] = ny
@@ -166,7 +246,7 @@ def _pressed(row, lane):
 
 
 @batch_kernel
-def solve_softly(row, mu, motion, hh):
+def solve_softly(row, mu, motion, hh, newer):
     """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
     for lane in range(EIGHT):
         nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
@@ -180,7 +260,7 @@ def solve_softly(row, mu, motion, hh):
         lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
         xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
         nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
-        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh)
+        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, newer)
         lag_n = lag_x * nx + lag_y * ny + lag_z * nz
         row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
         row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
@@ -199,32 +279,33 @@ def project_contacts(model, parameters, contacts, xw, hh):
     """
     indptr, node, weight = model.indptr, model.node, parameters.weight
     kind, shape, friction = parameters.kind, parameters.shape, parameters.friction
+    newer = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
     start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     for tool in range(len(kind)):
         tool_kind, tool_shape, mu = kind[tool], shape[tool], friction[tool]
         place, turn = three(position, tool), four(orientation, tool)
-        forth = twelve(motion, 0, tool)
+        forth, slow = twelve(motion, 0, tool), SLOW * parameters.reach[tool]
         normal = rotate(turn, tool_shape[0], tool_shape[1], tool_shape[2])
         for group in range(start[tool], start[tool + 1]):
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
-                find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn)
-                solve_softly(row, mu, forth, hh)
+                find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
+                solve_softly(row, mu, forth, hh, newer)
             elif tool_kind == PLANE:
-                solve_on_plane(row, normal, place, mu, forth, hh)
+                solve_on_plane(row, normal, place, mu, forth, hh, newer)
             elif tool_kind == BOX:
-                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh)
+                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh, newer)
             else:
-                find_gaps(row, tool_kind, tool_shape, place, turn)
-                solve_at_gaps(row, mu, forth, hh)
+                find_gaps(row, tool_kind, tool_shape, place, turn, forth, slow)
+                solve_at_gaps(row, mu, forth, hh, newer)
             move_group(group, rows, indptr, node, weight, hh, pairs, xw)
 
 
 @njit(cache=True, error_model="numpy")
 def begin_pairs(model, parameters, contacts, xw, h):
-    """BEFORE, HELD and ALLOWED for a substep h that starts at xw, with the tools where they start it."""
+    """BEFORE, FACED, HELD and ALLOWED for a substep h that starts at xw, with the tools where they start it."""
     indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
     position, orientation = contacts.position[0], contacts.orientation[0]
     start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
@@ -232,13 +313,16 @@ def begin_pairs(model, parameters, contacts, xw, h):
         for group in range(start[tool], start[tool + 1]):
             place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
+            if kind[tool] == BOX:
+                a, b, c = three(shape, tool)
+                face_sides(row, a, b, c, three(position, tool), four(orientation, tool))
             if rows[group, EDGED]:
                 for entry in range(3 * EIGHT):
                     row[EIGHT * HELD + entry] = row[EIGHT * FORCE + entry]
             if rows[group, DEEP]:
                 place_group(group, X, rows, indptr, node, weight, xw, pairs)
                 place, turn = three(position, tool), four(orientation, tool)
-                find_side_gaps(row, rows, group, kind[tool], shape[tool], place, turn)
+                find_side_gaps(row, rows, group, kind[tool], shape[tool], place, turn, STILL, np.inf)
                 for lane in range(EIGHT):
                     if row[lane + EIGHT * DEPTH] > 0.0:
                         old = row[lane + EIGHT * GAP] + row[lane + EIGHT * SOFT] * _pressed(row, lane)

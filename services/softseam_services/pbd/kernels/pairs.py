@@ -18,11 +18,16 @@ DEPTH       1  how much deeper the point was inside the tool at the start of the
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]
 HOLD        1  directions in which the tool holds the point: 0, 1 where it slides, 3 where it sticks
-SOFT        1  compliance of contact where the tool's edge covers a part of what the point stands for, else 0 [m/N]
+SOFT        1  compliance of contact where the tool's edge covers a part of what the point stands for, or where many
+               points share a block, else 0 [m/N]
 HELD        3  FORCE at the start of the substep, in groups with such points [N]
+STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
+FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
+               faced none
 `rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
-node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (the tool's edge covers some points in part) and
-then SIDE 8 (side of the tool, -1 where contact is exact). Groups start[t] .. start[t + 1] belong to tool t.
+node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (contact has compliance at some points) and then
+SIDE 8 (side of the tool that covers a part of what the point stands for, -1 where it is the whole tool). Groups
+start[t] .. start[t + 1] belong to tool t.
 """
 
 from __future__ import annotations
@@ -36,8 +41,8 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 17, 20, 23
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD = 26, 27, 28, 32, 35, 36, 37
-N_COLUMNS = 40
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED = 26, 27, 28, 32, 35, 36, 37, 40, 42
+N_COLUMNS = 45
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
 N_ROWS = 27
@@ -78,16 +83,17 @@ def _open(group, n_nodes, rows, pairs):
 
 
 @njit(cache=True, error_model="numpy")
-def find_pairs(model, parameters, force, slip, inputs, contacts, margin, hh):
+def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     """Pairs of an active point and a tool that touch or lie within margin [m], tool after tool, in groups.
 
-    force, slip  (p, t, 3)  carried contact forces [N] and slips [m]; a pair that carries a force always counts
-    contacts                points are at its point_x; its start, rows and pairs are updated in place
-    hh                      the substep squared [s^2]
+    state     its contact forces are carried; a pair that carries a force always counts
+    contacts  points are at its point_x; its start, rows and pairs are updated in place
+    hh        the substep squared [s^2]
 
     Tools are where `inputs` says that they start.
     """
     indptr, node, weight, softness = model.indptr, model.node, parameters.weight, parameters.point_softness
+    point_give, force, slip, steady = parameters.point_give, state.force, state.slip, state.steady
     point_x, newest, side, soft = contacts.point_x, contacts.newest, contacts.shares.side, contacts.shares.give
     start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     n_nodes = len(newest)
@@ -108,15 +114,18 @@ def find_pairs(model, parameters, force, slip, inputs, contacts, margin, hh):
             carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
             edge = side[point, tool]
             if square > reach and not carried and edge < 0:
+                steady[point, tool] = 0.0
                 continue
-            due = 0.0
             if edge >= 0:
                 gap, nx, ny, nz = side_gap(edge, tool_shape, place, turn, x)
-                fx, fy, fz = three(force[point], tool)
-                due = soft[point, tool] * max(0.0, fx * nx + fy * ny + fz * nz)
+                yields = soft[point, tool]
             else:
-                gap = tool_gap(tool_kind, tool_shape, place, turn, x)[0]
+                gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
+                yields = point_give[point]
+            fx, fy, fz = three(force[point], tool)
+            due = yields * max(0.0, fx * nx + fy * ny + fz * nz)
             if gap >= margin and not carried:
+                steady[point, tool] = 0.0
                 continue
             # The first group with room that comes after all groups with a node of this point.
             group = first_open
@@ -140,13 +149,15 @@ def find_pairs(model, parameters, force, slip, inputs, contacts, margin, hh):
             give = hh * softness[point]
             pairs[group, EIGHT * GIVE + lane] = give
             pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / give if give > 0.0 else 0.0
-            if edge >= 0:
+            if yields > 0.0:
                 rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
-                pairs[group, EIGHT * SOFT + lane] = soft[point, tool]
-                pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / (give + soft[point, tool]) if give > 0.0 else 0.0
+                pairs[group, EIGHT * SOFT + lane] = yields
+                pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / (give + yields) if give > 0.0 else 0.0
             if gap + due < -DEEPEST_ROUNDOFF:
                 pairs[group, EIGHT * DEPTH + lane] = -gap - due
                 rows[group, DEEP] = 1
+            for c in range(2):
+                pairs[group, EIGHT * (STEADY + c) + lane] = steady[point, tool, c]
             for c in range(3):
                 pairs[group, EIGHT * (FORCE + c) + lane] = force[point, tool, c]
                 pairs[group, EIGHT * (SLIP_SINCE + c) + lane] = slip[point, tool, c]
@@ -217,7 +228,7 @@ def move_group(group, rows, indptr, node, weight, hh, pairs, xw):
 
 @njit(cache=True, error_model="numpy")
 def store_pairs(contacts, state, wrench):
-    """Forces, slips and mean forces back to the state (p, t, 3), mean wrenches on the tools to (t, 6), all updated in
+    """Forces, pressures, slips and mean forces back to the state, mean wrenches on the tools to (t, 6), all updated in
     place.
 
     Returns the work of the tools [J].
@@ -233,6 +244,8 @@ def store_pairs(contacts, state, wrench):
                 if point < 0:
                     continue
                 work += pairs[group, EIGHT * WORK + lane]
+                for c in range(2):
+                    state.steady[point, tool, c] = pairs[group, EIGHT * (STEADY + c) + lane]
                 for c in range(3):
                     mean = pairs[group, EIGHT * (MEAN + c) + lane]
                     force[point, tool, c] = pairs[group, EIGHT * (FORCE + c) + lane]

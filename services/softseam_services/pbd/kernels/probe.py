@@ -25,7 +25,7 @@ def begin_probes(model, parameters, start, inputs, scratch, hh, ws):
     exact_stress(ws, xw, model.blocks, parameters.volume, start.stress, parameters.constants, parameters.law)
     place_points(model, parameters, xw, contacts.point_x)
     copy_rows(scratch.softness, parameters.softness)
-    find_pairs(model, parameters, start.force, start.slip, inputs, contacts, 0.0, hh)
+    find_pairs(model, parameters, start, inputs, contacts, 0.0, hh)
     find_held_blocks(model, parameters, contacts)
     for now in range(2):
         copy_rows(contacts.position[now], inputs.position)

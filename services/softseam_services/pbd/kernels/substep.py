@@ -121,7 +121,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
             fastest = max(fastest, square)
         reach = parameters.margin + 2.0 * dt * np.sqrt(fastest)
         travel = tool_travel(parameters.reach, position, orientation, position_next, orientation_next, x)
-        find_pairs(model, parameters, state.force, state.slip, inputs, contacts, reach + 2.0 * travel, h * h)
+        find_pairs(model, parameters, state, inputs, contacts, reach + 2.0 * travel, h * h)
         copy_rows(scratch.softness, parameters.softness)
         find_held_blocks(model, parameters, contacts)
         tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])

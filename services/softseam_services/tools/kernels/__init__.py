@@ -3,10 +3,11 @@
 from softseam_services.shapes.box import box_gap
 from softseam_services.shapes.distance import tool_gap
 from softseam_services.shapes.turns import rotate, rotate_back
-from softseam_services.tools.kernels.gap import all_finite, cell_distances, least_gaps, tool_travel
-from softseam_services.tools.kernels.sides import overlap, side_gap
+from softseam_services.tools.kernels.gap import SLOW, all_finite, cell_distances, least_gaps, swept_gap, tool_travel
+from softseam_services.tools.kernels.sides import overlap, side_along, side_gap
 
 __all__ = [
+    "SLOW",
     "all_finite",
     "box_gap",
     "cell_distances",
@@ -14,7 +15,9 @@ __all__ = [
     "overlap",
     "rotate",
     "rotate_back",
+    "side_along",
     "side_gap",
+    "swept_gap",
     "tool_gap",
     "tool_travel",
 ]

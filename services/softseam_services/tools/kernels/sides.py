@@ -4,7 +4,7 @@ one whose outward normal is along +axis."""
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.shapes.turns import rotate
+from softseam_services.shapes.turns import rotate, rotate_back
 
 
 @njit(cache=True, error_model="numpy")
@@ -12,6 +12,17 @@ def overlap(middle, reach, half):
     """Share of the interval middle -+ reach that lies within -+ half."""
     length = min(middle + reach, half) - max(middle - reach, -half)
     return min(max(length, 0.0) / (2.0 * reach), 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def side_along(orientation, x, y, z):
+    """Side whose outward normal is most along this vector."""
+    f = rotate_back(orientation, x, y, z)
+    axis = 0
+    for i in range(1, 3):
+        if abs(f[i]) > abs(f[axis]):
+            axis = i
+    return axis + 3 if f[axis] > 0.0 else axis
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,0 +1,142 @@
+"""The matrix of contact: eq. (2) of kernels/contact.py of each touching point, W^T D W in the nodes that it follows.
+
+Points of an embedded surface come cell by cell, and many of them share one: with W (q, 27) the weights of up to BATCH
+of them, the entries (k, l) of the blocks of all pairs of nodes are W^T diag(D_kl) W, six products of matrices, or one
+where every D is r I, added to the panels once.
+"""
+
+from __future__ import annotations
+
+from softseam_services.fem.kernels.cells import LANES
+from softseam_services.fem.kernels.contact import (
+    GAP,
+    NORMAL,
+    OPEN,
+    PRESSURE,
+    RELAXED,
+    SLIP,
+    SPREAD,
+    STICK,
+    TRACTION,
+    TRIAL,
+)
+from softseam_services.fem.kernels.fronts import add_block, add_block_row
+from softseam_services.fem.kernels.lapack import product
+from softseam_services.jit import njit
+
+BATCH = 64
+"""points of a cell that are multiplied at once"""
+N = 27
+_FIRST, _SECOND = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+"""k and l of the six products"""
+
+
+@njit(cache=True, error_model="numpy")
+def add_contact_tangents(model, parameters, tree, count, ahead, work):
+    """Add what every touching candidate resists with to work.values, updated in place; returns for how many.
+
+    ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch;
+    and so are those that touch by work.factored_state, the last factor's: they may open and close by turns
+    """
+    work.factored[:] = 0.0
+    added = gathered = 0
+    cell_of = -1
+    for c in range(count):
+        point, tool = work.pair[c, 0], work.pair[c, 1]
+        kept = work.factored_state[point, tool] != OPEN
+        work.factored_state[point, tool] = work.state[c]
+        if work.state[c] == OPEN:
+            if work.contact[c, GAP] > ahead and not kept:
+                continue
+            work.factored_state[point, tool] = STICK
+        added += 1
+        block = work.factored[point, tool]
+        _resist(c, parameters.friction[tool], work, block)
+        cell = model.point_cell[point]
+        if model.point_face[point] != SPREAD:
+            _add_point(model, parameters, tree, point, block, work)
+            continue
+        if gathered == BATCH or (gathered > 0 and cell != cell_of):
+            _add_points(tree, cell_of, gathered, work)
+            gathered = 0
+        cell_of = cell
+        _gather(model, parameters, tree, point, block, gathered, work)
+        gathered += 1
+    if gathered > 0:
+        _add_points(tree, cell_of, gathered, work)
+    return added
+
+
+@njit(cache=True, error_model="numpy")
+def _resist(c, friction, work, block):
+    """block (3, 3) <- eq. (2) of a candidate."""
+    row = work.contact[c]
+    stiffness = tangential = work.hold[c, 0]
+    relaxed = 0.0
+    if work.state[c] == SLIP:
+        traction = friction * row[PRESSURE]
+        tangential *= traction / row[TRIAL]
+        relaxed = tangential * row[RELAXED] / (traction * traction) if traction > 0.0 else 0.0
+    for i in range(3):
+        for j in range(3):
+            block[i, j] = (stiffness - tangential) * row[NORMAL + i] * row[NORMAL + j]
+            block[i, j] -= relaxed * row[TRACTION + i] * row[TRACTION + j]
+        block[i, i] += tangential
+
+
+@njit(cache=True, error_model="numpy")
+def _add_point(model, parameters, tree, point, block, work):
+    """Add the block of one point, pair by pair of its nodes."""
+    cell = model.point_cell[point]
+    for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        rank_a = tree.cell_rank[cell, model.point_local[a]]
+        if rank_a >= tree.cell_free[cell]:
+            continue
+        for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            rank_b = tree.cell_rank[cell, model.point_local[b]]
+            if rank_a <= rank_b < tree.cell_free[cell]:
+                weight = parameters.point_weight[a] * parameters.point_weight[b]
+                add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
+
+
+@njit(cache=True, error_model="numpy")
+def _gather(model, parameters, tree, point, block, place, work):
+    """Weights of a point in its cell's order of elimination, and its block, to this place of the batch."""
+    cell, weights, blocks = model.point_cell[point], work.gathered, work.gathered_block
+    for a in range(N):
+        weights[N * place + a] = 0.0
+    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        weights[N * place + tree.cell_rank[cell, model.point_local[entry]]] = parameters.point_weight[entry]
+    for each in range(6):
+        blocks[place, each] = block[_FIRST[each], _SECOND[each]]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_points(tree, cell, count, work):
+    """Add the batch to the panels of its cell."""
+    weights, blocks, scaled, products, row = (
+        work.gathered, work.gathered_block, work.gathered_scaled, work.gathered_product, work.row,
+    )  # fmt: skip
+    alike = True
+    for place in range(count):
+        b = blocks[place]
+        alike = alike and b[0] == b[1] == b[2] and b[3] == 0.0 and b[4] == 0.0 and b[5] == 0.0
+    for each in range(1 if alike else 6):
+        for place in range(count):
+            factor = blocks[place, each]
+            for a in range(N):
+                scaled[N * place + a] = factor * weights[N * place + a]
+        product(N, N, count, 1, weights, 0, N, scaled, 0, N, True, False, products, N * N * each, N, work.ints)
+    for a in range(tree.cell_free[cell]):
+        for entry in range(9 * LANES):
+            row[entry] = 0.0
+        for each in range(1 if alike else 6):
+            k, l = _FIRST[each], _SECOND[each]  # noqa: E741 as in the equation
+            at = N * N * each + N * a
+            for b in range(a, N):
+                value = products[at + b]
+                row[(3 * k + l) * LANES + b] = value
+                row[(3 * l + k) * LANES + b] = value
+                if alike:
+                    row[4 * LANES + b] = row[8 * LANES + b] = value
+        add_block_row(tree, work.values, cell, a, row, LANES)

@@ -1,0 +1,72 @@
+"""A body does not pass a thin tool, however fast it comes, in either model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import solids
+
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.scene.scene import Scene
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+
+PLATE = {"kind": "box", "size": [0.4, 0.4, 0.001], "position": [0, 0, -0.0005]}
+DISC = {"kind": "cylinder", "radius": 0.1, "length": 0.001, "position": [0, 0, -0.0005]}
+MESH = {"kind": "mesh", "path": "plate.obj", "position": [0, 0, -0.006]}
+TILTED = {**PLATE, "rotation": [0, 0.3, 0], "position": [0, 0, -0.02]}
+
+
+def lowest(tool: dict[str, Any], model: str, speed: float, young: float = 1e5, moves: bool = False) -> float:
+    """The lowest that any node of a block gets [m], beside the highest point of a tool, which one of both meets."""
+    up = 0.03 if moves else 0.3
+    motion = [{"tools": ["tool"], "move": [0, 0, 0.1], "speed": speed}, {"hold": 0.05}]
+    scene = Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "fast",
+            "step": 0.01,
+            "body": {
+                "shape": {"kind": "block", "size": [0.06, 0.06, 0.06]},
+                "position": [0, 0, up],
+                "velocity": [0, 0, 0 if moves else -speed],
+                "cell": 0.02,
+                "material": {"young": young, "poisson": 0.4, "density": 1000.0},
+            },
+            "tools": {"tool": {**tool, "friction": 0.5}},
+            "regions": {"default": model},
+            **({"motion": motion} if moves else {"duration": up / speed + 0.05}),
+        }
+    )
+    files = {"plate.obj": solids.obj(*solids.box((0.3, 0.3, 0.012), (-0.15, -0.15, -0.006)))}
+    simulation = Simulation(Bundle(scene.model_dump_json(), files), EmbeddedTransport())
+    low, done = up, False
+    while not done:
+        report = simulation.step(fields=True)
+        done, top = report.done, float(report.tool_position[0, 2]) - tool["position"][2]
+        low = min(low, float(simulation.frame().x[:, 2].min()) - top)
+    assert report.done
+    simulation.close()
+    return low
+
+
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+@pytest.mark.parametrize(
+    ("tool", "speed"),
+    [(PLATE, 2.0), (PLATE, 8.0), (PLATE, 15.0), (DISC, 4.0), (DISC, 12.0), (MESH, 12.0)],
+    ids=lambda value: value["kind"] if isinstance(value, dict) else f"{value:g}",
+)
+def test_nothing_passes(model: str, tool: dict[str, Any], speed: float) -> None:
+    """XPBD fell through the plate at 2 m/s; a step of FEM at 15 m/s goes 150 mm, a substep of XPBD 6."""
+    assert lowest(tool, model, speed) > -5e-3
+
+
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+def test_a_plate_that_comes_takes_the_body_along(model: str) -> None:
+    assert lowest(PLATE, model, 8.0, moves=True) > -5e-3
+
+
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+def test_a_stiff_body_does_not_pass_either(model: str) -> None:
+    assert lowest(PLATE, model, 20.0, young=1e7) > -1e-3

@@ -1,0 +1,50 @@
+"""XPBD on slopes: what Coulomb's law holds stays for ever where it is, and what slides does so as a rigid body does."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from pbd_run import PbdRun, block_scene
+
+GROUND = {"kind": "plane"}
+
+
+def way(angle: float, friction: float, seconds: float, young: float = 2e5, cell: float = 0.02) -> list[float]:
+    """How far down a slope of an angle [degrees] the middle of a block has gone after each second [m]."""
+    g, a = 9.81, math.radians(angle)
+    scene = block_scene(
+        (0.06, 0.06, 0.06),
+        cell,
+        young=young,
+        poisson=0.3,
+        density=500.0,
+        step=0.01,
+        gravity=(g * math.sin(a), 0.0, -g * math.cos(a)),
+        tools={"ground": {**GROUND, "friction": friction}},
+    )
+    run, ways = PbdRun(scene), []
+    start = run.x[:, 0].mean()
+    for _ in range(round(seconds)):
+        run.run(1.0)
+        ways.append(float(run.x[:, 0].mean() - start))
+    return ways
+
+
+@pytest.mark.parametrize(
+    ("angle", "friction", "young", "cell"),
+    [(20.0, 0.4, 2e5, 0.02), (20.0, 0.37, 2e5, 0.02), (12.0, 0.23, 5e4, 0.02), (30.0, 0.64, 2e5, 0.01)],
+)
+def test_what_holds_stays(angle: float, friction: float, young: float, cell: float) -> None:
+    """It gave way at 26 mm/s, as points that ring were unloaded one by one."""
+    ways = way(angle, friction, 3.0, young, cell)
+    assert 0.0 < ways[0] < 2e-3
+    assert abs(ways[2] - ways[1]) < 1e-6
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(20.0, 0.3), (20.0, 0.1), (12.0, 0.15), (35.0, 0.5)])
+def test_what_slides_does_so_by_coulomb(angle: float, friction: float) -> None:
+    """Friction lent to a point that is unloaded is paid back where it is loaded: the mean is mu times the load."""
+    a = math.radians(angle)
+    right = 0.5 * 9.81 * (math.sin(a) - friction * math.cos(a))
+    assert way(angle, friction, 1.0)[0] == pytest.approx(right, rel=0.02)
