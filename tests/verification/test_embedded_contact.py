@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import solids
 from test_thin_tools import PLACES, ROD
 
 from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body import embed
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -20,18 +22,19 @@ SLAB = solids.box((0.06, 0.06, 0.03), (-0.03, -0.03, 0.0))
 BALL = solids.sphere(0.03, 4)
 
 
-def simulate(solid: Solid, cell: float, model: str, young: float = 20e3, **scene: Any) -> Simulation:
-    """Run to its end."""
+def simulate(solid: Solid, cell: float, model: str, young: float = 20e3, **scene: Any) -> tuple[Simulation, StepReport]:
+    """A run at its end, and its last report, with wrenches averaged over the second half."""
     shape = {"kind": "mesh", "path": "body.obj"}
     material = {"young": young, "poisson": 0.4, "density": 1000.0}
     body = {"shape": shape, "cell": cell, "material": material, **scene.pop("body", {})}
     text = {"softseam": 1, "name": "shape", "step": 0.01, "body": body, "regions": {"default": model}, **scene}
     files = {"body.obj": solids.obj(*solid)}
     simulation = Simulation(Bundle(Scene.model_validate(text).model_dump_json(), files), EmbeddedTransport())
-    simulation.report = simulation.step()
-    while not simulation.report.done:
-        simulation.report = simulation.step(fields=True)
-    return simulation
+    reports = [simulation.step()]
+    while not reports[-1].done:
+        reports.append(simulation.step(fields=True))
+    wrench = np.mean([report.wrench for report in reports[len(reports) // 2 :]], axis=0)
+    return simulation, replace(reports[-1], wrench=wrench)
 
 
 @pytest.mark.parametrize("model", ["fem", "pbd"])
@@ -41,9 +44,9 @@ def test_a_rod_is_felt_alike_wherever_it_is_set_down(model: str) -> None:
     for x, y in PLACES:
         rod = {"kind": "capsule", "radius": 5e-3, "length": 0.04, "position": [x, y, 0.0555]}
         held = {"fixed": [{"min": [-1, -1, -1e-3], "max": [1, 1, 1e-3]}]}
-        motion = [{"tools": ["rod"], "move": [0, 0, -5.5e-3], "speed": 0.02}, {"hold": 0.2}]
-        simulation = simulate(SLAB, 0.01, model, body=held, gravity=[0, 0, 0], tools={"rod": rod}, motion=motion)
-        forces.append(float(np.linalg.norm(simulation.report.wrench[0, :3])))
+        motion = [{"tools": ["rod"], "move": [0, 0, -5.5e-3], "speed": 0.02}, {"hold": 0.5}]
+        _, report = simulate(SLAB, 0.01, model, body=held, gravity=[0, 0, 0], tools={"rod": rod}, motion=motion)
+        forces.append(float(np.linalg.norm(report.wrench[0, :3])))
     assert np.allclose(forces, ROD, rtol=0.15), forces
 
 
@@ -54,14 +57,14 @@ def squeezed(solid: Solid, cell: float, model: str = "fem") -> float:
         name: {"kind": "box", "size": [0.01, 0.2, 0.2], "position": [side * (reach + 0.0055), 0, 0], "friction": 0.6}
         for name, side in (("left", -1), ("right", 1))
     }
-    motion = [{"tools": list(plates), "close": 0.04, "until": {"time": reach / 6 / 0.02}}, {"hold": 0.2}]
-    simulation = simulate(solid, cell, model, gravity=[0, 0, 0], tools=plates, motion=motion)
-    return float(np.abs(simulation.report.wrench[:, 0]).mean())
+    motion = [{"tools": list(plates), "close": 0.04, "until": {"time": reach / 6 / 0.02}}, {"hold": 0.5}]
+    _, report = simulate(solid, cell, model, gravity=[0, 0, 0], tools=plates, motion=motion)
+    return float(np.abs(report.wrench[:, 0]).mean())
 
 
 @pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1.0, 1.6, 0.8), (0.7, 1.2, 1.0)])
 def test_more_points_change_little(scale: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch) -> None:
-    solid = BALL[0] * scale - [0.0, 0.0, 0.0], BALL[1]
+    solid = BALL[0] * scale, BALL[1]
     force = squeezed(solid, 0.012)
     monkeypatch.setattr(embed, "_SPACING", 0.125)
     assert squeezed(solid, 0.012) == pytest.approx(force, rel=0.03)
@@ -81,9 +84,9 @@ def test_both_models_press_alike() -> None:
 @pytest.mark.parametrize(("cell", "young"), [(0.02, 20e3), (0.012, 20e3), (0.012, 60e3)])
 def test_penetration_is_that_of_the_surface(model: str, cell: float, young: float) -> None:
     """A ball rests on the ground: its lowest point was .5 to 4 mm below it, and the report said less than 1 um."""
-    simulation = simulate(BALL, cell, model, young, tools={"ground": {"kind": "plane"}}, duration=1.0)
+    simulation, report = simulate(BALL, cell, model, young, tools={"ground": {"kind": "plane"}}, duration=1.0)
     lowest = float(simulation.frame().point_x[:, 2].min())
-    assert -lowest == pytest.approx(simulation.report.penetration, rel=0.1)
-    assert -1e-3 < lowest < 0.0
+    assert -lowest == pytest.approx(report.penetration, rel=0.1)
+    assert -1.5e-3 < lowest < 0.0
     weight = 9.81 * 1000.0 * 4.0 / 3.0 * np.pi * 0.03**3
-    assert simulation.report.wrench[0, 2] == pytest.approx(-weight, rel=0.02)
+    assert report.wrench[0, 2] == pytest.approx(-weight, rel=0.02)

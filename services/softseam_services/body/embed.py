@@ -93,7 +93,7 @@ def read_solid(
 
 
 def default_edge(vertices: Floats, triangles: Ints) -> float:
-    """Edge of the cells of a solid whose scene leaves it open [m]: 1.2 times 2V/S, a wall's thickness, and so short that
+    """Edge of cells of a solid whose scene leaves it open [m]: 1.2 times 2V/S, a wall's thickness, and so short that
     there are some 50 cells. Quadratic cells of that size give forces within 5 to 7 %.
 
     vertices (n, 3) [m], triangles (T, 3) closed and outward
@@ -133,9 +133,9 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> 
     cell_grid, cell_nodes, node_grid = number_nodes(kept)
     number = np.full(kept.shape, -1, dtype=np.int32)
     number[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]] = np.arange(len(cell_grid))
-    cell = number[carrier[:, 0], carrier[:, 1], carrier[:, 2]]
-    by_cell = np.argsort(cell, kind="stable")  # kernels take the points of a cell together
-    vertices, cell, local = vertices[by_cell], cell[by_cell], local[by_cell]
+    carries = number[carrier[:, 0], carrier[:, 1], carrier[:, 2]]
+    by_cell = np.argsort(carries, kind="stable")  # kernels take the points of a cell together
+    vertices, carries, local = vertices[by_cell], carries[by_cell], local[by_cell]
     triangles = np.argsort(by_cell).astype(np.int32)[triangles]
     area, normal = vertex_shares(vertices, triangles)
     octants_of = moments.reshape(counts[0], 2, counts[1], 2, counts[2], 2, 27).transpose(0, 2, 4, 5, 3, 1, 6)
@@ -143,7 +143,7 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> 
     filled = np.maximum(in_cells[:, :, 0], FILL_FLOOR)
 
     share = contact_shares(vertices, area, normal, 0.5 * _SPACING * float(edges.min()))
-    surface = Surface(cell, local, share, normal, triangles)
+    surface = Surface(carries, local, share, normal, triangles)
     notes = []
     slivers = int((filled.mean(axis=1) < 0.02).sum())
     if slivers:

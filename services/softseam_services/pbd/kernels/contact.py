@@ -6,7 +6,8 @@ p = max(0, p_old - (g - g_0)/c),  t = t_old - s/c,  where |t| > mu max(P, p) cut
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
 While p > 0, P = max(p_mean, p - debt), p_mean being p with a memory of 20 ms: points of a body that rings are unloaded
 one by one, and what let go of what it holds whenever p is small would creep. What a point holds beyond mu p is lent,
-and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load.
+and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load. Where
+contact has a compliance, P is p: many points that share nodes would gain energy by what is lent.
 A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
 fast is followed on its way to any other tool (`swept_gap`): neither passes to the far side.
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
@@ -246,8 +247,8 @@ def _pressed(row, lane):
 
 
 @batch_kernel
-def solve_softly(row, mu, motion, hh, newer):
-    """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
+def solve_softly(row, mu, motion, hh):
+    """The eight pairs of a group at their GAP, with compliance: eq. (3), by p as it is."""
     for lane in range(EIGHT):
         nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
         soft = row[lane + EIGHT * SOFT]
@@ -260,7 +261,7 @@ def solve_softly(row, mu, motion, hh, newer):
         lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
         xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
         nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
-        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, newer)
+        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, 1.0)
         lag_n = lag_x * nx + lag_y * ny + lag_z * nz
         row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
         row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
@@ -292,7 +293,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
             row = pairs[group]
             if rows[group, EDGED]:
                 find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
-                solve_softly(row, mu, forth, hh, newer)
+                solve_softly(row, mu, forth, hh)
             elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, mu, forth, hh, newer)
             elif tool_kind == BOX:
