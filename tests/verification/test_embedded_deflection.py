@@ -65,14 +65,12 @@ def _held(cell: float) -> float:
 
 
 def test_a_tilted_cylinder_is_as_stiff_as_its_closed_form() -> None:
-    """Uniform squeeze by a tenth: 0.5 % too soft with two cells across already, from how contact samples the ends.
-
-    With four times as many points on them it is 0.15 %, of which 0.1 is the floor under empty octants' stiffness.
-    """
+    """Uniform squeeze by a tenth: too soft by what the plates sink in, in proportion to the cells, and little else."""
     mu, lam = 0.5 * YOUNG / (1.0 + POISSON), YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
     a = 1.0 - SQUEEZE
     b = brentq(lambda b: mu * (b - 1.0 / b) + lam * np.log(a * b * b) / b, 0.5, 2.0)
     area = 0.5 * SIDES * RADIUS**2 * np.sin(2.0 * np.pi / SIDES)
     exact = -area * (mu * (a - 1.0 / a) + lam * np.log(a * b * b) / a)
     wrong = [1.0 - _held(cell) / exact for cell in (0.02, 0.014, 0.01)]
-    assert np.abs(wrong).max() < 0.01
+    assert np.abs(wrong).max() < 0.02
+    assert np.abs([wrong[0] - 2.0 * wrong[2], wrong[1] - 1.4 * wrong[2]]).max() < 2e-3

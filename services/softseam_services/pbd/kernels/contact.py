@@ -6,8 +6,9 @@ p = max(0, p_old - (g - g_0)/c),  t = t_old - s/c,  where |t| > mu max(P, p) cut
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
 While p > 0, P = max(p_mean, p - debt), p_mean being p with a memory of 20 ms: points of a body that rings are unloaded
 one by one, and what let go of what it holds whenever p is small would creep. What a point holds beyond mu p is lent,
-and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load. Where
-contact has a compliance, P is p: many points that share nodes would gain energy by what is lent.
+and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load. So it is
+on planes. On other tools, and where contact has a compliance, P is p: what is squeezed would gain energy by what is
+lent.
 A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
 fast is followed on its way to any other tool (`swept_gap`): neither passes to the far side.
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
@@ -297,10 +298,10 @@ def project_contacts(model, parameters, contacts, xw, hh):
             elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, mu, forth, hh, newer)
             elif tool_kind == BOX:
-                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh, newer)
+                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh, 1.0)
             else:
                 find_gaps(row, tool_kind, tool_shape, place, turn, forth, slow)
-                solve_at_gaps(row, mu, forth, hh, newer)
+                solve_at_gaps(row, mu, forth, hh, 1.0)
             move_group(group, rows, indptr, node, weight, hh, pairs, xw)
 
 
