@@ -15,7 +15,6 @@ from softseam_services.orchestrator.simulation import Simulation
 PLATE = {"kind": "box", "size": [0.4, 0.4, 0.001], "position": [0, 0, -0.0005]}
 DISC = {"kind": "cylinder", "radius": 0.1, "length": 0.001, "position": [0, 0, -0.0005]}
 MESH = {"kind": "mesh", "path": "plate.obj", "position": [0, 0, -0.006]}
-TILTED = {**PLATE, "rotation": [0, 0.3, 0], "position": [0, 0, -0.02]}
 
 
 def lowest(tool: dict[str, Any], model: str, speed: float, young: float = 1e5, moves: bool = False) -> float:

@@ -31,8 +31,8 @@ short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they w
 stiffer by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as it is.
 With F at its bound nothing is carried over, and nothing lags.
 
-A point that comes by much in a step, and through a tool that is neither plane nor box, meets the plane at which it met
-the tool on its way: no tool is too thin for a fast body.
+A point that comes by much in a step, and through a tool of which it faces no side, meets the plane at which it met the
+tool on its way: no tool is too thin for a fast body.
 
 A step that is a part of the one asked for takes out only that part of the penetration and of the offset that it starts
 with: all of it in a shorter time would throw the body off. There g is g - (1 - pace) g_0, and pace d takes the place of

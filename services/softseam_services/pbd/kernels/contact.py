@@ -66,6 +66,8 @@ STILL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """motion of a tool that does not move, as of `tool_motions`"""
 MEMORY = 0.02
 """of the pressure that bounds friction [s]"""
+NO_MEMORY = 1.0
+"""share of p in p_mean where nothing is lent"""
 
 
 @lane_kernel
@@ -174,14 +176,14 @@ def face_sides(row, a, b, c, place, turn):
 
 
 @batch_kernel
-def solve_on_box(row, a, b, c, place, turn, mu, motion, hh, newer):
+def solve_on_box(row, a, b, c, place, turn, mu, motion, hh):
     """The eight pairs of a group with a box of half edges a, b, c."""
     px, py, pz = place
     for lane in range(EIGHT):
         x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
         gap, nx, ny, nz = _faced_gap(row, lane, a, b, c, x, y, z)
         nx, ny, nz = rotate(turn, nx, ny, nz)
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, NO_MEMORY)
 
 
 @njit(cache=True, error_model="numpy")
@@ -212,12 +214,12 @@ def find_gaps(row, kind, shape, place, turn, motion, slow):
 
 
 @batch_kernel
-def solve_at_gaps(row, mu, motion, hh, newer):
+def solve_at_gaps(row, mu, motion, hh):
     """The eight pairs of a group at their GAP."""
     for lane in range(EIGHT):
         gap, nx = row[lane + EIGHT * GAP], row[lane + EIGHT * (GAP + 1)]
         ny, nz = row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, NO_MEMORY)
 
 
 @njit(cache=True, error_model="numpy")
@@ -262,7 +264,7 @@ def solve_softly(row, mu, motion, hh):
         lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
         xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
         nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
-        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, 1.0)
+        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, NO_MEMORY)
         lag_n = lag_x * nx + lag_y * ny + lag_z * nz
         row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
         row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
@@ -298,10 +300,10 @@ def project_contacts(model, parameters, contacts, xw, hh):
             elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, mu, forth, hh, newer)
             elif tool_kind == BOX:
-                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh, 1.0)
+                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh)
             else:
                 find_gaps(row, tool_kind, tool_shape, place, turn, forth, slow)
-                solve_at_gaps(row, mu, forth, hh, 1.0)
+                solve_at_gaps(row, mu, forth, hh)
             move_group(group, rows, indptr, node, weight, hh, pairs, xw)
 
 
