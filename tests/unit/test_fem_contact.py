@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import solids
 from fem_run import FemRun, block
 from numpy.typing import NDArray
 from test_fem_fronts import _dense
 
+from softseam_services.body.build import build_body
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
@@ -40,9 +42,16 @@ def _problem(
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
     pace: float = 1.0,
+    embedded: bool = False,
 ) -> tuple[FemModel, FemParameters, Tree, Work, Tools, NDArray[np.float64], int]:
-    """A cube whose lower face is 10 um below the ground; every point there carries the multiplier."""
-    run = FemRun(block(tools={"ground": {"kind": "plane", "friction": friction}}))
+    """A cube whose lower face is 10 um below the ground; every point there carries the multiplier.
+
+    embedded: it is read as a mesh, so that many points share a cell
+    """
+    shape = {"shape": {"kind": "mesh", "path": "cube.obj"}} if embedded else {}
+    scene = block(tools={"ground": {"kind": "plane", "friction": friction}}, body=shape)
+    cube = solids.obj(*solids.box((0.05, 0.05, 0.05), (-0.025, -0.025, 0.0)))
+    run = FemRun(scene, body=build_body(scene, {"cube.obj": cube}))
     solver = run.solver
     model, parameters = solver._model, solver._parameters
     tree, work = model.tree, solver._stepper.work
@@ -50,8 +59,8 @@ def _problem(
     tools = Tools(run.tools.kind, run.tools.shape, run.tools.reach, run.tools.near, *pose)
     x = parameters.x_rest - np.array([0.0, 0.0, 1e-5])
     contact = np.zeros((len(run.region.points), 1, N_STATE))
-    low = parameters.x_rest[run.region.nodes[0] + 0, 2]
-    touching = run.body.x_rest[run.region.nodes][model.point_node][:, 2] == low
+    height = point_positions(model, parameters, parameters.x_rest)[:, 2]
+    touching = height < height.min() + 1e-9
     contact[touching, 0, :3] = multiplier
     contact[:, 0, ANCHOR:] = point_positions(model, parameters, x - np.array(start) - np.array(offset))
     count = find_candidates(
@@ -160,13 +169,15 @@ def test_a_pulling_multiplier_is_dropped() -> None:
     assert (work.state[:count] == OPEN).all()
 
 
+@pytest.mark.parametrize("embedded", [False, True])
 @pytest.mark.parametrize("case", ["frictionless", "stick", "slip"])
-def test_tangent_is_the_gradient_of_the_force(case: str) -> None:
+def test_tangent_is_the_gradient_of_the_force(case: str, embedded: bool) -> None:
     """Central differences; in slip along directions that leave the pressure alone, whose effect is dropped."""
     friction = {"frictionless": 0.0, "stick": 5.0, "slip": 0.01}[case]
     model, parameters, tree, work, tools, x, count = _problem(
-        friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0)
+        friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0), embedded=embedded
     )
+    assert count > (100 if embedded else 8)
     _force(x, model, parameters, tools, count, work)
     work.contact[:count, 12] = 1.0 if case == "slip" else 0.0
     work.values[:] = 0.0
