@@ -40,6 +40,7 @@ def indentation(n: int) -> Found:
     ends = _simulated(
         {
             "name": "indentation",
+            "symmetry": ["x", "y"],
             "step": 0.05,
             "body": {
                 "shape": {"kind": "block", "size": (0.05, 0.05, 0.04)},
