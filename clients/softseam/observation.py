@@ -75,7 +75,8 @@ class BodyView:
 
     @property
     def cauchy(self) -> Floats:
-        """Cauchy stress xx yy zz yz xz xy per octant of each cell (n_cells, 8, 6) [Pa]."""
+        """Cauchy stress xx yy zz yz xz xy per octant of each cell (n_cells, 8, 6) [Pa]; of octants that the body hardly
+        fills that of better filled neighbours."""
         return self.frame.cauchy
 
     @property

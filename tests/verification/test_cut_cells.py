@@ -142,7 +142,11 @@ class Deflection:
         self.points = rest_points(body)
 
     def solve(self, force: Floats) -> Floats:
-        """Displacements (P, 3) [m] under nodal forces (N, 3) [N]; what is not in balance of them is taken off."""
+        """Displacements of the points (P, 3) [m] under nodal forces (N, 3) [N]."""
+        return np.asarray(self.follow @ self.moved(force))
+
+    def moved(self, force: Floats) -> Floats:
+        """Those of the nodes (N, 3) [m]; what is not in balance of the forces is taken off."""
         motion = _rigid(self.body.x_rest)
         basis = np.linalg.qr(motion)[0]
         load = force.ravel() - basis @ (basis.T @ force.ravel())
@@ -152,8 +156,7 @@ class Deflection:
         scale = np.abs(self.stiffness.data).max()
         matrix = bmat([[self.stiffness, scale * held], [scale * held.T, None]], format="csc")
         solver = splu(matrix, permc_spec="MMD_AT_PLUS_A")
-        moved = solver.solve(np.concatenate([load, np.zeros(6)]))[: load.size].reshape(-1, 3)
-        return np.asarray(self.follow @ moved)
+        return np.asarray(solver.solve(np.concatenate([load, np.zeros(6)]))[: load.size].reshape(-1, 3))
 
     def error(self, found: Floats, exact: Floats) -> float:
         """Root mean square difference but for a rigid motion, over that of `exact` [1]."""

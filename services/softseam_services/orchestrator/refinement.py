@@ -13,6 +13,7 @@ Looked at every few steps; in between, the last look counts.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from scipy.sparse import csr_array
 from softseam_protocol.messages.participant import Fields
 from softseam_protocol.scene.regions import NearSpec
 from softseam_services.body.body import Body
+from softseam_services.body.hardly_filled import HardlyFilled
 from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
 from softseam_services.orchestrator.indicators import told
 from softseam_services.orchestrator.sides import Sides
@@ -41,6 +43,10 @@ class RefinementIndicators:
         self._bounds = {name: bound for name, bound in bounds.items() if bound}
         self._recovery: tuple[Mask, list[csr_array]] | None = None
         self.reset()
+
+    @cached_property
+    def _hardly_filled(self) -> HardlyFilled:
+        return HardlyFilled(self._body)
 
     @property
     def wanted(self) -> bool:
@@ -70,6 +76,7 @@ class RefinementIndicators:
             if self._recovery is None or not np.array_equal(self._recovery[0], cut):
                 fits = [nodal_recovery(body, sample, number) for number in range(len(body.materials))]
                 self._recovery = cut.copy(), fits
+            cauchy = self._hardly_filled.replaced(cauchy)
             nodal = np.max([von_mises(fit @ cauchy.reshape(-1, 6)) for fit in self._recovery[1]], axis=0)
             self.measures[STRESS] = nodal[body.cell_nodes].max(axis=1) / self._bounds[STRESS]
         if ERROR in self._bounds:

@@ -13,6 +13,7 @@ from softseam_coupling.ledger import Energies
 from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, Fields, ToolMotion
 from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
+from softseam_services.body.hardly_filled import HardlyFilled
 from softseam_services.body.interpolate import model_functions
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling, couple
@@ -57,6 +58,7 @@ class Regions:
         self._clock, self._balance, self._tell = clock, balance, tell
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else NoCells()
+        self._hardly_filled = HardlyFilled(body) if isinstance(body, Body) else None
         self._goal = self._watch = None
         if isinstance(body, Body) and self._scene.regions.goal is not None:
             self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
@@ -237,7 +239,9 @@ class Regions:
             fields = self.participants.observe(indicators)
         sides = self.sides
         multiplier, header = self.participants.multiplier(), self._clock.last_step()
-        frame = whole_frame(header, self._body, sides, fields, self.near.mask, multiplier, position, orientation)
+        frame = whole_frame(
+            *(header, self._body, sides, fields, self.near.mask, multiplier, position, orientation, self._hardly_filled)
+        )
         if self._clock.step == 0:
             frame = replace(frame, start=True)
         if not indicators:

@@ -15,6 +15,7 @@ from softseam_protocol.messages.participant import BodyState, Fields, PartMesh
 from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
+from softseam_services.body.hardly_filled import HardlyFilled
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import build_region, shared_nodes
 
@@ -145,11 +146,16 @@ def whole_frame(
     multiplier: Floats,
     position: Floats,
     orientation: Floats,
+    hardly_filled: HardlyFilled | None,
 ) -> Frame:
-    """The sides' fields put together; seam nodes are the near side's. Tool poses (t, 3), (t, 4)."""
+    """The sides' fields put together; seam nodes are the near side's. Tool poses (t, 3), (t, 4).
+
+    hardly_filled  octants of a body in cells whose stress is their neighbours'
+    """
     if len(sides.names) == 1:  # all of it, in the body's order
         (side,) = fields.values()
-        x, cauchy, point_x = side.x, side.cauchy, side.point_x
+        x, point_x = side.x, side.point_x
+        cauchy = side.cauchy if hardly_filled is None else hardly_filled.replaced(side.cauchy)
         force, tool, strain, energy = side.contact_force, side.contact_tool, side.point_strain, side.cell_energy
         return Frame(
             header, sides.body, x, cauchy, near.astype(np.int8), point_x, force, tool, sides.seam, multiplier,
@@ -172,7 +178,7 @@ def whole_frame(
         header,
         sides.body,
         x,
-        cauchy,
+        cauchy if hardly_filled is None else hardly_filled.replaced(cauchy),
         near.astype(np.int8),
         point_x,
         force,
