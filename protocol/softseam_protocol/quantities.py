@@ -63,6 +63,9 @@ QUANTITIES: Table[Quantity] = Table(
         "peak_von_mises": Quantity(
             "Pa", "largest von Mises stress of any octant of a cell", of="cells", always=True, group="grip"
         ),
+        "von_mises_p99": Quantity(
+            "Pa", "von Mises stress that 99 % of the body's volume stay below", of="cells", group="grip"
+        ),
         "sag": Quantity("m", "how much lower the body is than at rest, top to bottom", always=True, at_rest=0.0),
         "compression": Quantity(
             "1", "1 - (gap between the tools that close)/(the body's width there at rest)", always=True

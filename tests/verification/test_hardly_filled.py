@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,9 +13,13 @@ from numpy.typing import NDArray
 from test_cut_cells import AXIS, Deflection, embedded
 from test_embedded_contact import simulate
 
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.hardly_filled import HardlyFilled
 from softseam_services.fem.kernels.elements import cauchy_stress
+from softseam_services.orchestrator.program import Program
+from softseam_services.orchestrator.quantities import MEASUREMENTS, Look, RestingBody
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.stress import von_mises
 
@@ -96,6 +100,35 @@ def test_each_material_keeps_its_own() -> None:
     body = embedded(*bar, 0.014, "linear", inclusions=[{"shape": half, "material": {"young": 1e5, "poisson": 0.3}}])
     stress = np.repeat(1.0 + body.octant_material[..., None], 6, axis=2)
     np.testing.assert_allclose(HardlyFilled(body).replaced(stress), stress, rtol=1e-12)
+
+
+def test_a_hundredth_of_the_volume_bears_more() -> None:
+    """100 cells of which one half is filled by half: an octant there counts half of one elsewhere."""
+    body = lattice((0.1, 0.04, 0.02), (10, 5, 2))
+    half = body.cell_grid[:, 0] < 5
+    body = dataclasses.replace(
+        body,
+        fill=np.where(half, 0.5, 1.0)[:, None] * np.ones(8),
+        cell_mass=body.cell_mass * np.where(half, 0.5, 1.0)[:, None],
+    )
+    stress = np.zeros((100, 8, 6))
+    stress[half, :, 0] = 1.0
+    first, then = np.flatnonzero(half)[0], np.flatnonzero(~half)[:1]
+    stress[first, :, 0], stress[then, :4, 0] = 5.0, 7.0  # 4 + 4 of 600
+    rest = RestingBody(body)
+    assert rest.octant_volume.sum() == pytest.approx(0.75 * 0.1 * 0.04 * 0.02)
+    assert p99(rest, stress) == 5.0
+    stress[then, 1:4, 0] = 0.0  # 4 + 1 of 600: less than a hundredth
+    assert p99(rest, stress) == pytest.approx(1.0)
+
+
+def p99(rest: RestingBody, cauchy: Floats) -> float:
+    """Quantity of a frame with this stress."""
+    none, ids = np.zeros((0, 3)), np.zeros(0, dtype=np.int32)
+    header, near, turned = Header(1, "s", "", 0, 0, 0, 0.0), np.ones(len(cauchy), dtype=np.int8), np.zeros((0, 4))
+    frame = Frame(header, "body", rest.body.x_rest, cauchy, near, none, none, ids, ids, none, none, turned)
+    look = Look(rest, cast(Program, None), {}, none, turned, frame)  # of no program is asked anything
+    return MEASUREMENTS["von_mises_p99"].measure(look)
 
 
 def squeezed(cell: float, model: str, **scene: Any) -> tuple[Simulation, float]:
