@@ -23,6 +23,7 @@ from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import bundle_scene, scene_hash
 from softseam_protocol.scene.parts import SpherePart
+from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Vector
 
@@ -93,7 +94,7 @@ def _check_body(
     if isinstance(built, ParticleBody):
         for fact, value in built.facts().items():
             table.add_row(fact, value)
-        table.add_row("models", _models(scene))
+        table.add_row("models", _models(setup))
         table.add_row("steps", _steps(scene))
         return table, doubts_of(setup), []
     body = check_body(built)
@@ -116,7 +117,7 @@ def _check_body(
         table.add_row("symmetry", symmetric(scene))
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
-    table.add_row("models", _models(scene))
+    table.add_row("models", _models(setup))
     try:
         doubts = doubts_of(setup, body)
     except SettingError as error:
@@ -195,14 +196,20 @@ def _crossing(edges: Sequence[float], wave_speed: float) -> str:
     return f"{1e3 * min(edges) / wave_speed:.3g} ms"
 
 
-def _models(scene: Scene) -> str:
-    near = scene.regions.near
+def _models(setup: Setup) -> str:
+    """Which model has which cells, and why where the scene leaves that open."""
+    told = _regions(setup.scene.regions)
+    return f"{told}, for {setup.why}" if setup.why else told
+
+
+def _regions(regions: RegionsSpec) -> str:
+    near = regions.near
     if near is None:
-        return f"{scene.regions.default} everywhere"
+        return f"{regions.default} everywhere"
     reasons = [f"within {1e3 * near.within:.3g} mm of a tool"] if near.within is not None else []
     if near.boxes:
         reasons.append(f"in {len(near.boxes)} boxes")
-    return f"{near.model} {' and '.join(reasons) or 'nowhere'}, {scene.regions.default} elsewhere"
+    return f"{near.model} {' and '.join(reasons) or 'nowhere'}, {regions.default} elsewhere"
 
 
 def _steps(scene: Scene) -> str:

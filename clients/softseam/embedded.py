@@ -19,6 +19,7 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
 from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.consistency import candidates
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 
@@ -191,9 +192,10 @@ def compile_first(scene: Scene) -> None:
     for name, body in scene.bodies.items():
         if not isinstance(body, BodySpec):
             continue  # particles: few kernels, which compile in seconds
-        regions = scene.of(name).regions
-        models |= {regions.default, *(() if regions.near is None else (regions.near.model,))}
-        models |= set() if regions.goal is None else {"fem"}  # whose kernels solve for the adjoint
+        for one in candidates(scene.of(name)):
+            regions = one.regions
+            models |= {regions.far, *(() if regions.near is None else (regions.near.model,))}
+            models |= set() if regions.goal is None else {"fem"}  # whose kernels solve for the adjoint
     fresh = [model for model in sorted(models) if never_compiled(model)]
     if fresh:
         if sys.stderr.isatty():

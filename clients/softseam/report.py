@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam.choice import choices
 from softseam.columns import SPENT, Columns, unit_of
 from softseam.not_done import not_done, touched
 from softseam.outputs import cannot_write
@@ -50,6 +51,7 @@ class ReportBuilder:
         self._rounding = Rounding(self._scene)
         self.columns = Columns(self._scene.step, tuple(self._scene.tools))
         self._events: list[Event] = []
+        self._first: StepReport | None = None
         self._done = False
         self._estimate: ErrorEstimate | None = None
 
@@ -64,6 +66,8 @@ class ReportBuilder:
         if isinstance(message, StepReport):
             if len(self.columns) and message.header.step <= self.columns.last("step"):
                 self.columns, self._estimate = Columns(self._scene.step, tuple(self._scene.tools)), None
+            if not len(self.columns):
+                self._first = message
             self.columns.add(message)
             self._done = message.done
             self._estimate = message.estimate or self._estimate
@@ -88,6 +92,7 @@ class ReportBuilder:
             "versions": {k: v for k, v in self._facts.items() if k not in ("machine", "cores")},
             "machine": {k: v for k, v in self._facts.items() if k in ("machine", "cores")},
             "model": self._model or self._found_model(),
+            "models": self._choices(),
             "verdict": {"outcome": verdict.outcome, "text": verdict.text, "done": self._done},
             "estimated_error": None if self._estimate is None else asdict(self._estimate),
             "symmetry": symmetric(self._scene),
@@ -130,6 +135,13 @@ class ReportBuilder:
     def _found_model(self) -> str:
         models = set(self.columns.models.values())
         return models.pop() if len(models) == 1 else "hybrid" if models else "none"
+
+    def _choices(self) -> dict[str, str]:
+        """Which model had which cells of each body as the run began, and why."""
+        first = self._first
+        if first is None:
+            return {}
+        return choices(self._scene, first.parts, (e for e in self._events if e.header.step <= first.header.step + 1))
 
     def _parts(self) -> dict[str, Any]:
         return {

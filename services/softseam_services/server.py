@@ -43,6 +43,7 @@ from softseam_services.body.build import AnyBody, build_any_body
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
+from softseam_services.orchestrator.default_model import with_model
 from softseam_services.participant import Solver
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.symmetry import check_symmetry
@@ -64,9 +65,11 @@ class Setup:
     """What a bundle describes of one body, built once a process."""
 
     scene: Scene
-    """with that body alone"""
+    """with that body alone, and regions that name a model"""
     body: AnyBody
     tools: ToolSet
+    why: str = ""
+    """why they name this model, where the scene itself names none"""
 
 
 def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
@@ -77,7 +80,8 @@ def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
     tools = build_tools(scene, body, bundle.files)
     if isinstance(body, Body):
         check_symmetry(scene, body, tools)
-    return Setup(scene, body, tools)
+    scene, why = with_model(scene, body, tools)
+    return Setup(scene, body, tools, why)
 
 
 def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:

@@ -23,8 +23,9 @@ from softseam.observation import Observation
         (
             "tofu_push",
             ["regions={default: pbd}"],
-            r"^XPBD on all \d+ cells, for the scene names no regions",
+            r"^XPBD on all \d+ cells, as the scene's regions say$",
         ),
+        ("tofu_push", ["regions={}"], r"^FEM on all \d+ cells, for the scene names no model, and fem costs some"),
         ("tofu_push", ["regions={default: fem}"], r"^FEM on all \d+ cells, as the scene's regions say$"),
     ],
 )

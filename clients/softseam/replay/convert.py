@@ -17,7 +17,8 @@ from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import tool_shapes
-from softseam_protocol.messages.session import Event, Frame
+from softseam_protocol.messages.names import within
+from softseam_protocol.messages.session import Event, Frame, StepReport
 
 
 def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
@@ -63,10 +64,17 @@ def _begin(
     log_tools(stream, tools)
     found = {}
     for name, surface in surfaces.items():
-        regions = recording.scene.of(name).regions
-        far = colors.FAR if regions.near is not None else colors.MODEL[regions.default]
-        found[name] = BodyLog(stream, name, surface, scales[name], tools, far)
+        found[name] = BodyLog(stream, name, surface, scales[name], tools, _far(recording, name))
     return found
+
+
+def _far(recording: Recording, body: str) -> colors.Tone:
+    """Colour of a body's cells that are not near: where none ever are, that of their model."""
+    first = next(recording.only(StepReport), None)
+    part = None if first is None else first.parts.get(within(body, "far"))
+    if part is None or recording.scene.of(body).regions.near is not None:
+        return colors.FAR
+    return colors.MODEL.get(part.model, colors.FAR)
 
 
 def _at(stream: rr.RecordingStream, time: float, step: int) -> None:

@@ -10,7 +10,8 @@ from pydantic_core import PydanticCustomError
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.quantities import QUANTITIES
 from softseam_protocol.scene.bodies import AnyBody, BlockShape, BodySpec, MeshShape
-from softseam_protocol.scene.kinds import integrator_problem
+from softseam_protocol.scene.implied import implied_model
+from softseam_protocol.scene.kinds import ModelKind, integrator_problem
 from softseam_protocol.scene.models import DampingSpec, ModelsSpec
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, Phase, ReleasePhase
 from softseam_protocol.scene.particles import ParticleBodySpec, TetMeshBody
@@ -41,20 +42,24 @@ class OneBody(Protocol):
     def quantities(self) -> tuple[str, ...]: ...
     @property
     def probes(self) -> Mapping[str, Vector]: ...
+    def with_regions(self, regions: RegionsSpec) -> OneBody: ...
 
 
 def check_body(scene: OneBody, name: str, kinds: Collection[str]) -> None:
-    """Raise if a scene asks something of its body that cannot be.
+    """Raise if a scene asks something of its body that cannot be: where its regions name no model, with any that it
+    may get.
 
     scene  with that body alone (`Scene.of`)
     name   of the body where it is one of several; '' where it is given as `body`
     kinds  of all bodies of the scene: cells, particles
     """
     try:
-        if isinstance(scene.body, BodySpec):
-            _check_cells(scene, scene.body, "particles" in kinds)
-        else:
-            _check_particles(scene, scene.body, "cells" in kinds)
+        best, *others = candidates(scene)
+        try:
+            _check_body(best, kinds)
+        except PydanticCustomError:
+            if not any(fits(other, kinds) for other in others):
+                raise
     except PydanticCustomError as error:
         if not name:
             raise
@@ -66,6 +71,31 @@ def check_body(scene: OneBody, name: str, kinds: Collection[str]) -> None:
             context["at"] = ("bodies", name, first, *rest)
         context["message"] = f"{name}: {context['message']}"
         raise PydanticCustomError("scene", "{message}", context) from None
+
+
+def candidates(scene: OneBody) -> list[OneBody]:
+    """The scene with each model that its body may get, fem first: one where its regions, or its own words, name it."""
+    if scene.regions.default is not None:
+        return [scene]
+    implied = implied_model(scene.body, scene.models, scene.symmetry)
+    kinds: list[ModelKind] = ["fem", "pbd"] if implied is None else [implied[0]]
+    return [scene.with_regions(scene.regions.model_copy(update={"default": kind})) for kind in kinds]
+
+
+def fits(scene: OneBody, kinds: Collection[str]) -> bool:
+    """Whether a scene whose regions name a model asks nothing of its body that cannot be; kinds: as of `check_body`."""
+    try:
+        _check_body(scene, kinds)
+    except PydanticCustomError:
+        return False
+    return True
+
+
+def _check_body(scene: OneBody, kinds: Collection[str]) -> None:
+    if isinstance(scene.body, BodySpec):
+        _check_cells(scene, scene.body, "particles" in kinds)
+    else:
+        _check_particles(scene, scene.body, "cells" in kinds)
 
 
 def check_tools(scene: OneBody, names: tuple[str, ...], *at: str | int) -> None:
@@ -137,7 +167,7 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
     problem = integrator_problem(
         scene.models.fem.integrator, scene.seam.scheme if near else None, bool(scene.tools), bool(body.fixed)
     )
-    models = {scene.regions.default, near.model if near else scene.regions.default}
+    models = {scene.regions.far, near.model if near else scene.regions.far}
     if problem and "fem" in models:
         raise wrong(problem, "models", "fem", "integrator")
     if body.material.retardation_time > 0.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from softseam_protocol.scene.kinds import ACCELERATIONS, SCHEMES, ModelKind
 from softseam_protocol.scene.spec import BoxRegion, Positive, RowOf, Spec, wrong
@@ -50,13 +50,31 @@ class NearSpec(Spec):
 class RegionsSpec(Spec):
     """Which cells get which model."""
 
-    default: ModelKind = Field(default="pbd", description="model of every cell that is not near")
     near: NearSpec | None = None
+    default: ModelKind | None = Field(
+        default=None,
+        validate_default=True,
+        description="model of every cell that is not near; default: beside `near` it is pbd; without, fem where the "
+        "body is small, else fem near the tools that move and pbd elsewhere",
+    )
     goal: str | None = Field(
         default=None,
         description="grip_force, or the name of a probe, for its von Mises stress: the run says at its end how far "
         "that is off, and near.error is a bound of its relative error in the place of the body's in the energy norm",
     )
+
+    @property
+    def far(self) -> ModelKind:
+        """Model of the cells that are not near. Raises ValueError where none is named."""
+        if self.default is None:
+            raise ValueError("the regions name no model")
+        return self.default
+
+    @field_validator("default")
+    @classmethod
+    def _beside_near(cls, default: ModelKind | None, info: ValidationInfo) -> ModelKind | None:
+        """Who says which cells are near, and not what the others are, means pbd."""
+        return "pbd" if default is None and info.data.get("near") is not None else default
 
     @model_validator(mode="after")
     def _errs(self) -> RegionsSpec:

@@ -111,7 +111,7 @@ class Scene(Spec):
             raise KeyError(f"no body is called {name!r}; the scene has: {', '.join(self.many)}")
         body = self.many[name]
         cells = isinstance(body, BodySpec)
-        regions = body.regions or (self.regions if cells else RegionsSpec())
+        regions = body.regions or (self.regions if cells else RegionsSpec(default="pbd"))
         kinds = ("any", "cells" if cells else "particles")
         return self.model_copy(
             update={
@@ -132,6 +132,10 @@ class Scene(Spec):
             if quantity in self.of(name).quantities
         )  # fmt: skip
         return (*own, *probed(self.probes))
+
+    def with_regions(self, regions: RegionsSpec) -> Scene:
+        """The scene with other regions in the place of its own, not of its bodies'; not validated."""
+        return self.model_copy(update={"regions": regions})
 
     def with_body(self, body: AnyBody, name: str = ONLY_BODY) -> Scene:
         """The scene with another body of that name in the place of the one that has it; not validated."""

@@ -68,7 +68,7 @@ class NearCells:
         self._refinement = RefinementIndicators(body, near, scene.regions.goal)
         self.model = "fem" if near is None else near.model
         """model of the near cells"""
-        self._far_model, self._models, self._dt = scene.regions.default, scene.models, scene.step
+        self._far_model, self._models, self._dt = scene.regions.far, scene.models, scene.step
         self._spares = near is not None and near.split == "when_cheaper" and not self._fixed
         self._spares = self._spares and (self.model, self._far_model) == ("fem", "pbd")
         self._coarse = coarse_cells(body, scene.models.pbd.coarse, tools)

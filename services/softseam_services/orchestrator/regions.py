@@ -54,7 +54,7 @@ class Regions:
         balance: EnergyBalance,
         tell: Tell,
     ) -> None:
-        self._name, self._scene, self._body = name, setup.scene, setup.body
+        self._name, self._scene, self._body, self._why = name, setup.scene, setup.body, setup.why
         self._clock, self._balance, self._tell = clock, balance, tell
         body = self._body
         self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else NoCells()
@@ -84,8 +84,8 @@ class Regions:
 
         A switch that would change the energy by more than its share is taken back, bit for bit, and tried again later.
         """
-        if self._clock.step == 1 and self.near.enough:
-            self._tell("regions", self.near.enough)
+        if self._clock.step == 1 and (why := self._why or self.near.enough):
+            self._tell("regions", why)
         looks, errors = self.near.looks_for
         turn = _is_turn(self._clock.step)
         seen = self.participants.observe(errors) if looks and turn else None
@@ -211,7 +211,7 @@ class Regions:
 
         state, cauchy (C, 8, 6)  as the body stands: of both the first multiplier is made
         """
-        sides = cut(self._name, self._body, self.near.mask, self.near.model, self._scene.regions.default)
+        sides = cut(self._name, self._body, self.near.mask, self.near.model, self._scene.regions.far)
         return sides, self._couple(sides, state, cauchy)
 
     def _couple(self, sides: Sides, state: BodyState | None = None, cauchy: Floats | None = None) -> Coupling | None:

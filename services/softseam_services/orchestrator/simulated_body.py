@@ -118,7 +118,7 @@ class SimulatedBody:
         found = self._quantities.measure(replies, grip_force, position, orientation, frame, rise)
         probed = {}
         if frame is not None and self._probes is not None:
-            probed = self._probes.measure(frame, self.regions.near.model, self.scene.regions.default)
+            probed = self._probes.measure(frame, self.regions.near.model, self.scene.regions.far)
         return self._named(found) | probed
 
     def at_rest(self, position: Floats, orientation: Floats, frame: Frame | None) -> dict[str, float]:

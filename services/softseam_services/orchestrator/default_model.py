@@ -1,0 +1,74 @@
+"""Which model has which cells of a body whose regions name none, and why.
+
+What the scene's own words mean comes first (`implied_model`), and what one model alone can do. Else it is FEM on all
+cells while that is expected to cost no more than `WORTH` times what XPBD does (`cost`), and to fit into memory. A
+larger body has FEM within `REACH` cells of the tools that move and XPBD elsewhere; XPBD alone where none moves, or
+where it cannot be cut. Nothing is timed: every process and every replay decides alike (docs/decisions/47).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_protocol.messages.names import ONLY_BODY
+from softseam_protocol.scene.consistency import fits
+from softseam_protocol.scene.implied import implied_model
+from softseam_protocol.scene.kinds import ModelKind
+from softseam_protocol.scene.regions import NearSpec
+from softseam_protocol.scene.scene import Scene
+from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.cost import step_cost
+from softseam_services.orchestrator.sides import cut
+from softseam_services.pbd.levels import coarse_cells
+from softseam_services.tools.tool_set import ToolSet
+
+WORTH = 20.0
+"""FEM on all cells is worth so many times what XPBD costs [1]"""
+LARGEST = 100_000
+"""unknowns of the largest body that FEM has without being asked to: its factor takes 1.5 GB [1]"""
+REACH = 0.5
+"""cells of larger bodies that are closer than this to a tool that moves are FEM's [cell edges]"""
+_ANY = ("cells", "particles")
+"""kinds that the scene's other bodies may be of: what goes with them was checked as it was read"""
+
+
+def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]:
+    """The scene of one body with regions that name a model, and why; '' where nothing was to be decided."""
+    if scene.regions.default is not None:
+        return scene, ""
+    if not isinstance(body, Body):
+        return _given(scene, "pbd"), ""
+    implied = implied_model(scene.body, scene.models, scene.symmetry)
+    if implied is not None:
+        kind, why = implied
+        return _given(scene, kind), why
+    if body.material.n_state:
+        return _given(scene, "fem"), f"only fem knows the state of {body.material.kind}"
+    fem, pbd = _given(scene, "fem"), _given(scene, "pbd")
+    if not fits(fem, _ANY):
+        return pbd, "the scene names no model, and fem cannot do what it sets"
+    share, unknowns = _cost_of_fem(scene, body, tools), 3 * int(np.count_nonzero(~body.fixed))
+    if (share <= WORTH and unknowns <= LARGEST) or not fits(pbd, _ANY):
+        return fem, f"the scene names no model, and fem costs some {share:.2g} times what pbd does"
+    why = f"the scene names no model, and fem would solve for {unknowns:,} unknowns, at {share:.2g} times pbd's cost"
+    within = float(f"{REACH * body.edges.max():.3g}")
+    near = _given(scene, "pbd", NearSpec(within=within))
+    if tools.near.any() and fits(near, _ANY):
+        return near, f"{why}: it has the cells within {1e3 * within:g} mm of tools that move"
+    return pbd, f"{why} (--model fem for that)"
+
+
+def _given(scene: Scene, kind: ModelKind, near: NearSpec | None = None) -> Scene:
+    """With this model for all cells that are not near."""
+    return scene.with_regions(scene.regions.model_copy(update={"default": kind, "near": near}))
+
+
+def _cost_of_fem(scene: Scene, body: Body, tools: ToolSet) -> float:
+    """What a step of FEM on all cells, in a grip, costs of one of PBD [1]."""
+    coarse = coarse_cells(body, scene.models.pbd.coarse, tools)
+    fem, pbd = (
+        step_cost(body, sides, scene.models, scene.step, len(tools.names) > 0, coarse)
+        for sides in (cut(ONLY_BODY, body, np.full(body.n_cells, near), "fem", "pbd") for near in (True, False))
+    )
+    return fem / pbd
