@@ -64,8 +64,8 @@ def chosen(given: Scene, name: str = "body") -> tuple[str | None, float | None, 
         (block(8), {}, "fem", None, "fem costs some 4.7 times"),
         (block(8), AT_REST, "fem", None, "fem costs some 4.7 times"),
         (block(3), {"step": 0.001}, "fem", None, "fem costs some 11 times"),
-        (block(8), {"step": 0.001}, "pbd", 0.00375, "14,739 unknowns, 42 times pbd's cost: it has the cells within 3"),
-        (block(8), {"step": 0.001, **AT_REST}, "pbd", None, "at 42 times pbd's cost (--model fem"),
+        (block(8), {"step": 0.001}, "pbd", 0.00375, "does, for 14,739 unknowns: it gets those within 3.75 mm"),
+        (block(8), {"step": 0.001, **AT_REST}, "pbd", None, "14,739 unknowns (regions.default: fem"),
         (block(17, material={**MATERIAL, "young": 2e7}), {}, "pbd", 0.00176, "128,625 unknowns"),
         (DUMPLING, AT_REST, "fem", None, "fem costs some"),
         (OWN, AT_REST, "fem", None, "fem costs some"),
@@ -83,7 +83,7 @@ def test_hexahedra_of_a_file_are_not_cut() -> None:
     """Seams run along faces that are rectangles: XPBD has them all, though a tool moves."""
     models = {"fem": {"element": "hex27_full"}, "pbd": {"sweeps": 2}}
     told = chosen(scene(OWN, 1e-4, models=models))
-    assert told[:2] == ("pbd", None) and "(--model fem for that)" in told[2], told
+    assert told[:2] == ("pbd", None) and "(regions.default: fem for that)" in told[2], told
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_every_process_decides_alike_and_the_scene_stays_as_it_was_written() -> 
 
 
 def test_run_report_and_check_say_which_and_why(tmp_path: Path) -> None:
-    why = "the scene names no model, and fem costs some 2.5 times what pbd does"
+    why = "the scene names no model, and fem costs some 2.5 times what pbd does: up to 20 it is worth that"
     given = scene(block(2))
     with softseam.open(given) as session:
         session.reset()
@@ -184,7 +184,7 @@ def test_a_large_body_is_cut_where_the_tool_presses() -> None:
     with softseam.open(scene(block(6), 0.001)) as session:
         session.reset()
         first = session.step()
-        assert "it has the cells within 5 mm of tools that move" in choice(session.scene, first)
+        assert "it gets those within 5 mm of tools that move" in choice(session.scene, first)
         cells = {part.model: part.n_cells for part in first.parts.values()}
         assert cells == {"fem": 36, "pbd": 180}
 

@@ -29,6 +29,7 @@ LARGEST = 100_000
 """unknowns of the largest body that FEM has without being asked to: its factor takes 1.5 GB [1]"""
 REACH = 0.5
 """cells of larger bodies that are closer than this to a tool that moves are FEM's [cell edges]"""
+_NONE = "the scene names no model"
 _ANY = ("cells", "particles")
 """kinds that the scene's other bodies may be of: what goes with them was checked as it was read"""
 
@@ -47,16 +48,16 @@ def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]
         return _given(scene, "fem"), f"only fem knows the state of {body.material.kind}"
     fem, pbd = _given(scene, "fem"), _given(scene, "pbd")
     if not fits(fem, _ANY):
-        return pbd, "the scene names no model, and fem cannot do what it sets"
+        return pbd, f"{_NONE}, and fem cannot do what it sets"
     share, unknowns = _cost_of_fem(scene, body, tools), 3 * int(np.count_nonzero(~body.fixed))
     if (share <= WORTH and unknowns <= LARGEST) or not fits(pbd, _ANY):
-        return fem, f"the scene names no model, and fem costs some {share:.2g} times what pbd does"
-    why = f"the scene names no model, and fem would solve for {unknowns:,} unknowns, at {share:.2g} times pbd's cost"
+        return fem, f"{_NONE}, and fem costs some {share:.2g} times what pbd does: up to {WORTH:g} it is worth that"
+    why = f"{_NONE}, and fem on all would cost {share:.2g} times what pbd does, for {unknowns:,} unknowns"
     within = float(f"{REACH * body.edges.max():.3g}")
     near = _given(scene, "pbd", NearSpec(within=within))
     if tools.near.any() and fits(near, _ANY):
-        return near, f"{why}: it has the cells within {1e3 * within:g} mm of tools that move"
-    return pbd, f"{why} (--model fem for that)"
+        return near, f"{why}: it gets those within {1e3 * within:g} mm of tools that move"
+    return pbd, f"{why} (regions.default: fem for that)"
 
 
 def _given(scene: Scene, kind: ModelKind, near: NearSpec | None = None) -> Scene:
