@@ -20,12 +20,10 @@ def choice(scene: Scene, first: Observation) -> str:
 
 
 def choices(scene: Scene, parts: Mapping[str, PartReport], events: Iterable[Event]) -> dict[str, str]:
-    """The same by body, from the parts and the events of the first step."""
+    """The same by body, from the parts and the events of the first step; a body's near part comes first."""
     told = [event.message for event in events if event.kind is EventKind.REGIONS]
-    return {
-        name: _of_body(scene, name, [part for part in parts.values() if part.body == name], told)
-        for name in scene.bodies
-    }
+    ordered = [part for _, part in sorted(parts.items(), reverse=True)]
+    return {name: _of_body(scene, name, [part for part in ordered if part.body == name], told) for name in scene.bodies}
 
 
 def _of_body(scene: Scene, name: str, parts: list[PartReport], told: list[str]) -> str:

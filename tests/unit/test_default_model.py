@@ -12,7 +12,7 @@ from rich.console import Console
 
 import softseam
 from softseam.checking import check_scene
-from softseam.choice import choice
+from softseam.choice import choice, choices
 from softseam.report import ReportBuilder
 from softseam.variants import with_model, with_settings
 from softseam_protocol.scene.file import SceneError, bundle_scene, load_scene, parse_scene, scene_json
@@ -187,6 +187,9 @@ def test_a_large_body_is_cut_where_the_tool_presses() -> None:
         assert "it gets those within 5 mm of tools that move" in choice(session.scene, first)
         cells = {part.model: part.n_cells for part in first.parts.values()}
         assert cells == {"fem": 36, "pbd": 180}
+        # over the bus parts come in another order
+        turned = choices(session.scene, dict(reversed([*first.parts.items()])), first.events)
+        assert turned["body"] == choice(session.scene, first)
 
 
 def test_bundled_scenes_name_their_models() -> None:
