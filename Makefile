@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo dev chart rivals references plans atlas results pages figures bus pbd test lint types lock clean
+.PHONY: help demo dev chart rivals references plans atlas claims results pages figures bus pbd test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -34,6 +34,9 @@ plans: $(VENV)/.dev ## regenerate docs/results/plans.md: are plans right, and as
 
 atlas: $(VENV)/.dev ## regenerate docs/results/atlas.md: stability where methods fail
 	@$(PY) tests/benchmarks/atlas.py
+
+claims: $(VENV)/.dev ## regenerate docs/results/claims.md: do claims of runs hold?
+	@PYTHONPATH=tests $(PY) tests/benchmarks/claims.py
 
 results: chart atlas ## regenerate docs/results/results.md, with charts and atlas: accuracy, speed and stability on this machine
 	@PYTHONPATH=tests $(PY) tests/benchmarks/results.py

@@ -17,6 +17,8 @@ _DAMPED = 0.05
 """part of the largest energy of a free body that its run may lose without a word"""
 _MOST = 6
 """sentences on what was not done"""
+CLAIMED = "±"
+"""heading of the claims"""
 _COLOR = {"lifted": "green", "set down": "green", "finished": "green"}
 
 
@@ -27,10 +29,11 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     console.print(Text(verdict["text"], style=f"bold {_COLOR.get(verdict['outcome'], 'red')}"))
     if report["symmetry"]:
         console.print(Text(f"symmetric {report['symmetry']}", style="dim"))
-    _print_trust(console, report["estimated_error"])
+    claims = report.get("claims")
+    _print_trust(console, report["estimated_error"], claims)
     _print_damping(console, report["energy"])
     _print_not_done(console, report["not_done"])
-    console.print(_quantities(report["quantities"]))
+    console.print(_quantities(report["quantities"], {} if claims is None else claims["quantities"]))
     _print_gaps(console, report["quantities"], report["steps"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))
@@ -44,11 +47,11 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     _print_events(console, report["events"])
 
 
-def _quantities(found: Mapping[str, Mapping[str, Any]]) -> Table:
-    """What the scene asks for, then, dimmed, what else was reported and was not nothing throughout."""
+def _quantities(found: Mapping[str, Mapping[str, Any]], claims: Mapping[str, Mapping[str, float]]) -> Table:
+    """What the scene asks for, then, dimmed, what else was reported and was not nothing throughout; with claims."""
     table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
     table.add_column("")
-    for heading in ("at the end", "least", "most"):
+    for heading in ("at the end", *([CLAIMED] if claims else []), "least", "most"):
         table.add_column(heading, justify="right")
     for asked in (True, False):
         for name, entry in found.items():
@@ -56,7 +59,10 @@ def _quantities(found: Mapping[str, Mapping[str, Any]]) -> Table:
             if entry["asked"] != asked or entry["max"] is None or not (asked or any(extremes)):
                 continue
             unit, factor = shown_unit(name)
-            figures = (_value(value, factor, unit) for value in (entry["final"], *extremes))
+            figures = [_value(value, factor, unit) for value in (entry["final"], *extremes)]
+            if claims:
+                claim = claims.get(name)
+                figures.insert(1, "" if claim is None else f"± {factor * claim['absolute']:.2g} {unit}")
             table.add_row(label(name), *figures, style="" if asked else "dim")
     return table
 
@@ -69,11 +75,23 @@ def _print_gaps(console: Console, found: Mapping[str, Mapping[str, Any]], steps:
         console.print(Text(f"measured in {least} of {steps} steps: {names}", style="dim"), soft_wrap=True)
 
 
-def _print_trust(console: Console, estimate: Mapping[str, Any] | None) -> None:
-    """How far the run can be trusted; nothing of a body of particles, whose errors nobody estimates."""
+def _print_trust(console: Console, estimate: Mapping[str, Any] | None, claims: Mapping[str, Any] | None) -> None:
+    """How far the run can be trusted; where nobody looked for claims, what it estimates of itself."""
+    if claims is None:
+        if estimate is not None:
+            style = "bold yellow" if estimate["too_large"] else "dim"
+            console.print(Text(f"estimated error: {estimate['text']}", style=style), soft_wrap=True)
+        return
+    console.print(Text(claims["text"], style="bold yellow" if claims["settled"] is False else "dim"), soft_wrap=True)
     if estimate is not None:
-        style = "bold yellow" if estimate["too_large"] else "dim"
-        console.print(Text(f"estimated error: {estimate['text']}", style=style), soft_wrap=True)
+        parts = [
+            f"{what} {100.0 * estimate[f'{what}_error']:.2g} %"
+            for what in ("mesh", "model")
+            if estimate[f"{what}_error"] > 0.0
+        ]
+        if parts:
+            told = f"stress over the whole body is off by: {' and '.join(parts)}, in the energy norm"
+            console.print(Text(told, style="dim"), soft_wrap=True)
 
 
 def _print_damping(console: Console, energy: Mapping[str, Any]) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 from rich.console import Console
@@ -16,6 +16,7 @@ from rich.text import Text
 
 from softseam.checking import print_doubts
 from softseam.choice import choice
+from softseam.claims.estimate import Estimate
 from softseam.closing import print_closing
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SoftseamError
@@ -30,6 +31,8 @@ from softseam.showing import draw, drawing_errors
 from softseam.step_watch import StepWatch, limit_for
 from softseam.variants import Model, with_settings
 from softseam_protocol.facts import facts
+
+_WAITING = "waiting for the run on longer cells that the claims come from"
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,8 @@ class Wishes:
     tolerance: float | None = None
     step_limit: float | None = None
     """see `StepWatch` [s]; None: as long as suits the body"""
+    estimate: bool | None = None
+    """whether to run the sibling that claims come from; None: where it takes little of the run's time"""
 
 
 def run(wishes: Wishes, console: Console) -> dict[str, Any]:
@@ -68,14 +73,21 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
         if wishes.connect is not None:
             record = recording is not None
         began = perf_counter()
-        with open_session(
-            wishes.scene, wishes.connect, model=wishes.model, settings=settings, record=record
-        ) as session:
-            print_doubts(session.doubts(), wishes.scene, settings, console)
-            here = wishes.connect is None
-            report = follow(
-                session, console, began=began, model=wishes.model, limit=wishes.step_limit, compiles_here=here
-            )
+        with Estimate(wishes.connect, wishes.estimate) as estimate:
+            with open_session(
+                wishes.scene, wishes.connect, model=wishes.model, settings=settings, record=record
+            ) as session:
+                print_doubts(session.doubts(), wishes.scene, settings, console)
+                report = follow(
+                    session,
+                    console,
+                    began=began,
+                    model=wishes.model,
+                    limit=wishes.step_limit,
+                    compiles_here=wishes.connect is None,
+                    begun=estimate.begin,
+                )
+            report["claims"] = estimate.found(report, lambda: console.print(_WAITING))
         if recording is not None:
             note_recording(report, session, _brought(session, recording))
         print_closing(console, report)
@@ -120,12 +132,14 @@ def follow(
     label: str | None = None,
     limit: float | None = None,
     compiles_here: bool = False,
+    begun: Callable[[Session], None] | None = None,
 ) -> dict[str, Any]:
     """Run an open session to its end with progress; returns its report.
 
     began          when its set-up began, on the clock of perf_counter [s]
     limit          longest time in which it does not get on [s], 0 for ever; None: as long as suits the bodies
     compiles_here  whether this process compiles kernels, which may take longer than any step
+    begun          called once the session was reset, before its first step
     Raises SimulationFailed where it does not get on within the limit.
     """
     scene = session.scene
@@ -149,9 +163,15 @@ def follow(
     ):
         frames = session.reset().frames.values()
         limit = limit_for(sum(len(frame.x) for frame in frames), not compiles_here) if limit is None else limit
+        if begun is not None:
+            begun(session)
+        clock = process_time() - compiled()[1]
         with StepWatch(limit, progress.wait, lambda: compiled()[0]) as watch:
             session.run(step)
-    return builder.build(setup_seconds=setup or 0.0)
+        cpu = process_time() - compiled()[1] - clock
+    report = builder.build(setup_seconds=setup or 0.0)
+    report["wall"]["cpu"] = cpu if compiles_here else None
+    return report
 
 
 def _nothing() -> tuple[float, float]:

@@ -263,7 +263,7 @@ def _xpbd(frame: Frame) -> Iterator[Configuration]:
 def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Configuration:
     cut = frame.symmetry(())
     settings = ("regions={default: pbd}", *frame.cells(counts), f"step={step:.9g}", f"models.pbd={{{how}}}", *cut)
-    seconds = frame.length / step * (2e-4 + 2.5e-6 * float(frame.n_cells(counts)) ** (4 / 3) * step / 0.01)
+    seconds = frame.length / step * xpbd_step(frame.n_cells(counts), step)
     cells = _cells(frame, counts)
     label = f"XPBD {cells}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
     key = f"xpbd-{cells}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}".replace(" ", "-")
@@ -303,7 +303,17 @@ def _as_is(frame: Frame) -> Iterator[Configuration]:
 
 def fem_seconds(frame: Frame, n_cells: float, step: float) -> float:
     """Rough wall time of FEM that solves for so many cells [s]."""
-    return float(frame.length / step * (2e-4 + 4e-6 * n_cells**1.55))
+    return frame.length / step * fem_step(n_cells)
+
+
+def fem_step(n_cells: float) -> float:
+    """Rough wall time of a step of FEM [s]."""
+    return float(2e-4 + 4e-6 * n_cells**1.55)
+
+
+def xpbd_step(n_cells: float, step: float) -> float:
+    """Rough wall time of a step of XPBD of that length [s]."""
+    return float(2e-4 + 2.5e-6 * n_cells ** (4 / 3) * step / 0.01)
 
 
 def _cells(frame: Frame, counts: Counts) -> str:

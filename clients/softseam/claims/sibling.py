@@ -1,0 +1,98 @@
+"""The sibling of a scene: the same motion of the same bodies, by FEM, on cells and with steps twice as long.
+
+Of an odd number of cells along an axis it has the smaller half. It errs by more than the run that it belongs to, so
+the difference of the two tells of the run's error: of one of order p in cells and step, E(h) = C h^p, they differ by
+
+    E(2h) - E(h) = (2^p - 1) E(h)                                                                                  (1)
+
+A body with one cell along each axis has no longer ones: its sibling has cells and steps half as long, and
+
+    E(h) - E(h/2) = (1 - 2^-p) E(h)                                                                                (2)
+
+Runs by XPBD, or by both models, have a sibling of FEM alone, so that the model's error is in the difference, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam.chart.configurations import fem_step, xpbd_step
+from softseam.errors import BadInput, SceneRefused
+from softseam.variants import AS_GIVEN, with_settings
+from softseam_protocol.messages.session import Frame
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.scene import Scene
+
+Floats = NDArray[np.float64]
+
+LONGER = 2.0
+"""how many times as long as the run's its cells and steps are [1]"""
+LARGEST_SHARE = 0.4
+"""of the run's time that a sibling may take unasked [1]"""
+
+
+class NoSibling(Exception):
+    """Why a scene has none, for people."""
+
+
+@dataclass(frozen=True)
+class Sibling:
+    """What a scene's sibling is."""
+
+    scene: Scene
+    settings: tuple[str, ...]
+    """that make it of the run's scene"""
+    finer: bool
+    """whether its cells and steps are half as long, for there are no longer cells"""
+    share: float
+    """of the run's processor time that it is foreseen to take, by the numbers of cells and steps [1]"""
+
+
+def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
+    """The sibling of a scene as it is run; frames: of its bodies at rest. Raises NoSibling."""
+    bodies = {name: body for name, body in scene.bodies.items() if isinstance(body, BodySpec)}
+    if len(bodies) < len(scene.bodies):
+        raise NoSibling("bodies of particles have no cells to compare with longer ones")
+    edges = {name: cell_edges(body, frames[name]) for name, body in bodies.items()}
+    counts = {name: _counts(frames[name], edges[name]) for name in bodies}
+    finer = all(bool((count == 1).all()) for count in counts.values())
+    factor = 1.0 / LONGER if finer else LONGER
+    settings = [f"step={factor * scene.step:.12g}"]
+    before = after = 0.0
+    for name in bodies:
+        fewer = np.maximum(1.0, np.floor(counts[name] / factor))
+        n_cells = len(frames[name].cell_near)
+        is_fem = scene.of(name).regions.default == "fem"
+        before += fem_step(n_cells) if is_fem else xpbd_step(n_cells, scene.step)
+        after += fem_step(n_cells * float(np.prod(fewer / counts[name])))
+        own, cells = ("", "body") if scene.one is not None else (f"bodies.{name}.", f"bodies.{name}")
+        wanted = ", ".join(f"{edge:.12g}" for edge in edges[name] * counts[name] / fewer)
+        settings += [f"{own}regions={{default: fem}}", f"{cells}.cell=[{wanted}]"]
+    try:
+        other = with_settings(scene, (*AS_GIVEN, *settings))
+    except (SceneRefused, BadInput) as error:
+        raise NoSibling(f"the same scene with other cells and steps is refused: {error}") from None
+    return Sibling(other, tuple(settings), finer, after / before / factor)
+
+
+def cell_edges(body: BodySpec, frame: Frame) -> Floats:
+    """Edges of a body's cells along x, y and z (3,) [m]. Raises NoSibling where they have none of their own."""
+    if isinstance(body.shape, BlockShape):
+        size = np.array(body.shape.size)
+        wanted = np.full(3, size.min() / 3.0) if body.cell is None else np.broadcast_to(body.cell, 3)
+        return np.asarray(size / np.maximum(1, np.rint(size / wanted)))
+    if body.shape.cells == "own":
+        raise NoSibling("the mesh brings its own cells: body.shape.cells: boxes lets its solid lie in longer ones")
+    # nodes are half an edge apart
+    extent = np.ptp(frame.x, axis=0)
+    planes = [len(np.unique(np.round(along / size, 6))) for along, size in zip(frame.x.T, extent, strict=True)]
+    return np.asarray(2.0 * extent / (np.array(planes) - 1))
+
+
+def _counts(frame: Frame, edges: Floats) -> Floats:
+    """Cells along x, y and z (3,)."""
+    return np.asarray(np.rint(np.ptp(frame.x, axis=0) / edges))

@@ -1,0 +1,115 @@
+"""Do claims hold? Regenerates docs/results/claims.md: `make claims`.
+
+Each scene of claim_scenes.py is run as it is, as its sibling, and as its truth: by FEM, on cells half as long or
+shorter, with steps a quarter as long. The error of a quantity is the L2 norm over time of its difference to the
+truth's. What was run is kept in out/claims, so what was interrupted goes on where it was; other solvers begin anew. All
+of it takes a quarter of an hour of one core.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+from benchmarks.claim_case import Case
+from benchmarks.claim_scenes import cases
+from benchmarks.claims_page import Row, page
+from rich.console import Console
+
+from softseam.claims.beside import followed, run_here
+from softseam.claims.claim import FACTOR, FACTOR_FINER, difference
+from softseam.claims.sibling import cell_edges, sibling_of
+from softseam.embedded import EmbeddedBackend, solver_digest
+from softseam.session import Session
+from softseam.variants import with_settings
+from softseam_protocol.facts import machine
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.file import bundle_scene, scene_hash
+
+ROOT = Path(__file__).resolve().parents[2]
+KEPT = ROOT / "out" / "claims"
+STEPS = 4.0
+"""how many times shorter the truth's steps are"""
+
+
+def main() -> None:
+    console, rows, solvers = Console(), [], solver_digest()
+    KEPT.mkdir(parents=True, exist_ok=True)
+    for case in cases():
+        key = hashlib.sha256(f"{solvers} {scene_hash(bundle_scene(case.scene, case.files))} {case.truth}".encode())
+        path = KEPT / f"{case.scene.name}-{key.hexdigest()[:12]}.json"
+        if not path.exists():
+            path.write_text(json.dumps(measured(case)))
+        found = rows_of(case, json.loads(path.read_text()))
+        rows += found
+        for row in found:
+            console.print(f"{row.told}, {row.quantity}: error {row.error:.2%}, claim {row.claim:.2%}", highlight=False)
+    (ROOT / "docs" / "results" / "claims.md").write_text(page(rows, machine(), solvers[:12], FACTOR, FACTOR_FINER))
+
+
+def measured(case: Case) -> dict[str, Any]:
+    """The run, its sibling, and the truth."""
+    bundle = bundle_scene(case.scene, case.files)
+    with Session(case.scene, bundle, EmbeddedBackend(bundle)) as session:
+        frames = session.reset().frames
+        sibling = sibling_of(case.scene, frames)
+        session.run()  # caches are warm from now on
+        session.reset()
+        began = process_time()
+        run = followed(session)
+        run["seconds"] = process_time() - began
+    body = case.scene.body
+    assert isinstance(body, BodySpec)
+    edges = cell_edges(body, frames["body"]) / case.truth
+    shorter = f"body.cell=[{', '.join(f'{edge:.12g}' for edge in edges)}]"
+    finer = with_settings(case.scene, (f"step={case.scene.step / STEPS:.12g}", "regions={default: fem}", shorter))
+    other = run_here(bundle_scene(sibling.scene, case.files))
+    truth = run_here(bundle_scene(finer, case.files))
+    return {
+        "cells": len(frames["body"].cell_near),
+        "finer": sibling.finer,
+        "foreseen": sibling.share,
+        **{name: compact(case, each) for name, each in (("run", run), ("sibling", other), ("truth", truth))},
+    }
+
+
+def compact(case: Case, found: dict[str, Any]) -> dict[str, Any]:
+    """What is compared of a run."""
+    return found | {"quantities": {name: found["quantities"][name] for name in compared(case)}}
+
+
+def compared(case: Case) -> list[str]:
+    """Forces and displacements; stress at a probe beside an edge may have no limit."""
+    return [name for name in case.scene.asked if not name.endswith("von_mises")]
+
+
+def rows_of(case: Case, found: dict[str, Any]) -> list[Row]:
+    """One for each quantity of a scene."""
+    run, sibling, truth = (found[name] for name in ("run", "sibling", "truth"))
+    rows = []
+    for name in compared(case):
+        mine = run["quantities"][name]
+        error, _ = difference(truth["quantities"][name], mine)
+        off, size = difference(mine, sibling["quantities"][name])
+        claim = (FACTOR_FINER if found["finer"] else FACTOR) * max(off, 1e-4 * size)
+        rows.append(
+            Row(
+                told=case.told,
+                kind=case.kind,
+                quantity=name,
+                cells=found["cells"],
+                finer=found["finer"],
+                error=error / size,
+                claim=claim / size,
+                cost=sibling["seconds"] / run["seconds"],
+                outcomes=tuple(each["outcome"] for each in (run, sibling, truth)),
+            )
+        )
+    return rows
+
+
+if __name__ == "__main__":
+    main()

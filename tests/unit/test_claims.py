@@ -1,0 +1,263 @@
+"""Claims: which sibling a scene has, what the difference of two runs claims, and what `softseam run` says of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from softseam.claims.beside import Beside, Lost
+from softseam.claims.claim import FACTOR, FACTOR_FINER, claims, difference
+from softseam.claims.estimate import compared
+from softseam.claims.sibling import NoSibling, Sibling, sibling_of
+from softseam.running import Wishes, run
+from softseam.scenes import bundle_of
+from softseam.session import open_as_given
+from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.scene.scene import Scene
+
+BLOCK = """\
+softseam: 1
+name: cube
+gravity: [0, 0, 0]
+step: 0.01
+body:
+  shape: {kind: block, size: [0.04, 0.04, 0.02]}
+  cell: 0.01
+  material: {kind: neo_hookean, young: 2.0e4, poisson: 0.45, density: 1000}
+tools:
+  left: {kind: box, size: [0.01, 0.05, 0.03], position: [-0.0252, 0, 0.01], friction: 0.6}
+  right: {kind: box, size: [0.01, 0.05, 0.03], position: [0.0252, 0, 0.01], friction: 0.6}
+motion:
+  - {tools: [left, right], close: 0.02, until: {compression: 0.06}}
+regions: {default: fem}
+quantities: [grip_force, compression]
+"""
+BEAM = """\
+softseam: 1
+name: beam
+gravity: [0, 0, -9.81]
+step: 0.01
+duration: 0.2
+body:
+  shape: {kind: block, size: [0.12, 0.04, 0.04]}
+  cell: [0.02, 0.02, 0.02]
+  material: {kind: neo_hookean, young: 5.0e4, poisson: 0.4, density: 1000}
+  fixed:
+    - {min: [-1, -1, -1], max: [-0.06, 1, 1]}
+regions: {default: fem}
+quantities: [tip_deflection]
+"""
+
+
+@pytest.fixture
+def block(tmp_path: Path) -> str:
+    path = tmp_path / "cube.yaml"
+    path.write_text(BLOCK)
+    return str(path)
+
+
+def sibling(scene: str | Path | Scene, *settings: str) -> Sibling:
+    with open_as_given(scene, settings=settings) as session:
+        session.reset()
+        return sibling_of(session.scene, session.last.frames)
+
+
+def ran(scene: str, *settings: str, **wishes: Any) -> tuple[dict[str, Any], str]:
+    """The report of `softseam run`, and what it printed."""
+    said = StringIO()
+    report = run(Wishes(scene, settings=settings, **wishes), Console(file=said, width=400))
+    return report, said.getvalue()
+
+
+def entry(time: Any, values: Any) -> dict[str, list[float | None]]:
+    """As a report has it of a quantity."""
+    plain = [float(value) if np.isfinite(value) else None for value in values]
+    return {"time": np.asarray(time).tolist(), "values": plain}
+
+
+# ---- the sibling
+
+
+def test_cells_and_steps_are_twice_as_long(block: str) -> None:
+    """And nothing else differs; its settings make it of the scene at the command line."""
+    found = sibling(block)
+    assert not found.finer and found.scene.step == 0.02
+    assert found.settings == ("step=0.02", "regions={default: fem}", "body.cell=[0.02, 0.02, 0.02]")
+    assert found.scene.tools == bundle_of(block)[0].tools and found.scene.motion == bundle_of(block)[0].motion
+    assert found.share < 0.2
+
+
+def test_a_run_of_another_model_has_a_sibling_of_fem(block: str) -> None:
+    """So that what the model errs by is in the difference."""
+    assert sibling(block, "regions={default: pbd}").scene.regions.default == "fem"
+    assert sibling("tofu_pads").scene.regions.near is None
+
+
+def test_a_body_of_one_cell_has_a_finer_sibling(block: str) -> None:
+    """Which takes longer than the run, and is told to."""
+    found = sibling(block, "body.cell=0.04")
+    assert found.finer and found.settings[0] == "step=0.005" and found.settings[-1] == "body.cell=[0.02, 0.02, 0.01]"
+    assert found.share > 1.0
+
+
+def test_cells_of_a_mesh_are_told_by_its_nodes() -> None:
+    """The default edge, which no scene file says."""
+    with open_as_given("sausage", settings=("body.cell=null",)) as session:
+        nodes = session.reset().frames["body"].x
+        found = sibling_of(session.scene, session.last.frames)
+    with open_as_given("sausage", settings=found.settings) as session:
+        other = session.reset().frames["body"].x
+    assert len(other) < 0.4 * len(nodes)
+    np.testing.assert_allclose(np.ptp(other, axis=0), np.ptp(nodes, axis=0), rtol=1e-9)
+
+
+def test_particles_have_none() -> None:
+    with pytest.raises(NoSibling, match="particles"):
+        sibling("rope")
+
+
+# ---- what the difference claims
+
+
+def test_a_claim_is_the_norm_of_the_difference_over_time() -> None:
+    """Of sin t and 1.1 sin t over whole periods: 0.1/sqrt(2), whatever the steps; a gap in a column is left out."""
+    time = np.linspace(0.0, 4.0 * np.pi, 401)[1:]
+    coarse = time[1::2]
+    missing = np.where(np.arange(len(time)) % 5, 1.1 * np.sin(time), np.nan)
+    found = claims(
+        {"sag": entry(time, np.sin(time)), "slip": entry(time, missing), "lift_height": entry(time, 0.0 * time)},
+        {name: entry(coarse, size * np.sin(coarse)) for name, size in (("sag", 1.1), ("slip", 1.0))}
+        | {"lift_height": entry(coarse, 0.0 * coarse)},
+        2.0,
+    )
+    norm = 0.1 / np.sqrt(2.0)
+    assert found["sag"]["absolute"] == pytest.approx(2.0 * norm, rel=5e-3)
+    assert found["sag"]["share"] == pytest.approx(0.2, rel=5e-3)
+    assert found["slip"]["absolute"] == pytest.approx(2.0 * norm, rel=0.02)
+    assert found["lift_height"] == {"absolute": 0.0, "share": None}
+
+
+def report(outcome: str = "lifted") -> dict[str, Any]:
+    grip = entry([0.1, 0.2, 0.3], [1.0, 1.0, 1.0])
+    return {"verdict": {"outcome": outcome}, "quantities": {"grip_force": grip}, "wall": {"total": 2.0, "cpu": 1.0}}
+
+
+def test_outcomes_that_differ_are_not_settled(block: str) -> None:
+    """No number stands beside a body that one run lifts and the other drops."""
+    other = {"outcome": "dropped", "quantities": report()["quantities"], "seconds": 0.25}
+    found = compared(report(), other, sibling(block))
+    assert found["settled"] is False and found["quantities"] == {}
+    assert "not settled" in found["text"] and "'dropped'" in found["text"] and "shorten body.cell" in found["text"]
+    same = compared(report("dropped"), other, sibling(block))
+    assert same["settled"] is True and same["quantities"]["grip_force"]["share"] < 1e-3
+    assert same["sibling"]["share"] == 0.25
+
+
+# ---- `softseam run`
+
+
+def value(of: Mapping[str, Any], name: str = "grip_force") -> Any:
+    return of["claims"]["quantities"][name]
+
+
+def test_a_run_claims(block: str) -> None:
+    """By a process beside it: what two runs one after the other claim, bit for bit."""
+    first, said = ran(block)
+    claimed = first["claims"]
+    assert claimed["settled"] and claimed["factor"] == FACTOR
+    longer, _ = ran(block, *claimed["sibling"]["settings"], estimate=False)
+    assert claimed["quantities"] == claims(first["quantities"], longer["quantities"], FACTOR)
+    force = value(first)["absolute"]
+    assert force > 0.0 and f"± {force:.2g} N" in said and claimed["text"] in said
+    assert value(first, "compression")["share"] < 1e-3
+
+
+def off(run: Mapping[str, Any], other: Mapping[str, Any], name: str = "grip_force") -> float:
+    """The difference of two reports."""
+    return difference(run["quantities"][name], other["quantities"][name])[0]
+
+
+def test_the_claim_holds_for_a_known_error(tmp_path: Path) -> None:
+    """A beam that swings down: at least what shorter cells and steps change, and at most five times that."""
+    path = tmp_path / "beam.yaml"
+    path.write_text(BEAM)
+    claimed, _ = ran(str(path))
+    fine, _ = ran(str(path), "step=0.0025", "body.cell=[0.01, 0.02, 0.02]", estimate=False)
+    error = off(fine, claimed, "tip_deflection")
+    assert error < value(claimed, "tip_deflection")["absolute"] < 5.0 * error
+
+
+def test_the_claim_of_xpbd_sees_the_model(block: str) -> None:
+    """At nu 0.495 XPBD locks: its claim covers what FEM on the same cells differs by."""
+    poisson = "body.material.poisson=0.495"
+    claimed, _ = ran(block, poisson, "regions={default: pbd}")
+    fem, _ = ran(block, poisson, estimate=False)
+    assert off(claimed, fem) > 0.03 * value(claimed)["absolute"] / value(claimed)["share"]
+    assert value(claimed)["absolute"] > off(claimed, fem)
+
+
+def test_no_estimate(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Says what is lost, and starts nothing."""
+    monkeypatch.setattr(Beside, "__enter__", lambda self: pytest.fail("a process was started"))
+    found, said = ran(block, estimate=False)
+    assert found["claims"]["settled"] is None and "not known" in said and "±" not in said
+
+
+def test_a_sibling_that_costs_much_is_run_where_it_is_asked_for(block: str) -> None:
+    found, said = ran(block, "body.cell=0.04")
+    assert found["claims"]["sibling"] is None and "--estimate" in said
+    asked, _ = ran(block, "body.cell=0.04", estimate=True)
+    assert asked["claims"]["factor"] == FACTOR_FINER and value(asked)["absolute"] > 0.0
+
+
+def test_a_sibling_that_dies_harms_nothing(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told in a line."""
+    begin = Beside.begin
+
+    def killed(self: Beside, bundle: Any) -> None:
+        begin(self, bundle)
+        os.kill(self.process.pid, signal.SIGKILL)
+
+    monkeypatch.setattr(Beside, "begin", killed)
+    found, said = ran(block)
+    assert found["verdict"]["outcome"] == "finished" and found["claims"]["quantities"] == {}
+    assert "no claims: the run to compare with failed: its process was ended by SIGKILL" in said
+    json.dumps(found)
+
+
+def test_a_process_that_is_given_no_scene_is_lost() -> None:
+    with Beside() as beside:
+        beside.begin(Bundle(scene="{}", files={}))
+        assert beside.ended(120.0)
+        with pytest.raises(Lost, match="softseam"):
+            beside.result()
+
+
+def test_a_sibling_ends_with_the_run_that_is_killed() -> None:
+    """Its input ends: nothing is left, whatever ended the run."""
+    code = (
+        "import os, signal; from softseam.claims.beside import Beside; beside = Beside().__enter__(); "
+        "print(beside.process.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == -signal.SIGKILL
+    try:
+        left = os.pidfd_open(int(done.stdout))
+    except ProcessLookupError:
+        return
+    try:
+        assert select.select([left], [], [], 60.0)[0], "it still runs"
+    finally:
+        os.close(left)
