@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from softseam.running import Wishes, run
 from softseam.scenes import bundle_of
 from softseam.session import open_as_given
 from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.scene.file import scene_json
 from softseam_protocol.scene.scene import Scene
 
 BLOCK = """\
@@ -121,6 +123,23 @@ def test_cells_of_a_mesh_are_told_by_its_nodes() -> None:
         other = session.reset().frames["body"].x
     assert len(other) < 0.4 * len(nodes)
     np.testing.assert_allclose(np.ptp(other, axis=0), np.ptp(nodes, axis=0), rtol=1e-9)
+
+
+def test_planes_of_symmetry_are_left_out() -> None:
+    """For longer cells may lie across one; all of several bodies have longer cells, and FEM."""
+    found = sibling("tofu_grasp", "symmetry=[y]", "regions={default: fem}")
+    assert "symmetry=[]" in found.settings and found.scene.symmetry == ()
+
+
+def test_every_body_has_longer_cells(block: str) -> None:
+    document = json.loads(scene_json(bundle_of(block)[0]))
+    body = document.pop("body") | {"regions": {"default": "pbd"}}
+    document |= {"bodies": {"one": body, "two": body | {"cell": 0.02, "position": [0, 0.2, 0]}}}
+    document |= {"motion": [], "duration": 0.02}
+    found = sibling(Scene.model_validate(document))
+    cells = {name: getattr(each, "cell", None) for name, each in found.scene.bodies.items()}
+    assert cells == {"one": pytest.approx((0.02, 0.02, 0.02)), "two": pytest.approx((0.04, 0.04, 0.02))}
+    assert all(found.scene.of(name).regions.default == "fem" for name in cells)
 
 
 def test_particles_have_none() -> None:
@@ -245,13 +264,16 @@ def test_a_process_that_is_given_no_scene_is_lost() -> None:
             beside.result()
 
 
-def test_a_sibling_ends_with_the_run_that_is_killed() -> None:
-    """Its input ends: nothing is left, whatever ended the run."""
+def test_a_sibling_ends_with_the_run_that_is_killed(block: str) -> None:
+    """Its input ends: nothing is left, in the middle of a run of hours."""
     code = (
-        "import os, signal; from softseam.claims.beside import Beside; beside = Beside().__enter__(); "
+        "import os, signal, sys; from softseam.claims.beside import Beside; from softseam.scenes import bundle_of; "
+        "beside = Beside().__enter__(); beside.begin(bundle_of(sys.argv[1])[1]); assert beside.begun(300.0); "
         "print(beside.process.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    Path(block).write_text(BLOCK.replace("motion:", "duration: 10000.0\nmotion:"))
+    command = [sys.executable, "-c", code, block]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=400, check=False)
     assert done.returncode == -signal.SIGKILL
     try:
         left = os.pidfd_open(int(done.stdout))
@@ -260,4 +282,6 @@ def test_a_sibling_ends_with_the_run_that_is_killed() -> None:
     try:
         assert select.select([left], [], [], 60.0)[0], "it still runs"
     finally:
+        with suppress(ProcessLookupError):
+            signal.pidfd_send_signal(left, signal.SIGKILL)
         os.close(left)

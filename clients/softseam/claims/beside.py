@@ -1,7 +1,7 @@
 """The sibling's run in a process of its own, beside the run that it belongs to.
 
-Two pipes join them: the scene goes to the process, and what it found comes back. The process ends as its input does,
-so that it ends with the one that started it, whatever ends that.
+Two pipes join them: the scene goes to the process, and what it found comes back, after an empty line as it is set up.
+The process ends as its input does, so that it ends with the one that started it, whatever ends that.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from time import process_time
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -36,6 +37,8 @@ class Beside:
 
     def __init__(self) -> None:
         self._answer = b""
+        self._begun = threading.Event()
+        self._writer: threading.Thread | None = None
 
     def __enter__(self) -> Beside:
         self.process = subprocess.Popen(
@@ -55,6 +58,8 @@ class Beside:
         self.process.kill()
         self.process.wait()
         self._reader.join()
+        if self._writer is not None:
+            self._writer.join()
         assert self.process.stdin is not None and self.process.stdout is not None
         try:
             self.process.stdin.close()
@@ -64,13 +69,12 @@ class Beside:
 
     def begin(self, bundle: Bundle) -> None:
         """Have this scene run."""
-        assert self.process.stdin is not None
-        data = encode(bundle)
-        try:
-            self.process.stdin.write(len(data).to_bytes(8, "big") + data)
-            self.process.stdin.flush()
-        except BrokenPipeError:
-            pass  # `result` says how it ended
+        self._writer = threading.Thread(target=self._write, args=(encode(bundle),), daemon=True)
+        self._writer.start()  # what the pipe does not hold waits until the process has loaded the solvers
+
+    def begun(self, seconds: float) -> bool:
+        """Whether it is set up, or has ended, waiting for that no longer than this [s]."""
+        return self._begun.wait(seconds)
 
     def ended(self, seconds: float) -> bool:
         """Whether it has, waiting for that no longer than this [s]."""
@@ -90,9 +94,19 @@ class Beside:
             raise Lost(str(found["error"]))
         return found
 
+    def _write(self, data: bytes) -> None:
+        assert self.process.stdin is not None
+        try:
+            self.process.stdin.write(len(data).to_bytes(8, "big") + data)
+            self.process.stdin.flush()
+        except BrokenPipeError:
+            pass  # `result` says how it ended
+
     def _read(self) -> None:
         assert self.process.stdout is not None
-        self._answer = self.process.stdout.read()
+        first = self.process.stdout.read(1)
+        self._begun.set()
+        self._answer = first + self.process.stdout.read()
 
 
 def followed(session: Session) -> dict[str, Any]:
@@ -110,10 +124,14 @@ def followed(session: Session) -> dict[str, Any]:
     return found | {"seconds": report["wall"]["total"]}
 
 
-def run_here(bundle: Bundle) -> dict[str, Any]:
-    """The same of a scene in this process; `seconds` are its processors', without compiling."""
+def run_here(bundle: Bundle, begun: Callable[[], object] = lambda: None) -> dict[str, Any]:
+    """The same of a scene in this process; `seconds` are its processors', without compiling.
+
+    begun: called before the first step
+    """
     with compile_clock() as compiled, Session(scene_from_bundle(bundle), bundle, EmbeddedBackend(bundle)) as session:
         session.reset()
+        begun()
         began = process_time() - compiled()[1]
         found = followed(session)
         return found | {"seconds": process_time() - compiled()[1] - began}
@@ -126,7 +144,7 @@ def _end_with(source: BinaryIO) -> None:
 
 def main() -> None:
     """Read a scene, run it, and say what came of it."""
-    source, out = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    source, out = sys.stdin.buffer, os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # whatever else is printed is no answer
     load_extensions()
     with compile_clock():
@@ -134,12 +152,12 @@ def main() -> None:
     data = source.read(int.from_bytes(source.read(8), "big"))
     threading.Thread(target=_end_with, args=(source,), daemon=True).start()
     try:
-        found = run_here(decode(data, Bundle))
+        found = run_here(decode(data, Bundle), lambda: print(file=out, flush=True))
     except SoftseamError as error:
         found = {"error": str(error)}
     except Exception as error:
         found = {"error": f"{type(error).__name__}: {error}"}
-    out.write(json.dumps(found).encode())
+    json.dump(found, out)
     out.close()
     os._exit(0)
 

@@ -16,8 +16,10 @@ from softseam.session import Session
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene
 
-_SETUP = 60.0
-"""time that a sibling may take beyond what the run took, for loading the solvers on a busy machine [s]"""
+_SETUP = 300.0
+"""longest time that a sibling may take to load the solvers, on a busy machine [s]"""
+_LONGER = 20.0
+"""time that it may then take beyond what the run took [s]"""
 _SOON = 1.0
 """time that is waited for it without a word [s]"""
 
@@ -106,8 +108,10 @@ class Estimate:
             self._beside.begin(self._bundle)
         if not self._beside.ended(_SOON):
             tell()
-            if not self._beside.ended(_SETUP + took):
-                raise Lost(f"it took longer than the run, and {_SETUP:.0f} s more")
+            if not self._beside.begun(_SETUP):
+                raise Lost(f"it was not set up within {_SETUP:.0f} s")
+            if not self._beside.ended(_LONGER + took):
+                raise Lost(f"it took longer than the run, and {_LONGER:.0f} s more")
         return self._beside.result()
 
 

@@ -31,6 +31,8 @@ Floats = NDArray[np.float64]
 
 LONGER = 2.0
 """how many times as long as the run's its cells and steps are [1]"""
+BOTH = 2.0
+"""what a step of both models takes over one of FEM alone, roughly [1]"""
 LARGEST_SHARE = 0.4
 """of the run's time that a sibling may take unasked [1]"""
 
@@ -62,12 +64,19 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
     finer = all(bool((count == 1).all()) for count in counts.values())
     factor = 1.0 / LONGER if finer else LONGER
     settings = [f"step={factor * scene.step:.12g}"]
+    if scene.symmetry:
+        settings.append("symmetry=[]")  # a plane of it may cut longer cells
     before = after = 0.0
     for name in bodies:
         fewer = np.maximum(1.0, np.floor(counts[name] / factor))
         n_cells = len(frames[name].cell_near)
-        is_fem = scene.of(name).regions.default == "fem"
-        before += fem_step(n_cells) if is_fem else xpbd_step(n_cells, scene.step)
+        regions = scene.of(name).regions
+        if regions.near is not None:
+            before += BOTH * fem_step(n_cells)
+        elif regions.default == "fem":
+            before += fem_step(n_cells * 0.5 ** len(scene.symmetry))
+        else:
+            before += xpbd_step(n_cells, scene.step)
         after += fem_step(n_cells * float(np.prod(fewer / counts[name])))
         own, cells = ("", "body") if scene.one is not None else (f"bodies.{name}.", f"bodies.{name}")
         wanted = ", ".join(f"{edge:.12g}" for edge in edges[name] * counts[name] / fewer)
