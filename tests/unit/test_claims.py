@@ -191,6 +191,7 @@ def value(of: Mapping[str, Any], name: str = "grip_force") -> Any:
     return of["claims"]["quantities"][name]
 
 
+@pytest.mark.slow
 def test_a_run_claims(block: str) -> None:
     """By a process beside it: what two runs one after the other claim, bit for bit."""
     first, said = ran(block)
@@ -208,6 +209,7 @@ def off(run: Mapping[str, Any], other: Mapping[str, Any], name: str = "grip_forc
     return difference(run["quantities"][name], other["quantities"][name])[0]
 
 
+@pytest.mark.slow
 def test_the_claim_holds_for_a_known_error(tmp_path: Path) -> None:
     """A beam that swings down: at least what shorter cells and steps change, and at most five times that."""
     path = tmp_path / "beam.yaml"
@@ -218,6 +220,7 @@ def test_the_claim_holds_for_a_known_error(tmp_path: Path) -> None:
     assert error < value(claimed, "tip_deflection")["absolute"] < 5.0 * error
 
 
+@pytest.mark.slow
 def test_the_claim_of_xpbd_sees_the_model(block: str) -> None:
     """At nu 0.495 XPBD locks: its claim covers what FEM on the same cells differs by."""
     poisson = "body.material.poisson=0.495"
@@ -234,6 +237,7 @@ def test_no_estimate(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert found["claims"]["settled"] is None and "not known" in said and "±" not in said
 
 
+@pytest.mark.slow
 def test_a_sibling_that_costs_much_is_run_where_it_is_asked_for(block: str) -> None:
     found, said = ran(block, "body.cell=0.04")
     assert found["claims"]["sibling"] is None and "--estimate" in said
@@ -256,6 +260,7 @@ def test_a_sibling_that_dies_harms_nothing(block: str, monkeypatch: pytest.Monke
     json.dumps(found)
 
 
+@pytest.mark.slow
 def test_a_process_that_is_given_no_scene_is_lost() -> None:
     with Beside() as beside:
         beside.begin(Bundle(scene="{}", files={}))
@@ -264,6 +269,7 @@ def test_a_process_that_is_given_no_scene_is_lost() -> None:
             beside.result()
 
 
+@pytest.mark.slow
 def test_a_sibling_ends_with_the_run_that_is_killed(block: str) -> None:
     """Its input ends: nothing is left, in the middle of a run of hours."""
     code = (
