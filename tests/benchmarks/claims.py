@@ -3,7 +3,7 @@
 Each scene of claim_scenes.py is run as it is, as its sibling, and as its truth: by FEM, on cells half as long or
 shorter, with steps a quarter as long. The error of a quantity is the L2 norm over time of its difference to the
 truth's. What was run is kept in out/claims, so what was interrupted goes on where it was; other solvers begin anew. All
-of it takes a quarter of an hour of one core.
+of it takes some five minutes of one core.
 """
 
 from __future__ import annotations
