@@ -107,6 +107,15 @@ def test_a_run_of_another_model_has_a_sibling_of_fem(block: str) -> None:
     assert sibling("tofu_pads").scene.regions.near is None
 
 
+def test_a_scene_that_names_no_model_is_foreseen_as_what_it_gets(block: str) -> None:
+    """Small bodies get FEM; who sets what is XPBD's alone gets that, of which a sibling of FEM is a larger share."""
+    open_ = Path(block).read_text().replace("regions: {default: fem}\n", "")
+    Path(block).write_text(open_)
+    assert sibling(block).share == sibling(block, "regions={default: fem}").share
+    of_pbd = sibling(block, "models.pbd.sweeps=2").share
+    assert of_pbd == sibling(block, "regions={default: pbd}").share != sibling(block).share
+
+
 def test_a_body_of_one_cell_has_a_finer_sibling(block: str) -> None:
     """Which takes longer than the run, and is told to."""
     found = sibling(block, "body.cell=0.04")

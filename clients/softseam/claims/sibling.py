@@ -25,6 +25,8 @@ from softseam.errors import BadInput, SceneRefused
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.implied import implied_model
+from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -73,7 +75,7 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
         regions = scene.of(name).regions
         if regions.near is not None:
             before += BOTH * fem_step(n_cells)
-        elif regions.default == "fem":
+        elif _model(scene.of(name), bodies[name]) == "fem":
             before += fem_step(n_cells * 0.5 ** len(scene.symmetry))
         else:
             before += xpbd_step(n_cells, scene.step)
@@ -86,6 +88,12 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
     except (SceneRefused, BadInput) as error:
         raise NoSibling(f"the same scene with other cells and steps is refused: {error}") from None
     return Sibling(other, tuple(settings), finer, after / before / factor)
+
+
+def _model(scene: Scene, body: BodySpec) -> ModelKind:
+    """Model of a body that is not cut: where the scene leaves that open, the one that it gets unless it is large."""
+    implied = implied_model(body, scene.models, scene.symmetry)
+    return scene.regions.default or (implied[0] if implied else "fem")
 
 
 def cell_edges(body: BodySpec, frame: Frame) -> Floats:
