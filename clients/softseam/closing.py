@@ -83,7 +83,9 @@ def _print_trust(console: Console, estimate: Mapping[str, Any] | None, claims: M
             console.print(Text(f"estimated error: {estimate['text']}", style=style), soft_wrap=True)
         return
     console.print(Text(claims["text"], style="bold yellow" if claims["settled"] is False else "dim"), soft_wrap=True)
-    if estimate is not None:
+    if estimate is not None and estimate["goal"]:
+        console.print(Text(f"estimated error: {estimate['text']}", style="dim"), soft_wrap=True)
+    elif estimate is not None:
         parts = [
             f"{what} {100.0 * estimate[f'{what}_error']:.2g} %"
             for what in ("mesh", "model")

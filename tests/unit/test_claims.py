@@ -239,6 +239,13 @@ def test_the_claim_of_xpbd_sees_the_model(block: str) -> None:
     assert value(claimed)["absolute"] > off(claimed, fem)
 
 
+def test_a_goal_is_told_beside_the_claims(block: str) -> None:
+    report, told = ran(block, "regions={default: fem, goal: grip_force}", estimate=False)
+    assert report["estimated_error"]["goal"] == "grip_force"
+    assert "grip_force: some" in " ".join(told.split())
+    assert "estimated error" not in ran(block, estimate=False)[1]
+
+
 def test_no_estimate(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Says what is lost, and starts nothing."""
     monkeypatch.setattr(Beside, "__enter__", lambda self: pytest.fail("a process was started"))
