@@ -17,7 +17,8 @@ EXAMPLES = sorted(p.stem for p in Path(softseam.examples.__path__[0]).glob("[a-z
 def test_example_runs(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     example = importlib.import_module(f"softseam.examples.{name}")
     if name == "learn_grip":
-        monkeypatch.setattr(example, "GENERATIONS", 2)  # learning it takes half a minute
+        for size, small in (("GENERATIONS", 2), ("CANDIDATES", 6), ("PIECES", range(2)), ("OTHERS", range(100, 102))):
+            monkeypatch.setattr(example, size, small)  # learning it takes half a minute
     example.main()
     assert len(capsys.readouterr().out.splitlines()) >= 2
 

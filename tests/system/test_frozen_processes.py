@@ -23,7 +23,7 @@ from softseam_services.bus_options import BusOptions
 pytestmark = pytest.mark.slow
 
 KEYS = Keys("frozen")
-SLEEPERS, SECONDS = 6, 28.0
+SLEEPERS, SECONDS = 6, 20.0
 BACK = 30.0
 """longest time until one is heard of again: zenoh gives leaving a bus whose links are full 10 s [s]"""
 SETTLED = 2.5 * LEASE

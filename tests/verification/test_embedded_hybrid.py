@@ -68,7 +68,7 @@ def loaf_scene() -> Bundle:
         "step": 0.01,
         "body": {
             "shape": {"kind": "mesh", "path": "loaf.vtk", "scale": 0.05, "up": "y"},
-            "cell": 0.015,
+            "cell": 0.02,
             "material": {"young": 30e3, "poisson": 0.3, "density": 250.0},
         },
         "tools": {
