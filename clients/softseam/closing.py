@@ -19,6 +19,8 @@ _MOST = 6
 """sentences on what was not done"""
 CLAIMED = "±"
 """heading of the claims"""
+_CLAIMS = "quantities", "growing"
+"""what the table shows of a report's claims"""
 _COLOR = {"lifted": "green", "set down": "green", "finished": "green"}
 
 
@@ -33,7 +35,8 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     _print_trust(console, report["estimated_error"], claims)
     _print_damping(console, report["energy"])
     _print_not_done(console, report["not_done"])
-    console.print(_quantities(report["quantities"], {} if claims is None else claims["quantities"]))
+    console.print(_quantities(report["quantities"], *(({}, {}) if claims is None else (claims[k] for k in _CLAIMS))))
+    _print_growing(console, {} if claims is None else claims["growing"])
     _print_gaps(console, report["quantities"], report["steps"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))
@@ -47,7 +50,11 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     _print_events(console, report["events"])
 
 
-def _quantities(found: Mapping[str, Mapping[str, Any]], claims: Mapping[str, Mapping[str, float]]) -> Table:
+def _quantities(
+    found: Mapping[str, Mapping[str, Any]],
+    claims: Mapping[str, Mapping[str, float]],
+    growing: Mapping[str, float],
+) -> Table:
     """What the scene asks for, then, dimmed, what else was reported and was not nothing throughout; with claims."""
     table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
     table.add_column("")
@@ -62,9 +69,20 @@ def _quantities(found: Mapping[str, Mapping[str, Any]], claims: Mapping[str, Map
             figures = [_value(value, factor, unit) for value in (entry["final"], *extremes)]
             if claims:
                 claim = claims.get(name)
-                figures.insert(1, "" if claim is None else f"± {factor * claim['absolute']:.2g} {unit}")
+                grows = "grows" if name in growing else ""
+                figures.insert(1, grows if claim is None else f"± {factor * claim['absolute']:.2g} {unit}")
             table.add_row(label(name), *figures, style="" if asked else "dim")
     return table
+
+
+def _print_growing(console: Console, growing: Mapping[str, float]) -> None:
+    """What grows as cells shrink, and so has no value to be off from."""
+    for name, ratio in growing.items():
+        told = (
+            f"{label(name)} grew {ratio:.2g} times with cells half as long: it has not settled, and at edges of tools "
+        )
+        told += "and clamps it never does; shorten body.cell, or ask for von_mises_p99"
+        console.print(Text(told, "dim"), soft_wrap=True)
 
 
 def _print_gaps(console: Console, found: Mapping[str, Mapping[str, Any]], steps: int) -> None:

@@ -30,6 +30,8 @@ class Quantity:
     """before the first step, where that needs no measuring; None: measured then, if it can be without a step"""
     group: Literal["grip", "shape", "error"] = "shape"
     """with which others it is drawn"""
+    settles: bool = True
+    """whether it has a limit as cells shrink; at edges of tools and clamps a largest stress has none"""
 
 
 def _of_particles(unit: str, meaning: str) -> Quantity:
@@ -61,7 +63,12 @@ QUANTITIES: Table[Quantity] = Table(
             "m", "farthest that a touching point has slid along a tool", always=True, at_rest=0.0, group="grip"
         ),
         "peak_von_mises": Quantity(
-            "Pa", "largest von Mises stress of any octant of a cell", of="cells", always=True, group="grip"
+            "Pa",
+            "largest von Mises stress of any octant of a cell",
+            of="cells",
+            always=True,
+            group="grip",
+            settles=False,
         ),
         "von_mises_p99": Quantity(
             "Pa", "von Mises stress that 99 % of the body's volume stay below", of="cells", group="grip"

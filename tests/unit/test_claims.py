@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -193,6 +194,20 @@ def test_outcomes_that_differ_are_not_settled(block: str) -> None:
     assert same["sibling"]["share"] == 0.25
 
 
+def test_a_peak_that_grows_as_cells_shrink_is_claimed_nothing_of(block: str) -> None:
+    """Which of both has the shorter cells depends; what settles may differ as much, and the table says so."""
+    found = sibling(block)
+    mine, other = report(), {"outcome": "lifted", "seconds": 0.25, "quantities": {}}
+    for name, ratio in (("grip_force", 1.3), ("peak_von_mises", 1.3), ("jelly.peak_von_mises", 1.05)):
+        mine["quantities"][name] = entry([0.1, 0.2], [ratio, ratio])
+        other["quantities"][name] = entry([0.1, 0.2], [1.0, 1.0])
+    claimed = compared(mine, other, found)
+    assert claimed["growing"] == {"peak_von_mises": pytest.approx(1.3)}
+    assert set(claimed["quantities"]) == {"grip_force", "jelly.peak_von_mises"}
+    turned = compared(mine | other, mine | {"outcome": "lifted", "seconds": 0.25}, replace(found, finer=True))
+    assert turned["growing"] == {"peak_von_mises": pytest.approx(1.3)}
+
+
 # ---- `softseam run`
 
 
@@ -223,10 +238,12 @@ def test_the_claim_holds_for_a_known_error(tmp_path: Path) -> None:
     """A beam that swings down: at least what shorter cells and steps change, and at most five times that."""
     path = tmp_path / "beam.yaml"
     path.write_text(BEAM)
-    claimed, _ = ran(str(path))
+    claimed, said = ran(str(path))
     fine, _ = ran(str(path), "step=0.0025", "body.cell=[0.01, 0.02, 0.02]", estimate=False)
     error = off(fine, claimed, "tip_deflection")
     assert error < value(claimed, "tip_deflection")["absolute"] < 5.0 * error
+    assert claimed["claims"]["growing"]["peak_von_mises"] > 1.3  # at the clamp
+    assert " grows " in said and "peak von Mises grew 1." in said
 
 
 @pytest.mark.slow

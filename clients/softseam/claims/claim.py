@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.chart.errors import is_nothing, rms
+from softseam_protocol.quantities import quantity
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +23,8 @@ FACTOR = 2.0
 """of the difference to a sibling whose cells and steps are twice as long [1]"""
 FACTOR_FINER = 2.0
 """and of that to one whose are half as long [1]"""
+GROWS = 1.1
+"""of what need not settle: times by which the finer run's exceeds the coarser's from which on it is said to grow [1]"""
 _LEAST = 1e-4
 """share of a quantity that no run is more exact than: iterations, contacts and digits shown leave so much open [1]"""
 
@@ -44,15 +47,35 @@ def claims(run: Mapping[str, Any], sibling: Mapping[str, Any], factor: float) ->
     return found
 
 
+def growing(run: Mapping[str, Any], sibling: Mapping[str, Any], finer: bool) -> dict[str, float]:
+    """|J| on the shorter cells over that on the longer ones, of quantities that need not settle and grew by `GROWS`.
+
+    run, sibling: `quantities` of both reports; finer: whether the sibling has the shorter cells.
+    """
+    found = {}
+    for name, entry in run.items():
+        if name not in sibling or quantity(name).settles:
+            continue
+        at, here, there = _together(entry, sibling[name])
+        sizes = [rms(values, at) for values in ((there, here) if finer else (here, there))]
+        if sizes[1] > 0.0 and sizes[0] > GROWS * sizes[1]:
+            found[name] = sizes[0] / sizes[1]
+    return found
+
+
 def difference(run: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, float]:
     """|J - J'| and |J| of a quantity's entries in two reports; NaN where they have no time in common."""
+    at, here, there = _together(run, other)
+    time, values = _measured(run)
+    return (rms(here - there, at), rms(values, time)) if len(at) else (float("nan"), float("nan"))
+
+
+def _together(run: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[Floats, Floats, Floats]:
+    """Times (n,) [s] of the other's within the run's, and the values (n,) of both, the run's between its own."""
     (time, values), (at, others) = _measured(run), _measured(other)
     within = (at >= time[0] - 1e-9) & (at <= time[-1] + 1e-9) if len(time) else np.zeros(len(at), dtype=bool)
-    at, others = at[within], others[within]
-    if not len(at):
-        return float("nan"), float("nan")
-    here = np.interp(at, time, values)
-    return rms(here - others, at), rms(values, time)
+    at = at[within]
+    return at, np.interp(at, time, values) if len(at) else at, others[within]
 
 
 def _measured(entry: Mapping[str, Any]) -> tuple[Floats, Floats]:

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any
 
 from softseam.claims.beside import Beside, Lost, followed
-from softseam.claims.claim import FACTOR, FACTOR_FINER, claims
+from softseam.claims.claim import FACTOR, FACTOR_FINER, claims, growing
 from softseam.claims.sibling import LARGEST_SHARE, NoSibling, Sibling, sibling_of
 from softseam.errors import SoftseamError
 from softseam.session import Session
@@ -123,6 +123,8 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
     longer = f"{'half' if sibling.finer else 'twice'} as long"
     cost = "" if share is None else f" ({100.0 * share:.0f} % of this run's time)"
     settled = other["outcome"] == report["verdict"]["outcome"]
+    both = report["quantities"], other["quantities"]
+    claimed, grow = (claims(*both, factor), growing(*both, sibling.finer)) if settled else ({}, {})
     if settled:
         text = (
             f"± is {factor:g} times the difference, L2 over time, to a run by FEM with cells and steps {longer}{cost}"
@@ -143,12 +145,13 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
             "share": share,
             "foreseen_share": sibling.share,
         },
-        "quantities": claims(report["quantities"], other["quantities"], factor) if settled else {},
+        "quantities": {name: claim for name, claim in claimed.items() if name not in grow},
+        "growing": grow,
     }
 
 
 def _nothing(text: str) -> dict[str, Any]:
-    return {"settled": None, "text": text, "factor": None, "sibling": None, "quantities": {}}
+    return {"settled": None, "text": text, "factor": None, "sibling": None, "quantities": {}, "growing": {}}
 
 
 def _cores() -> int:
