@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -162,6 +161,8 @@ def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
 
 def nesting(vertices: Floats, triangles: Ints, shell: Ints) -> Nesting:
     """Which shells lie in which, of triangles (T, 3) that agree with their neighbours, shell (T,)."""
+    import igl  # a third of a second, for meshes alone
+
     n_shells = int(shell.max()) + 1
     parts = [triangles[shell == s] for s in range(n_shells)]
     volumes = tuple(enclosed_volume(vertices, part) for part in parts)

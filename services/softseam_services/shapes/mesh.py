@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 
-import igl
 import numpy as np
 
 from softseam_protocol.messages.recording import ToolSurface
@@ -64,6 +63,8 @@ def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
     The sign is that of (p - nearest) . n, n the normal of the face, edge or vertex on which the nearest point lies.
     Source: Baerentzen and Aanaes 2005, IEEE Trans. Vis. Comput. Graph. 11, 243.
     """
+    import igl  # a third of a second, for meshes alone
+
     half = vertices.max(axis=0)
     spacing = 2.0 * float(half.max()) / FINENESS
     # The grid is centred, so that a symmetric mesh has a symmetric distance.

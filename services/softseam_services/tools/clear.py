@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
-from numpy.typing import NDArray
 
-from softseam_services.body.body import Body
+from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.units import LOOKS_LIKE
@@ -30,12 +28,11 @@ def check_clear(tools: ToolSet, body: Body) -> None:
     size = float(np.ptp(points, axis=0).max())
     gap = np.empty(len(tools.names))
     least_gaps(points, tools.kind, tools.shape, tools.position, tools.orientation, gap)
-    triangles = body.surface.triangles.astype(np.int64)
     problems = []
     for tool, name in enumerate(tools.names):
         if gap[tool] < -_slack(tools, tool, size):
             problems.append(f"tools.{name}: it starts {-1e3 * gap[tool]:.3g} mm inside the body")
-        elif len(probes := _probes(tools, tool, points)) and igl.winding_number(points, triangles, probes).max() > 0.5:
+        elif _any_inside(points, body.surface.triangles, _probes(tools, tool, points)):
             problems.append(f"tools.{name}: it starts inside the body")
     if problems:
         unit = "".join(f"; {note}" for note in body.notes if LOOKS_LIKE in note)
@@ -66,7 +63,7 @@ def _slack(tools: ToolSet, tool: int, size: float) -> float:
     return TOUCHING * size + tools.geometry[tool].slack
 
 
-def _probes(tools: ToolSet, tool: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _probes(tools: ToolSet, tool: int, points: Floats) -> Floats:
     """Outline of a tool where it is within the bounds of the body's points (n, 3) [m]."""
     # Slightly smaller than the tool, so that a touching face is outside whatever the rounding.
     own = (1.0 - SHRINK) * tools.geometry[tool].outline
@@ -75,6 +72,15 @@ def _probes(tools: ToolSet, tool: int, points: NDArray[np.float64]) -> NDArray[n
     return np.asarray(probes[within])
 
 
-def _bounds(points: NDArray[np.float64]) -> str:
+def _any_inside(points: Floats, triangles: Ints, probes: Floats) -> bool:
+    """Whether a probe (p, 3) lies inside the closed surface of points (n, 3) and triangles (t, 3)."""
+    if not len(probes):
+        return False
+    import igl  # a third of a second, where a tool is close by
+
+    return bool(igl.winding_number(points, triangles.astype(np.int64), probes).max() > 0.5)
+
+
+def _bounds(points: Floats) -> str:
     low, high = points.min(axis=0), points.max(axis=0)
     return "; ".join(f"{axis} {low[c]:.4g} .. {high[c]:.4g} m" for c, axis in enumerate("xyz"))

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import meshio
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
 from softseam_services.body.formats.polygons import triangles_of
+
+if TYPE_CHECKING:
+    import meshio
 
 Cells = NDArray[np.int64]
 

@@ -9,8 +9,6 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
-import meshio
-
 from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.gmsh import read_gmsh
 from softseam_services.body.formats.medit import read_medit
@@ -78,6 +76,8 @@ def read_mesh_file(path: str, data: bytes) -> MeshFile:
 def _by_meshio(path: str, suffix: str, data: bytes) -> MeshFile:
     """What meshio reads. Its readers fail on malformed input with whatever their parsing trips over, SystemExit
     included, and print as they go; all of it means the same to a user."""
+    import meshio  # a third of a second, for meshes alone
+
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"mesh{suffix}"
         file.write_bytes(data)
