@@ -25,7 +25,7 @@ def test_a_program_runs(
     exec(compile(PROGRAMS[number], "own-task.md", "exec"), names)
     printed = capsys.readouterr().out
     if number == 0:
-        assert printed.startswith("True 0.8")
+        assert re.match(r"True \d{4}\.\d+ 3\.", printed)  # lifted, at so many pascals
     if number == 2:
         assert "'plate.fx'" in printed and printed.endswith("(3,)\n")
         assert (tmp_path / "episodes" / "episode-000001.mcap").is_file()

@@ -197,7 +197,8 @@ def test_outcomes_that_differ_are_not_settled(block: str) -> None:
 def test_a_peak_that_grows_as_cells_shrink_is_claimed_nothing_of(block: str) -> None:
     """Which of both has the shorter cells depends; what settles may differ as much, and the table says so."""
     found = sibling(block)
-    mine, other = report(), {"outcome": "lifted", "seconds": 0.25, "quantities": {}}
+    mine: dict[str, Any] = report()
+    other: dict[str, Any] = {"outcome": "lifted", "seconds": 0.25, "quantities": {}}
     for name, ratio in (("grip_force", 1.3), ("peak_von_mises", 1.3), ("jelly.peak_von_mises", 1.05)):
         mine["quantities"][name] = entry([0.1, 0.2], [ratio, ratio])
         other["quantities"][name] = entry([0.1, 0.2], [1.0, 1.0])

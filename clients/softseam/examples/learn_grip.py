@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.gym import TofuGrasp
+from softseam.gym import TofuLift
+from softseam.gym.reward import Lift, StressConcentration
 
 GENERATIONS, CANDIDATES, BEST = 5, 12, 3
 PIECES, OTHERS = range(6), range(100, 112)
@@ -25,7 +26,7 @@ Floats = NDArray[np.float64]
 def main() -> None:
     random = np.random.default_rng(0)
     mean, spread = 0.5 * (LOW + HIGH), 0.3 * (HIGH - LOW)
-    env = TofuGrasp()
+    env = TofuLift(reward=[Lift(), StressConcentration(0.5)])  # from the start: a rule of three numbers needs no hints
     print("generation  return  lifted   closing  squeeze    rising")
     for generation in range(GENERATIONS):
         rules = np.clip(random.normal(mean, spread, (CANDIDATES, 3)), LOW, HIGH)
@@ -44,7 +45,7 @@ def main() -> None:
     env.close()
 
 
-def episode(env: TofuGrasp, rule: Floats, seed: int) -> tuple[float, bool]:
+def episode(env: TofuLift, rule: Floats, seed: int) -> tuple[float, bool]:
     """Sum of the rewards of one episode, and whether the tofu was lifted."""
     closing, squeeze, rising = rule
     total, over = 0.0, False

@@ -1,7 +1,7 @@
 """Scenes as environments of Gymnasium, for reinforcement learning.
 
 >>> import gymnasium
->>> env = gymnasium.make("softseam.gym:softseam/TofuGrasp-v0")
+>>> env = gymnasium.make("softseam.gym:softseam/TofuLift-v0")
 >>> seen, info = env.reset(seed=0)
 >>> seen, reward, terminated, truncated, info = env.step([0.4, 0.0])   # close at 2 cm/s
 """
@@ -15,9 +15,10 @@ try:
 except ModuleNotFoundError as error:
     raise missing_extra(error, "softseam.gym") from error
 
+from softseam.gym.randomise import Randomise
 from softseam.gym.scene_env import SceneEnv
-from softseam.gym.tofu_grasp import TofuGrasp
+from softseam.gym.tofu_lift import TofuLift
 
-__all__ = ["SceneEnv", "TofuGrasp"]
+__all__ = ["Randomise", "SceneEnv", "TofuLift"]
 
-gymnasium.register(id="softseam/TofuGrasp-v0", entry_point="softseam.gym.tofu_grasp:TofuGrasp")
+gymnasium.register(id="softseam/TofuLift-v0", entry_point="softseam.gym.tofu_lift:TofuLift")

@@ -1,0 +1,86 @@
+"""How pieces differ from one episode to the next: domain randomisation.
+
+A piece is drawn by the environment's seed and the number of its episode, always with as many numbers, so that what one
+spread is changes nothing of what the others draw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from softseam.errors import BadInput
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Randomise:
+    """Spreads: 0.3 is up to 30 % less or more than what the scene says, evenly; 0 is as it says."""
+
+    young: float = 0.3
+    density: float = 0.3
+    friction: float = 0.3
+    """of the tools that grip, alike, and of each of the others"""
+    size: float = 0.3
+    """of each edge of a block"""
+    poisson: tuple[float, float] = (0.315, 0.4725)
+    """least and greatest"""
+    yaw: float = 9.0
+    """turn of the tools that grip about the vertical, to either side [degrees]"""
+    offset: float = 3e-3
+    """of the tools that grip from the body's middle, along x and y, to either side [m]"""
+
+    def __post_init__(self) -> None:
+        """Raises BadInput where a spread leaves nothing that can be simulated."""
+        for name in ("young", "density", "friction", "size"):
+            if not 0.0 <= (spread := getattr(self, name)) < 1.0:
+                raise BadInput(f"{name}={spread!r}: give a part of what the scene says, from 0 to below 1")
+        low, high = self.poisson
+        if not -1.0 < low <= high < 0.5:
+            raise BadInput(f"poisson={self.poisson!r}: give the least and the greatest, between -1 and 0.5")
+        if not 0.0 <= self.yaw <= 45.0:
+            raise BadInput(f"yaw={self.yaw!r}: give degrees, from 0 to 45")
+        if not 0.0 <= self.offset < math.inf:
+            raise BadInput(f"offset={self.offset!r}: give metres, 0 or more")
+
+    @classmethod
+    def nothing(cls, scene: Scene) -> Randomise:
+        """Every episode as the scene is."""
+        poisson = scene.body.material.poisson if isinstance(scene.body, BodySpec) else 0.0
+        return cls(**{f.name: 0.0 for f in fields(cls) if f.name != "poisson"}, poisson=(poisson, poisson))
+
+    def settings(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> tuple[str, ...]:
+        """Of one piece of a scene of a block or a mesh, between pads, as `softseam run --set` takes them."""
+        others = [name for name in scene.tools if name not in pads]
+        part = random.uniform(-1.0, 1.0, 10 + len(others))  # of each spread
+        body = scene.body
+        assert isinstance(body, BodySpec)
+        low, high = self.poisson
+        found = [
+            f"body.material.young={body.material.young * (1.0 + self.young * part[0]):.6g}",
+            f"body.material.density={body.material.density * (1.0 + self.density * part[1]):.6g}",
+            f"body.material.poisson={0.5 * (low + high + part[2] * (high - low)):.6g}",
+        ]
+        if isinstance(body.shape, BlockShape) and self.size > 0.0:
+            edges = [edge * (1.0 + self.size * each) for edge, each in zip(body.shape.size, part[3:6], strict=True)]
+            found.append(f"body.shape.size={_list(edges)}")
+            if isinstance(body.cell, tuple):
+                cells = [cell * new / old for cell, new, old in zip(body.cell, edges, body.shape.size, strict=True)]
+                found.append(f"body.cell={_list(cells)}")
+        for name, each in [*((pad, part[6]) for pad in pads), *zip(others, part[10:], strict=True)]:
+            found.append(f"tools.{name}.friction={scene.tools[name].friction * (1.0 + self.friction * each):.6g}")
+        turn = math.radians(self.yaw) * part[7]
+        cos, sin = math.cos(turn), math.sin(turn)
+        for pad in pads:
+            x, y, z = scene.tools[pad].position  # type: ignore[union-attr]
+            at = cos * x - sin * y + self.offset * part[8], sin * x + cos * y + self.offset * part[9], z
+            found += [f"tools.{pad}.position={_list(at)}", f"tools.{pad}.rotation={_list((0.0, 0.0, turn))}"]
+        return tuple(found)
+
+
+def _list(numbers: Sequence[float]) -> str:
+    return f"[{', '.join(f'{number:.9g}' for number in numbers)}]"
