@@ -254,6 +254,7 @@ def calibrate(
     "that is wrong and did not say so is framed in black. The maps: [bold]step[/bold] (step and Young's modulus; FEM, "
     "XPBD, both), [bold]poisson[/bold] (Poisson's ratio and element), [bold]iterations[/bold] (XPBD and classic PBD), "
     "[bold]seam[/bold] (ratios across the seam and coupling scheme), [bold]squeeze[/bold] (squeeze and speed), "
+    "[bold]slope[/bold] (slope and friction), [bold]impact[/bold] (thickness and speed of what is hit), "
     "[bold]messages[/bold] (lost, repeated, late), [bold]pitfalls[/bold] (the textbook's, each with a control that "
     "fails and its remedy). Left behind: a picture a map, overview.png, atlas.csv, atlas.json. Ctrl-C is safe: the "
     "same command goes on where it was.\n\n"

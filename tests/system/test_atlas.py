@@ -12,7 +12,7 @@ from rich.console import Console
 
 from softseam.atlas import atlas as registry
 from softseam.atlas.command import Wishes, atlas
-from softseam.atlas.maps import iterations, messages, poisson, seam, squeeze, step
+from softseam.atlas.maps import impact, iterations, messages, poisson, seam, slope, squeeze, step
 from softseam.errors import BadInput
 
 TINY = {
@@ -21,6 +21,8 @@ TINY = {
     "iterations": partial(iterations.build, (1, 4, 32), (2, 64)),
     "seam": partial(seam.build, (0.1, 10.0)),
     "squeeze": partial(squeeze.build, (0.1, 0.5), (0.03,)),
+    "slope": partial(slope.build, (20.0,), (0.2, 0.4)),
+    "impact": partial(impact.build, (10.0,), (1e-3,)),
     "messages": partial(messages.build, (16,)),
 }
 MAPS = tuple(TINY)
@@ -85,6 +87,18 @@ def test_controls_fail_in_the_map_itself(cells: Cells) -> None:
     assert seams["position, constant; implicit euler"] == "accurate"
     assert seams["position, constant; newmark"] == "refused"
     assert seams["velocity, constant; midpoint (control)"] == "unstable"
+
+
+@pytest.mark.slow
+def test_what_friction_holds_stays_and_what_is_hit_is_not_passed(cells: Cells) -> None:
+    """In both models; a rod that is thinner than the points at which a body touches passes, which is told before."""
+    for model in ("FEM", "XPBD"):
+        for ground in ("plane", "box"):
+            for friction in ("0.2", "0.4"):
+                cell = cells["slope", f"{model} on a {ground}", "20", friction]
+                assert cell["kind"] == "accurate", (model, ground, friction, cell["why"])
+        assert cells["impact", f"{model} against a plate", "1", "10"]["kind"] in ("accurate", "recovered"), model
+        assert not cells["impact", f"{model} against a rod", "1", "10"]["silent"], model
 
 
 @pytest.mark.slow

@@ -52,6 +52,8 @@ class Trace:
     safeguards: dict[str, int] = field(default_factory=dict)
     """which acted, and in how many steps"""
     events: tuple[Event, ...] = ()
+    doubts: tuple[str, ...] = ()
+    """warnings before the first step"""
     told: tuple[str, ...] = ()
     """indicators that warned"""
     values: tuple[float, ...] = ()
@@ -76,6 +78,7 @@ def follow(scene: Mapping[str, object] | Scene, measure: Measure, *, fields: boo
     try:
         with open_as_given(parsed) as session:
             session.reset()
+            trace.doubts = tuple(session.doubts())
             session.run(watch.see, fields=fields)
     except SceneRefused as error:
         return Trace(refused=str(error))
@@ -165,7 +168,7 @@ _GUARD_OF_DETAIL = {
 
 def told_by(trace: Trace) -> list[str]:
     """The run's own indicators that warned of something wrong."""
-    found = []
+    found = [f"before the run: {doubt.partition(':')[0]}" for doubt in trace.doubts]
     for event in trace.events:
         if event.kind in _TOLD_BY_KIND:
             found.append(_TOLD_BY_KIND[event.kind])
