@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from softseam import cli_learning
 from softseam.cli_options import Deployment, Endpoint, Recordings, Routes, SceneArgument, Settings, Tolerance
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 from softseam_protocol.extensions import ExtensionError, load_extensions
@@ -383,6 +384,10 @@ def schema(
             out.write_text(scene_schema(), encoding="utf-8")
         except OSError as error:
             raise cannot_write(out, error) from None
+
+
+app.command(epilog=cli_learning.TRAIN)(cli_learning.train)
+app.command(epilog=cli_learning.EVALUATE)(cli_learning.evaluate)
 
 
 def main() -> int:

@@ -76,6 +76,8 @@ _EXTRA_OF = {
     "pyarrow": "view",
     "matplotlib": "view",
     "gymnasium": "gym",
+    "stable_baselines3": "learn",
+    "torch": "learn",
 }
 
 

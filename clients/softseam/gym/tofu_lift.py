@@ -208,8 +208,7 @@ class TofuLift(SceneEnv):
         if "failed" in info:  # a squeeze beyond what the body bears
             reward, terminated, truncated = -1.0, True, False
         info["is_success"] = terminated and "failed" not in info and info["lift_height"] >= HEIGHT
-        if self._grip is not None:
-            info["stress"] = self._grip.stress
+        info["stress"] = 0.0 if self._grip is None else self._grip.stress
         return seen, reward, terminated, truncated, info
 
     # ----

@@ -1,0 +1,1 @@
+"""Training and judging policies, with stable-baselines3."""

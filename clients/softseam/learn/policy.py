@@ -1,0 +1,71 @@
+"""A policy on disk: what stable-baselines3 saves, and beside it what it is a policy of and how it was learned."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from softseam.errors import BadInput
+from softseam.learn.tasks import TASKS, VERSION
+from softseam.report import write_json
+
+Algorithm = Literal["ppo", "sac"]
+
+POLICY, TRAINING = "policy.zip", "training.json"
+_FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Training:
+    """How far learning got."""
+
+    task: str
+    algorithm: Algorithm
+    seed: int
+    environments: int
+    steps: int
+    """wanted"""
+    done: int = 0
+    """taken"""
+    curve: tuple[tuple[int, float, float, float], ...] = ()
+    """after so many steps: return, part that succeeded and mean of the largest stress [Pa] of the last 100 episodes"""
+    settings: tuple[str, ...] = ()
+    seconds: float = 0.0
+    """wall time that it took"""
+    version: int = field(default=VERSION)
+
+    def write(self, folder: Path) -> None:
+        """Raises OSError."""
+        write_json({"softseam_training": _FORMAT, **asdict(self)}, folder / TRAINING)
+
+
+def read_training(folder: Path) -> Training:
+    """How the policy in a folder was learned. Raises BadInput where there is none, or it cannot be used."""
+    path = folder / TRAINING
+    try:
+        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        known = document.pop("softseam_training") == _FORMAT
+        curve = tuple((int(a), float(b), float(c), float(d)) for a, b, c, d in document.pop("curve"))
+        training = Training(**document, curve=curve)
+        training = replace(training, settings=tuple(training.settings))
+    except FileNotFoundError:
+        raise BadInput(f"{folder} holds no policy: there is no {TRAINING}; softseam train TofuLift makes one") from None
+    except OSError as error:
+        raise BadInput(f"cannot read {path}: {error.strerror}") from None
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise BadInput(f"{path} is corrupt ({type(error).__name__}): train anew") from None
+    if not known:
+        raise BadInput(f"{path} is of another version of softseam: train anew")
+    if training.task not in TASKS:
+        raise BadInput(f"{path}: no task is called {training.task!r} (there are: {', '.join(TASKS)})")
+    if training.version != VERSION:
+        raise BadInput(
+            f"{path}: a policy of version {training.version} of {training.task}, which is {VERSION}: train anew"
+        )
+    saved = folder / POLICY
+    if not zipfile.is_zipfile(saved):
+        raise BadInput(f"{saved} {'is cut short' if saved.exists() else 'is missing'}: train anew")
+    return training

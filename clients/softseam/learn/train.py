@@ -1,0 +1,211 @@
+"""`softseam train`: learn a task with stable-baselines3, and leave the policy, how it was learned, and the curve."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from softseam.bar import Bar
+from softseam.errors import BadInput, missing_extra
+from softseam.learn.policy import POLICY, Algorithm, Training, read_training
+from softseam.learn.tasks import TASKS
+from softseam.outputs import check_outputs
+
+_KEPT = 100
+"""episodes that the curve is a mean of"""
+_ROW = 2_000
+"""steps between rows of the curve"""
+_SAVE = 20_000
+"""steps between checkpoints"""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What `softseam train` was asked for."""
+
+    task: str = "TofuLift"
+    algorithm: Algorithm = "ppo"
+    steps: int | None = None
+    seed: int = 0
+    environments: int = 16
+    out: Path | None = None
+    resume: bool = False
+    settings: tuple[str, ...] = ()
+
+
+def train(wishes: Wishes, console: Console) -> Path:
+    """Learn, and return the folder; interrupted, what was learned is kept. Raises BadInput and MissingExtra."""
+    if wishes.task not in TASKS:
+        raise BadInput(f"no task is called {wishes.task!r} (there are: {', '.join(TASKS)})")
+    task = TASKS[wishes.task]
+    folder = wishes.out or Path("out") / f"{wishes.task}-{wishes.algorithm}-{wishes.seed}"
+    steps = task.steps if wishes.steps is None else wishes.steps
+    if steps < 1 or wishes.environments < 1:
+        raise BadInput("--steps and --environments: give 1 or more")
+    if wishes.resume:
+        known = read_training(folder)
+        training = replace(known, steps=known.steps if wishes.steps is None else steps)
+        if training.done >= training.steps:
+            raise BadInput(f"{folder} has its {training.done} steps already: give more with --steps")
+    else:
+        if (folder / POLICY).exists():
+            raise BadInput(f"{folder} holds a policy already: go on with --resume, or choose another folder with --out")
+        training = Training(
+            wishes.task, wishes.algorithm, wishes.seed, wishes.environments, steps, settings=wishes.settings
+        )
+    check_outputs([("--out", folder / POLICY)], inputs={})
+    _learn(training, folder, console, wishes.resume)
+    return folder
+
+
+def _learn(training: Training, folder: Path, console: Console, resume: bool) -> None:
+    """To the end, or until it is interrupted."""
+    try:
+        import torch
+        from stable_baselines3.common.callbacks import BaseCallback
+    except ImportError as error:
+        raise missing_extra(error, "training") from error
+    torch.set_num_threads(1)  # networks this small are slower on two
+    vector = vectorised(training)
+    model = algorithm(training.algorithm)
+    learner = model.load(folder / POLICY, env=vector) if resume else new_learner(training, vector)
+    keeper = _Keeper(training, folder, learner)
+    show, stop = _shown(console, training)
+
+    class Watch(BaseCallback):  # type: ignore[misc]
+        def _on_step(self) -> bool:
+            keeper.see(self.num_timesteps, self.locals["infos"], self.locals["dones"])
+            show(keeper)
+            return True
+
+    try:
+        learner.learn(training.steps - training.done, callback=Watch(), reset_num_timesteps=not resume)
+    except KeyboardInterrupt:
+        stop()
+        keeper.save()
+        console.print(f"interrupted after {keeper.training.done:,} steps; go on with: softseam train --resume "
+                      f"--out {folder}", soft_wrap=True, highlight=False)  # fmt: skip
+        raise
+    finally:
+        stop()
+        vector.close()
+    keeper.save()
+    done = f"{folder}: {keeper.training.done:,} steps in {keeper.training.seconds:.0f} s"
+    console.print(f"{done}; of the last {_KEPT} episodes {keeper.state}", soft_wrap=True, highlight=False)
+    console.print(f"judge it: softseam evaluate {folder}", soft_wrap=True, highlight=False)
+
+
+def vectorised(training: Training) -> Any:
+    """The environments, in this process."""
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    task, several = TASKS[training.task], training.environments
+
+    def make() -> Any:
+        env = task.make(environments=several, settings=training.settings)
+        env.steps = training.done // several
+        return Monitor(env)
+
+    vector = DummyVecEnv([make] * several)
+    vector.seed(training.seed + training.done)
+    return vector
+
+
+def algorithm(name: Algorithm) -> Any:
+    """The class that learns by it."""
+    import stable_baselines3
+
+    return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
+
+
+def new_learner(training: Training, vector: Any) -> Any:
+    """With constants that learn TofuLift from every seed that was tried."""
+    net = {"net_arch": [64, 64]}
+    shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "gamma": 0.98, "learning_rate": 5e-4}
+    if training.algorithm == "sac":
+        return algorithm("sac")("MlpPolicy", vector, policy_kwargs=net, train_freq=1, gradient_steps=2, **shared)
+    return algorithm("ppo")(
+        "MlpPolicy",
+        vector,
+        n_steps=max(2048 // training.environments, 8),
+        batch_size=512,
+        n_epochs=10,
+        policy_kwargs=net | {"log_std_init": -0.5},
+        **shared,
+    )
+
+
+class _Keeper:
+    """What is known of the training so far, and how it is kept."""
+
+    def __init__(self, training: Training, folder: Path, learner: Any) -> None:
+        self.training, self._folder, self._learner = training, folder, learner
+        self._began, self._spent = perf_counter(), training.seconds
+        self._episodes: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
+        self._rows = list(training.curve)
+        self._saved = training.done
+
+    def see(self, steps: int, infos: Sequence[dict[str, Any]], dones: Sequence[bool]) -> None:
+        """One step of all environments."""
+        for info, done in zip(infos, dones, strict=True):
+            if done:
+                self._episodes.append((info["episode"]["r"], info["is_success"], info["stress"]))
+        self.training = replace(self.training, done=steps)
+        if self._episodes and steps >= (self._rows[-1][0] if self._rows else 0) + _ROW:
+            self._add(steps)
+        if steps >= self._saved + _SAVE:
+            self.save()
+
+    @property
+    def state(self) -> str:
+        if not self._rows:
+            return "none is over yet"
+        _, reward, success, stress = self._rows[-1]
+        return f"{success:.0%} succeed, return {reward:.2f}, stress {1e-3 * stress:.2f} kPa"
+
+    def _add(self, steps: int) -> None:
+        reward, success, stress = (float(value) for value in np.mean(self._episodes, axis=0))
+        self._rows.append((steps, reward, success, stress))
+
+    def save(self) -> None:
+        """The policy first, all or nothing, then how it was learned, then the curve."""
+        if self._episodes and (not self._rows or self._rows[-1][0] < self.training.done):
+            self._add(self.training.done)
+        seconds = self._spent + perf_counter() - self._began
+        self.training = replace(self.training, curve=tuple(self._rows), seconds=seconds)
+        self._saved = self.training.done
+        fresh = self._folder / f".policy.{os.getpid()}.zip"
+        self._learner.save(fresh)
+        fresh.replace(self._folder / POLICY)
+        self.training.write(self._folder)
+        if self._rows:
+            from softseam.learn.curve import draw_curve
+
+            draw_curve(self.training, self._folder / "curve.png")
+
+
+def _shown(console: Console, training: Training) -> tuple[Callable[[_Keeper], None], Callable[[], None]]:
+    """How it gets on: a bar on a terminal, else a line every tenth."""
+    title = f"{training.task}, {training.algorithm}"
+    if console.is_terminal:
+        bar = Bar(console, title, float(training.steps), "")
+        return (lambda keeper: bar.show(float(keeper.training.done), keeper.state)), bar.stop
+    told = [training.done]
+
+    def line(keeper: _Keeper) -> None:
+        if keeper.training.done >= told[0] + max(training.steps // 10, 1):
+            told[0] = keeper.training.done
+            console.print(
+                f"{title}: {keeper.training.done:,} of {training.steps:,} steps; {keeper.state}", highlight=False
+            )
+
+    return line, lambda: None

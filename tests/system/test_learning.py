@@ -1,0 +1,155 @@
+"""`softseam train` and `softseam evaluate`: a short training is kept, goes on and is judged; what is spoilt is refused.
+
+Needs stable-baselines3, which continuous integration installs; elsewhere: pip install 'softseam[learn]'.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from softseam.errors import BadInput
+from softseam.learn import train as training
+from softseam.learn.evaluate import Wishes as Judgement
+from softseam.learn.evaluate import evaluate
+from softseam.learn.policy import POLICY, TRAINING, read_training
+from softseam.learn.train import Wishes, train
+from softseam.recording import Recording
+
+learns = pytest.mark.skipif(
+    find_spec("stable_baselines3") is None and not os.environ.get("CI"), reason="pip install 'softseam[learn]'"
+)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """After one rollout, of sixteen pieces."""
+    folder = tmp_path_factory.mktemp("trained") / "policy"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training, "_ROW", 200)
+        said = Console(file=StringIO())
+        train(Wishes(steps=400, out=folder), said)
+    assert isinstance(said.file, StringIO)
+    assert "softseam evaluate" in said.file.getvalue()
+    return folder
+
+
+@learns
+@pytest.mark.slow
+def test_a_training_is_kept_and_goes_on(trained: Path) -> None:
+    """With its own count of steps, which the weight of stress grows with."""
+    found = read_training(trained)
+    assert found.done == 2048 and found.task == "TofuLift" and found.seconds > 0.0
+    assert (trained / "curve.png").stat().st_size > 10_000
+    with pytest.raises(BadInput, match="--resume"):
+        train(Wishes(out=trained), Console(quiet=True))
+    with pytest.raises(BadInput, match="2048 steps already"):
+        train(Wishes(out=trained, resume=True), Console(quiet=True))
+    train(Wishes(out=trained, steps=2100, resume=True), Console(quiet=True))
+    more = read_training(trained)
+    assert more.done == 4096 and more.seconds > found.seconds and more.curve[: len(found.curve)] == found.curve
+
+
+@learns
+@pytest.mark.slow
+def test_a_policy_is_judged_beside_rules(trained: Path, tmp_path: Path) -> None:
+    """On pieces of its own; the rule that presses by 2 N lifts them all, and an episode can be replayed."""
+    said = Console(file=StringIO(), width=120)
+    found = evaluate(Judgement(trained, pieces=3, step=0.04, record=tmp_path / "episodes"), said)
+    assert list(found) == ["the policy", "close to 1 N", "close to 2 N", "squeeze by 15 %"]
+    assert found["close to 2 N"].success.all()
+    assert 500.0 < found["close to 2 N"].stress.mean() < found["squeeze by 15 %"].stress.mean()
+    assert isinstance(said.file, StringIO)
+    told = said.file.getvalue()
+    assert "100.0%" in told and "softseam replay" in told
+    recorded = sorted((tmp_path / "episodes").glob("*.mcap"))
+    assert recorded and Recording(recorded[0]).counts["StepReport"] > 5
+
+
+@learns
+@pytest.mark.slow
+def test_an_interrupted_training_is_kept(tmp_path: Path) -> None:
+    folder = tmp_path / "policy"
+    code = (
+        "import sys, softseam.learn.train as t; t._SAVE = 100; "
+        "t.train(t.Wishes(environments=2, out=t.Path(sys.argv[1])), t.Console())"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(folder)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        end = time.monotonic() + 240.0
+        while not (folder / TRAINING).exists():
+            assert run.poll() is None and time.monotonic() < end, run.stderr
+            time.sleep(0.05)  # nothing announces a file
+        run.send_signal(signal.SIGINT)
+        said, _ = run.communicate(timeout=60.0)
+    assert "go on with: softseam train --resume" in said
+    assert read_training(folder).done >= 100
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda document: document | {"task": "TofuThrow"}, "no task is called 'TofuThrow'"),
+        (lambda document: document | {"version": 99}, "a policy of version 99"),
+        (lambda document: document | {"softseam_training": 2}, "another version of softseam"),
+        (lambda document: {"softseam_training": 1}, "is corrupt"),
+        (lambda document: [], "is corrupt"),
+    ],
+)
+def test_a_spoilt_training_is_refused(spoil: Any, why: str, tmp_path: Path) -> None:
+    document = {
+        "softseam_training": 1,
+        "task": "TofuLift",
+        "algorithm": "ppo",
+        "seed": 0,
+        "environments": 2,
+        "steps": 9,
+    }
+    document |= {"done": 9, "curve": [], "settings": [], "seconds": 1.0, "version": 1}
+    (tmp_path / TRAINING).write_text(json.dumps(spoil(document)))
+    with pytest.raises(BadInput, match=why):
+        read_training(tmp_path)
+
+
+def test_a_policy_that_is_cut_short_or_missing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"holds no policy.*softseam train"):
+        read_training(tmp_path)
+    document = {
+        "softseam_training": 1,
+        "task": "TofuLift",
+        "algorithm": "ppo",
+        "seed": 0,
+        "environments": 2,
+        "steps": 9,
+    }
+    (tmp_path / TRAINING).write_text(json.dumps(document | {"curve": []}))
+    with pytest.raises(BadInput, match=f"{POLICY} is missing"):
+        read_training(tmp_path)
+    (tmp_path / POLICY).write_bytes(b"PK\x03\x04 cut short")
+    with pytest.raises(BadInput, match="cut short"):
+        read_training(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("wishes", "why"),
+    [
+        (Wishes(task="TofuThrow"), "no task is called 'TofuThrow'"),
+        (Wishes(steps=0), "1 or more"),
+        (Wishes(environments=0), "1 or more"),
+    ],
+)
+def test_what_cannot_be_learned_is_refused(wishes: Wishes, why: str) -> None:
+    with pytest.raises(BadInput, match=why):
+        train(wishes, Console(quiet=True))
