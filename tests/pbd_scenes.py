@@ -9,7 +9,7 @@ from pbd_run import PbdRun, block_scene, cantilever
 from rich.console import Console
 from rich.table import Table
 
-from softseam.chart.measure import measure
+from softseam.study.measure import measure
 from softseam_services.pbd.kernels.lanes import LANES
 from softseam_services.pbd.two_threads import TwoThreads
 

@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest, translated
 from softseam.errors import BadInput, missing_extra
 from softseam.outputs import check_ending, check_outputs
 from softseam.report import write_report
 from softseam.scenes import bundle_of, inputs_of
+from softseam.study.store import Identity, Store, cache_folder
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.messages.participant import Bundle

@@ -179,8 +179,8 @@ def chart(
     settings: Settings = None,
 ) -> None:
     """Chart accuracy against speed: many ways to simulate a scene, each against a converged reference."""
-    from softseam.chart.command import Wishes
-    from softseam.chart.command import chart as draw_chart
+    from softseam.study.chart_command import Wishes
+    from softseam.study.chart_command import chart as draw_chart
 
     draw_chart(Wishes(scene, tuple(settings or ()), out, minutes, rivals, fresh), _out())
 
@@ -216,8 +216,8 @@ def plan(
     settings: Settings = None,
 ) -> None:
     """Find the least that a scene needs: the fastest way to simulate it within a tolerance."""
-    from softseam.plan.command import Wishes
-    from softseam.plan.command import plan as find_plan
+    from softseam.study.plan_command import Wishes
+    from softseam.study.plan_command import plan as find_plan
 
     wishes = Wishes(scene, tuple(settings or ()), tolerance, rtf, tuple(quantities or ()), minutes, fresh)
     find_plan(wishes, _out())

@@ -38,8 +38,8 @@ def open(
         return begin(settings)
     from rich.console import Console
 
-    from softseam.plan.command import Wishes, find
-    from softseam.plan.watch import PlanWatch
+    from softseam.study.plan_command import Wishes, find
+    from softseam.study.watch import PlanWatch
 
     # progress goes to the terminal's standard error; where there is none, a line says what takes so long
     shown = sys.stderr.isatty()

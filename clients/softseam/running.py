@@ -61,8 +61,8 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
         raise BadInput("--model and --tolerance exclude each other: a tolerance chooses the model, too")
     _check_outputs(wishes)
     if wishes.model is None and (wishes.tolerance is not None or _tolerance(wishes) is not None):
-        from softseam.plan.command import Wishes as PlanWishes
-        from softseam.plan.command import planned
+        from softseam.study.plan_command import Wishes as PlanWishes
+        from softseam.study.plan_command import planned
 
         settings = (*settings, *planned(PlanWishes(wishes.scene, settings, wishes.tolerance), console))
     with tempfile.TemporaryDirectory(prefix="softseam-") as scratch:

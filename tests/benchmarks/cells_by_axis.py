@@ -14,11 +14,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from softseam.chart.configurations import Fem
-from softseam.chart.errors import rms, scale_of
-from softseam.chart.frame import Frame, frame_of
-from softseam.chart.measure import Outcome, measure, quantity_names
 from softseam.scenes import load_scene
+from softseam.study.configurations import Fem
+from softseam.study.errors import rms, scale_of
+from softseam.study.frame import Frame, frame_of
+from softseam.study.measure import Outcome, measure, quantity_names
 from softseam.variants import AS_GIVEN, with_settings
 
 TRIED = (

@@ -14,11 +14,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from softseam.chart.command import Wishes, chart
-from softseam.chart.errors import Error, not_counted
-from softseam.chart.landmarks import ASKED, Landmark, read_rivals
-from softseam.chart.reference import Reference, in_words, origin
-from softseam.chart.table import Row, busy, unrun
+from softseam.study.chart_command import Wishes, chart
+from softseam.study.errors import Error, not_counted
+from softseam.study.landmarks import ASKED, Landmark, read_rivals
+from softseam.study.reference import Reference, in_words, origin
+from softseam.study.table import Row, busy, unrun
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
 

@@ -24,27 +24,27 @@ from types import MappingProxyType
 from benchmarks.plans_page import DEARER, SHORT, TOLERANCES, Checked, Judged, page
 from rich.console import Console
 
-from softseam.chart.climb import Watch, climb
-from softseam.chart.configurations import Configuration, configurations
-from softseam.chart.errors import Error, is_hardly_known, not_counted, sure
-from softseam.chart.frame import frame_of
-from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, Told, measure, quantity_names
-from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Reference, origin
-from softseam.chart.shipped import digest_of, shipped
-from softseam.chart.store import Identity, Store
-from softseam.chart.sweep import sweep
-from softseam.chart.table import Row, core_share, rows_of, unrun
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
-from softseam.plan import beside as beside_sweep
-from softseam.plan.command import finer, planner_digest
-from softseam.plan.counted import counting, counts_to, known_to, looser
-from softseam.plan.foretold import Run
-from softseam.plan.kept import Goal
-from softseam.plan.planner import Measure, NoPlan, choose, judged
 from softseam.scenes import bundle_of
+from softseam.study import beside as beside_sweep
+from softseam.study.climb import Watch, climb
+from softseam.study.configurations import Configuration, configurations
+from softseam.study.counted import counting, counts_to, known_to, looser
+from softseam.study.errors import Error, is_hardly_known, not_counted, sure
+from softseam.study.foretold import Run
+from softseam.study.frame import frame_of
+from softseam.study.kept import Goal
+from softseam.study.ladder import Ladder
+from softseam.study.measure import Outcome, Told, measure, quantity_names
+from softseam.study.plan_command import finer, planner_digest
+from softseam.study.planner import Measure, NoPlan, choose, judged
+from softseam.study.progress import ChartProgress
+from softseam.study.reference import Reference, origin
+from softseam.study.shipped import digest_of, shipped
+from softseam.study.store import Identity, Store
+from softseam.study.sweep import sweep
+from softseam.study.table import Row, core_share, rows_of, unrun
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from softseam.chart.table import busy_by
 from softseam.embedded import solver_digest
+from softseam.study.table import busy_by
 from softseam_protocol.facts import machine
 
 TOLERANCES = (0.2, 0.1, 0.05, 0.02)

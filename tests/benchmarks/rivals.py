@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from softseam.chart.command import Wishes, chart
-from softseam.chart.errors import errors
-from softseam.chart.reference import Reference
-from softseam.chart.series import Series
+from softseam.study.chart_command import Wishes, chart
+from softseam.study.errors import errors
+from softseam.study.reference import Reference
+from softseam.study.series import Series
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).parent

@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 from typing import Literal
 
-from softseam.chart.measure import measure
+from softseam.study.measure import measure
 from softseam.variants import with_model
 from softseam_protocol.scene.file import load_scene
 

@@ -24,19 +24,19 @@ from benchmarks.plans import SCENES
 from rich.console import Console
 from rich.table import Table
 
-from softseam.chart.assemble import counted
-from softseam.chart.climb import climb
-from softseam.chart.errors import KNOWN, rms, scale_of
-from softseam.chart.frame import Frame, frame_of
-from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, quantity_names
-from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Reference, in_words, origin
-from softseam.chart.shipped import CHECKED, DIGITS, Shipped, is_as_fine, moved, path_of, read, shipping, write
-from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.scenes import load_scene
+from softseam.study.assemble import counted
+from softseam.study.climb import climb
+from softseam.study.errors import KNOWN, rms, scale_of
+from softseam.study.frame import Frame, frame_of
+from softseam.study.ladder import Ladder
+from softseam.study.measure import Outcome, quantity_names
+from softseam.study.progress import ChartProgress
+from softseam.study.reference import Reference, in_words, origin
+from softseam.study.shipped import CHECKED, DIGITS, Shipped, is_as_fine, moved, path_of, read, shipping, write
+from softseam.study.store import Identity, Store, cache_folder
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from chromium import browse
 
-from softseam.chart.page import write_page
+from softseam.study.page import write_page
 
 SCENE = """\
 softseam: 1

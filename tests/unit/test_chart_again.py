@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from softseam.chart import command
-from softseam.chart.command import Wishes, chart
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.frame import Frame
 from softseam.errors import BadInput
+from softseam.study import chart_command as command
+from softseam.study.chart_command import Wishes, chart
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.frame import Frame
 
 SCENE = """\
 softseam: 1

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from benchmarks import chart as document
 
-from softseam.chart.configurations import METHODS, Configuration, configurations
-from softseam.chart.errors import Error, Truth
-from softseam.chart.frame import Frame
-from softseam.chart.landmarks import Landmark
-from softseam.chart.measure import Outcome
-from softseam.chart.reference import Part, Reference
-from softseam.chart.table import Row
 from softseam.scenes import load_scene
+from softseam.study.configurations import METHODS, Configuration, configurations
+from softseam.study.errors import Error, Truth
+from softseam.study.frame import Frame
+from softseam.study.landmarks import Landmark
+from softseam.study.measure import Outcome
+from softseam.study.reference import Part, Reference
+from softseam.study.table import Row
 
 KNOWN = Reference(
     np.array([0.1, 0.2]),

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softseam.chart.configurations import Configuration, Fem, configurations
-from softseam.chart.errors import Truth
-from softseam.chart.frame import Frame, frame_of
-from softseam.chart.landmarks import ASKED, asked_of, read_rivals
-from softseam.chart.measure import BRIEF, MOST, Outcome, measure, quantity_names
-from softseam.chart.reference import Part, Reference
-from softseam.chart.series import Series
-from softseam.chart.store import Identity, Store, cache_folder
-from softseam.chart.sweep import sweep
-from softseam.chart.table import rows_of, write_csv
 from softseam.errors import BadInput
 from softseam.scenes import load_scene
+from softseam.study.configurations import Configuration, Fem, configurations
+from softseam.study.errors import Truth
+from softseam.study.frame import Frame, frame_of
+from softseam.study.landmarks import ASKED, asked_of, read_rivals
+from softseam.study.measure import BRIEF, MOST, Outcome, measure, quantity_names
+from softseam.study.reference import Part, Reference
+from softseam.study.series import Series
+from softseam.study.store import Identity, Store, cache_folder
+from softseam.study.sweep import sweep
+from softseam.study.table import rows_of, write_csv
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_services.body.build import build_body
@@ -309,7 +309,7 @@ def test_rows_tell_what_failed(tmp_path: Path) -> None:
     write_csv(rows, ["sag"], tmp_path / "chart.csv")
     lines = (tmp_path / "chart.csv").read_text().splitlines()
     assert len(lines) == 5 and "it diverged" in lines[2] and lines[1].endswith("0.01,true")
-    from softseam.chart.draw import draw_chart, placed
+    from softseam.study.draw import draw_chart, placed
 
     assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[3]) is None
     picture = draw_chart(tmp_path / "chart.png", "a test", "a machine", rows, reference, ASKED, ASKED[:1])
@@ -329,5 +329,5 @@ def test_brief_runs_are_timed_more_often_than_asked_for(monkeypatch: pytest.Monk
     # of one run, not of all; and two clocks differ by some microseconds
     assert found.cpu <= 1.05 * sorted(found.walls)[len(found.walls) // 2]
     assert len(measure("tofu_grasp", settings, ("sag",), runs=0).walls) == 1
-    monkeypatch.setattr("softseam.chart.measure.BRIEF", 0.0)
+    monkeypatch.setattr("softseam.study.measure.BRIEF", 0.0)
     assert len(measure("tofu_grasp", settings, ("sag",), runs=2).walls) == 2

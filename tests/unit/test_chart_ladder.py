@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softseam.chart.assemble import NEAR
-from softseam.chart.climb import climb, climb_graded, fine, short_enough, steps_at, with_halves
-from softseam.chart.frame import Frame, frame_of
-from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, Told, measure
-from softseam.chart.richardson import Limit
-from softseam.chart.series import Series
 from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import load_scene
 from softseam.session import open_as_given
+from softseam.study.assemble import NEAR
+from softseam.study.climb import climb, climb_graded, fine, short_enough, steps_at, with_halves
+from softseam.study.frame import Frame, frame_of
+from softseam.study.ladder import Ladder
+from softseam.study.measure import Outcome, Told, measure
+from softseam.study.richardson import Limit
+from softseam.study.series import Series
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.scene.scene import Scene
 
@@ -316,7 +316,7 @@ def test_a_level_that_did_not_end_in_time_is_not_begun_again_in_as_much(
         outcome = measure(*given, **named)
         return replace(outcome, spent=100.0 * outcome.spent)
 
-    monkeypatch.setattr("softseam.chart.ladder.measure", slowly)
+    monkeypatch.setattr("softseam.study.ladder.measure", slowly)
     block = frame()
     first, again = (Ladder("tofu_grasp", (), block, ("grip_force",)) for _ in range(2))
     for ladder in (first, again):
@@ -360,7 +360,7 @@ def test_levels_of_another_machine_are_known_and_are_no_plan_of_this_one(
     first.run(2, 0.002, 60.0)
     again.run(2, 0.002, 60.0)
     assert len(first.tried()) == len(again.tried()) == 1 and again.spent == 0.0
-    monkeypatch.setattr("softseam.chart.ladder.machine", lambda: "another, 64 cores")
+    monkeypatch.setattr("softseam.study.ladder.machine", lambda: "another, 64 cores")
     again.run(2, 0.002, 60.0)
     assert again.spent == 0.0 and again.tried() == []
     again.run(2, 0.001, 60.0)

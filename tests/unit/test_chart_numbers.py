@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam.chart.assemble import counted
-from softseam.chart.climb import fine
-from softseam.chart.errors import (
+from softseam.study.assemble import counted
+from softseam.study.climb import fine
+from softseam.study.errors import (
     Truth,
     errors,
     is_faint,
@@ -23,10 +23,10 @@ from softseam.chart.errors import (
     sure,
     worst,
 )
-from softseam.chart.pareto import pareto_front, worth_naming
-from softseam.chart.reference import Part, Reference
-from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
-from softseam.chart.series import Series
+from softseam.study.pareto import pareto_front, worth_naming
+from softseam.study.reference import Part, Reference
+from softseam.study.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
+from softseam.study.series import Series
 
 TIME = np.linspace(0.0, 2.0, 401)
 TRUE = np.sin(3.0 * TIME) + 2.0

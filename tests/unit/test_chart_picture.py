@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from softseam.chart import draw
-from softseam.chart.configurations import Configuration
-from softseam.chart.errors import Error, Truth
-from softseam.chart.landmarks import ASKED, Landmark
-from softseam.chart.measure import Outcome, Status
-from softseam.chart.reference import Part, Reference
-from softseam.chart.table import Row
+from softseam.study import draw
+from softseam.study.configurations import Configuration
+from softseam.study.errors import Error, Truth
+from softseam.study.landmarks import ASKED, Landmark
+from softseam.study.measure import Outcome, Status
+from softseam.study.reference import Part, Reference
+from softseam.study.table import Row
 
 REFERENCE = Reference(
     np.array([0.1, 0.2]),

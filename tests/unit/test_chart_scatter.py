@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam.chart.errors import rms
-from softseam.chart.richardson import RECENT, Limit, limit
-from softseam.chart.scatter import ALIKE, FITTED, ORDERS, fitted, settled, together
+from softseam.study.errors import rms
+from softseam.study.richardson import RECENT, Limit, limit
+from softseam.study.scatter import ALIKE, FITTED, ORDERS, fitted, settled, together
 
 TIME = np.linspace(0.0, 2.0, 401)
 TRUE = np.sin(3.0 * TIME) + 2.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from softseam import cli, connected, errors
-from softseam.plan.planner import NoPlan, TooSlow
+from softseam.study.planner import NoPlan, TooSlow
 
 GOOD = """\
 softseam: 1

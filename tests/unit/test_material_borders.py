@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 from rich.console import Console
 
-from softseam.chart.climb import ACROSS, levels_of, refines
-from softseam.chart.configurations import Fem, configurations
-from softseam.chart.frame import Frame
 from softseam.checking import check_scene
 from softseam.scenes import load_scene
+from softseam.study.climb import ACROSS, levels_of, refines
+from softseam.study.configurations import Fem, configurations
+from softseam.study.frame import Frame
 from softseam.variants import with_settings
 from softseam_protocol.material_borders import are_equal, cells_along, material_borders, pieces, wanted_for
 from softseam_protocol.scene.bodies import BlockShape, BodySpec

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.frame import Frame
-from softseam.chart.measure import Outcome
-from softseam.chart.series import Series
-from softseam.chart.store import Identity, Store
 from softseam.errors import BadInput
-from softseam.plan.beside import keep, kept
 from softseam.scenes import load_scene
+from softseam.study.beside import keep, kept
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.frame import Frame
+from softseam.study.measure import Outcome
+from softseam.study.series import Series
+from softseam.study.store import Identity, Store
 
 FRAME = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
 FOUND = (

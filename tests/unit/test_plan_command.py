@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 
 import softseam
-from softseam.plan import command
-from softseam.plan.command import Wishes, find, listed, show
-from softseam.plan.kept import Goal, Plan, Tried
-from softseam.plan.watch import PlanWatch
+from softseam.study import plan_command as command
+from softseam.study.kept import Goal, Plan, Tried
+from softseam.study.plan_command import Wishes, find, listed, show
+from softseam.study.watch import PlanWatch
 
 WISHES = Wishes("tofu_grasp", tolerance=0.05)
 

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from softseam.chart.configurations import Configuration
-from softseam.chart.errors import Truth
-from softseam.chart.measure import Outcome
-from softseam.chart.reference import Part, Reference
-from softseam.chart.series import Series
-from softseam.plan import planner
-from softseam.plan.command import Wishes
-from softseam.plan.counted import counts_to
-from softseam.plan.kept import Goal, Plan
-from softseam.plan.planner import NoPlan, choose
-from softseam.plan.watch import PlanWatch
+from softseam.study import planner
+from softseam.study.configurations import Configuration
+from softseam.study.counted import counts_to
+from softseam.study.errors import Truth
+from softseam.study.kept import Goal, Plan
+from softseam.study.measure import Outcome
+from softseam.study.plan_command import Wishes
+from softseam.study.planner import NoPlan, choose
+from softseam.study.reference import Part, Reference
+from softseam.study.series import Series
+from softseam.study.watch import PlanWatch
 from softseam_protocol.messages.session import ErrorEstimate
 
 TIME = np.linspace(0.0, 1.0, 5)

@@ -12,17 +12,17 @@ from benchmarks import plans
 from benchmarks.plans import check, ran, timed
 from benchmarks.plans_page import TOLERANCES, Checked, Judged, page
 
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.errors import Truth
-from softseam.chart.frame import Frame
-from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, Told
-from softseam.chart.reference import Part, Reference
-from softseam.chart.series import Series
-from softseam.chart.store import Identity, Store
-from softseam.chart.table import rows_of
 from softseam.embedded import solver_digest
 from softseam.scenes import load_scene
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.errors import Truth
+from softseam.study.frame import Frame
+from softseam.study.ladder import Ladder
+from softseam.study.measure import Outcome, Told
+from softseam.study.reference import Part, Reference
+from softseam.study.series import Series
+from softseam.study.store import Identity, Store
+from softseam.study.table import rows_of
 
 TIME, FLAT = np.linspace(0.0, 1.0, 5), np.ones(5)
 LEFT_OUT = Outcome("left out", "give more --minutes")

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.errors import Truth
-from softseam.chart.frame import Frame
-from softseam.chart.measure import Outcome
-from softseam.chart.reference import Part, Reference
-from softseam.chart.series import Series
-from softseam.plan.foretold import Run
-from softseam.plan.kept import Goal
-from softseam.plan.planner import NoPlan, choose
-from softseam.plan.refined import ACROSS, MORE, refined
 from softseam.scenes import load_scene
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.errors import Truth
+from softseam.study.foretold import Run
+from softseam.study.frame import Frame
+from softseam.study.kept import Goal
+from softseam.study.measure import Outcome
+from softseam.study.planner import NoPlan, choose
+from softseam.study.reference import Part, Reference
+from softseam.study.refined import ACROSS, MORE, refined
+from softseam.study.series import Series
 
 FRAME = Frame(load_scene("tofu_grasp"), np.array([0.05, 0.05, 0.05]))
 TIME = np.linspace(0.0, 1.0, 5)

@@ -14,23 +14,24 @@ from benchmarks.plans import SCENES
 from benchmarks.truths import ladder_of
 from rich.console import Console
 
-from softseam.chart import command, shipped
-from softseam.chart.assemble import assemble, counted
-from softseam.chart.configurations import Fem
-from softseam.chart.frame import Frame, frame_of
-from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, Told, quantity_names
-from softseam.chart.reference import Level, Reference, origin
-from softseam.chart.series import Series
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
 from softseam.observation import Observation
-from softseam.plan import command as planning
-from softseam.plan.command import finer
-from softseam.plan.counted import counts_to, known_to
-from softseam.plan.kept import Goal
-from softseam.plan.planner import NoPlan, choose
 from softseam.scenes import load_scene, references_folder
+from softseam.study import chart_command as command
+from softseam.study import plan_command as planning
+from softseam.study import shipped
+from softseam.study.assemble import assemble, counted
+from softseam.study.configurations import Fem
+from softseam.study.counted import counts_to, known_to
+from softseam.study.frame import Frame, frame_of
+from softseam.study.kept import Goal
+from softseam.study.ladder import Ladder
+from softseam.study.measure import Outcome, Told, quantity_names
+from softseam.study.plan_command import finer
+from softseam.study.planner import NoPlan, choose
+from softseam.study.reference import Level, Reference, origin
+from softseam.study.series import Series
 from softseam.variants import with_settings
 
 TIME = np.arange(100) / 100

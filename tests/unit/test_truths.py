@@ -11,12 +11,12 @@ import pytest
 from benchmarks.truths import take_over
 from rich.console import Console
 
-from softseam.chart.frame import Frame
-from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, Told
-from softseam.chart.series import Series
-from softseam.chart.store import Identity, Store, cache_folder
 from softseam.scenes import load_scene
+from softseam.study.frame import Frame
+from softseam.study.ladder import Ladder
+from softseam.study.measure import Outcome, Told
+from softseam.study.series import Series
+from softseam.study.store import Identity, Store, cache_folder
 
 NEW, OLD = "new" * 20, "old" * 20
 RUNGS = [(2, 0.01), (3, 0.01), (6, 0.01), (2, 0.005), (2, 0.0025)]

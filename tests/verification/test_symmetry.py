@@ -10,12 +10,12 @@ import pytest
 from fem_run import CLOSE, FemRun, block, tofu
 from numpy.typing import NDArray
 
-from softseam.chart.configurations import configurations
-from softseam.chart.frame import frame_of
 from softseam.errors import SceneRefused, SimulationFailed
 from softseam.report import ReportBuilder
 from softseam.scenes import load_scene
 from softseam.session import open_as_given
+from softseam.study.configurations import configurations
+from softseam.study.frame import frame_of
 from softseam.variants import with_model, with_settings
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advanced, BodyState

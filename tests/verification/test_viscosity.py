@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
 import softseam
-from softseam.chart.configurations import configurations
-from softseam.chart.frame import Frame
-from softseam.chart.ladder import Ladder
+from softseam.study.configurations import configurations
+from softseam.study.frame import Frame
+from softseam.study.ladder import Ladder
 from softseam_protocol.messages.participant import Advanced, BodyState
 from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.scene.models import FemSpec

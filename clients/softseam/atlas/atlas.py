@@ -11,11 +11,11 @@ from typing import Any
 from softseam.atlas.maps import impact, iterations, messages, poisson, seam, slope, squeeze, step, tools
 from softseam.atlas.maps.grid import Cell, Map
 from softseam.atlas.verdicts import KINDS, Kind, Verdict
-from softseam.chart.configurations import Configuration
-from softseam.chart.measure import RUNS, Told
-from softseam.chart.store import Identity, Store
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
+from softseam.study.configurations import Configuration
+from softseam.study.measure import RUNS, Told
+from softseam.study.store import Identity, Store
 
 MAPS: dict[str, Callable[[], Map]] = {
     "step": step.build,

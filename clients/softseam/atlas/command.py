@@ -17,12 +17,12 @@ from softseam.atlas import long_run, pitfalls
 from softseam.atlas.atlas import MAPS, Filled, expected, fill, forget, kept, store_of
 from softseam.atlas.pitfalls import Row
 from softseam.atlas.verdicts import KINDS
-from softseam.chart.progress import ChartProgress
-from softseam.chart.store import Store
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
 from softseam.outputs import check_outputs
 from softseam.report import write_json
+from softseam.study.progress import ChartProgress
+from softseam.study.store import Store
 from softseam_protocol.facts import machine
 
 ATLAS_VERSION = 1

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from softseam.atlas.scenes import MODELS, Model, press
-from softseam.chart.store import Store
 from softseam.errors import SoftseamError
 from softseam.observation import Observation
 from softseam.report import write_json
 from softseam.session import open_as_given
+from softseam.study.store import Store
 from softseam_protocol.facts import machine
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.scene.scene import Scene

@@ -18,8 +18,8 @@ from softseam.atlas.controls import (
     mass,
     negative_jacobian,
 )
-from softseam.chart.store import Store
 from softseam.errors import BadInput
+from softseam.study.store import Store
 
 PREFIX = "pitfall"
 """of the files' names"""

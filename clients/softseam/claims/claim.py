@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.errors import is_nothing, rms
+from softseam.study.errors import is_nothing, rms
 from softseam_protocol.quantities import quantity
 
 Floats = NDArray[np.float64]

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.configurations import fem_step, xpbd_step
 from softseam.errors import BadInput, SceneRefused
+from softseam.study.configurations import fem_step, xpbd_step
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.bodies import BlockShape, BodySpec

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from softseam.chart.assemble import counted
-from softseam.chart.errors import KNOWN, Truth, rms
-from softseam.chart.ladder import Ladder
-from softseam.chart.reference import TARGET, Level, Part, Reference
 from softseam.errors import BadInput
 from softseam.scenes import references_folder
+from softseam.study.assemble import counted
+from softseam.study.errors import KNOWN, Truth, rms
+from softseam.study.ladder import Ladder
+from softseam.study.reference import TARGET, Level, Part, Reference
 
 Floats = NDArray[np.float64]
 

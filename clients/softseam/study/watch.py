@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 from rich.console import Console
 
-from softseam.plan.command import Wishes, find, settings_of
-from softseam.plan.kept import Plan
 from softseam.session import Session
+from softseam.study.kept import Plan
+from softseam.study.plan_command import Wishes, find, settings_of
 from softseam_protocol.messages.session import ErrorEstimate
 
 ROUGHLY = 2.0

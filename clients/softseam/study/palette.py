@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam.chart.configurations import Method
+from softseam.study.configurations import Method
 
 TONES: dict[Method, str] = {
     "FEM": "#e8794a",

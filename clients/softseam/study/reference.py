@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.errors import Truth
+from softseam.study.errors import Truth
 
 Floats = NDArray[np.float64]
 

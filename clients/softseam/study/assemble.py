@@ -13,7 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam.chart.errors import (
+from softseam.errors import SoftseamError
+from softseam.study.errors import (
     FAINT,
     KNOWN,
     Truth,
@@ -24,11 +25,10 @@ from softseam.chart.errors import (
     rms,
     scale_of,
 )
-from softseam.chart.ladder import Ladder, Rung
-from softseam.chart.reference import TARGET, Part, Reference, in_words
-from softseam.chart.richardson import RECENT
-from softseam.chart.scatter import together
-from softseam.errors import SoftseamError
+from softseam.study.ladder import Ladder, Rung
+from softseam.study.reference import TARGET, Part, Reference, in_words
+from softseam.study.richardson import RECENT
+from softseam.study.scatter import together
 
 NEAR = 0.2
 """levels that went by less than this share of what a quantity has to be known to are near enough, fall or not [1]"""

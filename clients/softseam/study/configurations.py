@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
-from softseam.chart.frame import Counts, Frame, Grading, is_viscous, retardation_time
+from softseam.study.frame import Counts, Frame, Grading, is_viscous, retardation_time
 from softseam.symmetric import PARTS
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.spec import Vector

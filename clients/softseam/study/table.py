@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from softseam.chart.configurations import Configuration
-from softseam.chart.errors import Error, errors, worst
-from softseam.chart.measure import Outcome
-from softseam.chart.pareto import pareto_front
-from softseam.chart.reference import Reference
+from softseam.study.configurations import Configuration
+from softseam.study.errors import Error, errors, worst
+from softseam.study.measure import Outcome
+from softseam.study.pareto import pareto_front
+from softseam.study.reference import Reference
 
 
 @dataclass(frozen=True)

@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.errors import rms
-from softseam.chart.frame import FEW, Counts, Frame, is_viscous
-from softseam.chart.measure import Outcome, Told, measure, quantity_names
-from softseam.chart.reference import Level
-from softseam.chart.richardson import Limit
-from softseam.chart.scatter import fitted, settled
-from softseam.chart.series import Series
-from softseam.chart.store import Identity, Store, cache_folder
 from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import bundle_of
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.errors import rms
+from softseam.study.frame import FEW, Counts, Frame, is_viscous
+from softseam.study.measure import Outcome, Told, measure, quantity_names
+from softseam.study.reference import Level
+from softseam.study.richardson import Limit
+from softseam.study.scatter import fitted, settled
+from softseam.study.series import Series
+from softseam.study.store import Identity, Store, cache_folder
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.scene.bodies import MOST_CELLS

@@ -11,24 +11,24 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.chart.climb import Watch, climb
-from softseam.chart.configurations import Configuration, configurations
-from softseam.chart.errors import uncounted
-from softseam.chart.frame import Frame, frame_of
-from softseam.chart.ladder import Ladder
-from softseam.chart.measure import Outcome, measure, quantity_names
-from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Reference
-from softseam.chart.shipped import better_of, digest_of, shipped
-from softseam.chart.store import Identity, Store, cache_folder
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, require_extra
-from softseam.plan import beside
-from softseam.plan.counted import counts_to, known_to
-from softseam.plan.foretold import Run
-from softseam.plan.kept import Goal, Plan, Tried
-from softseam.plan.planner import choose
 from softseam.scenes import bundle_of
+from softseam.study import beside
+from softseam.study.climb import Watch, climb
+from softseam.study.configurations import Configuration, configurations
+from softseam.study.counted import counts_to, known_to
+from softseam.study.errors import uncounted
+from softseam.study.foretold import Run
+from softseam.study.frame import Frame, frame_of
+from softseam.study.kept import Goal, Plan, Tried
+from softseam.study.ladder import Ladder
+from softseam.study.measure import Outcome, measure, quantity_names
+from softseam.study.planner import choose
+from softseam.study.progress import ChartProgress
+from softseam.study.reference import Reference
+from softseam.study.shipped import better_of, digest_of, shipped
+from softseam.study.store import Identity, Store, cache_folder
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
@@ -180,7 +180,7 @@ def planner_digest() -> str:
     """Digest of the sources that choose and judge runs: with another digest, perhaps another plan of the same runs."""
     digest = hashlib.sha256()
     here = Path(__file__).parent
-    for path in (*sorted(here.glob("*.py")), *sorted(here.with_name("chart").glob("*.py"))):
+    for path in sorted(here.glob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:8]
 

@@ -16,14 +16,14 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from softseam.chart.configurations import METHODS
-from softseam.chart.errors import not_counted
-from softseam.chart.landmarks import Landmark
-from softseam.chart.names import Box, Floats, Picture, along, places, together
-from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
-from softseam.chart.pareto import worth_naming
-from softseam.chart.reference import Reference, origin
-from softseam.chart.table import Row, busy, unrun
+from softseam.study.configurations import METHODS
+from softseam.study.errors import not_counted
+from softseam.study.landmarks import Landmark
+from softseam.study.names import Box, Floats, Picture, along, places, together
+from softseam.study.palette import ASKED, BAND, RIVAL, TONES
+from softseam.study.pareto import worth_naming
+from softseam.study.reference import Reference, origin
+from softseam.study.table import Row, busy, unrun
 from softseam.view import colors
 from softseam.view.paper import INK, PAPER, RULE, SOFT, heading, plain, write
 

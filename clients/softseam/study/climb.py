@@ -12,14 +12,14 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from softseam.chart.assemble import assemble
-from softseam.chart.errors import KNOWN, is_faint, is_nothing, largest_stress, rms
-from softseam.chart.frame import Frame
-from softseam.chart.ladder import COARSEST, Ladder, Rung
-from softseam.chart.measure import Told
-from softseam.chart.reference import TARGET, Reference
-from softseam.chart.richardson import RECENT, Limit
 from softseam.errors import SoftseamError
+from softseam.study.assemble import assemble
+from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress, rms
+from softseam.study.frame import Frame
+from softseam.study.ladder import COARSEST, Ladder, Rung
+from softseam.study.measure import Told
+from softseam.study.reference import TARGET, Reference
+from softseam.study.richardson import RECENT, Limit
 
 ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""

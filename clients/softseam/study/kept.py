@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from softseam.chart.measure import Status
+from softseam.study.measure import Status
 
 
 @dataclass(frozen=True)

@@ -9,24 +9,24 @@ from time import perf_counter
 
 from rich.console import Console
 
-from softseam.chart.climb import climb
-from softseam.chart.configurations import METHODS, configurations
-from softseam.chart.errors import not_counted
-from softseam.chart.frame import frame_of
-from softseam.chart.ladder import Ladder
-from softseam.chart.landmarks import Landmark, asked_of, read_rivals
-from softseam.chart.measure import quantity_names
-from softseam.chart.progress import ChartProgress
-from softseam.chart.reference import Reference, described, origin
-from softseam.chart.shipped import shipped
-from softseam.chart.store import Identity, Store
-from softseam.chart.sweep import finished, sweep
-from softseam.chart.table import Row, busy, row_json, rows_of, write_csv
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
 from softseam.outputs import check_outputs
 from softseam.report import write_json
 from softseam.scenes import bundle_of, inputs_of
+from softseam.study.climb import climb
+from softseam.study.configurations import METHODS, configurations
+from softseam.study.errors import not_counted
+from softseam.study.frame import frame_of
+from softseam.study.ladder import Ladder
+from softseam.study.landmarks import Landmark, asked_of, read_rivals
+from softseam.study.measure import quantity_names
+from softseam.study.progress import ChartProgress
+from softseam.study.reference import Reference, described, origin
+from softseam.study.shipped import shipped
+from softseam.study.store import Identity, Store
+from softseam.study.sweep import finished, sweep
+from softseam.study.table import Row, busy, row_json, rows_of, write_csv
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
@@ -109,10 +109,10 @@ def _write(
     rivals: Sequence[Landmark],
 ) -> None:
     try:
-        from softseam.chart.draw import draw_chart
+        from softseam.study.draw import draw_chart
     except ImportError as error:
         raise missing_extra(error, "drawing a chart") from error
-    from softseam.chart.page import write_page
+    from softseam.study.page import write_page
 
     title, asked = scene.name.replace("_", " "), asked_of(scene.name)
     document = {

@@ -2,7 +2,7 @@
 
     J(c, s) = J(c, s') + [J(f, s) - J(f, s')]                                              (1)
 
-with few cells f that were run with both steps: as a reference is put together (chart/assemble.py). Few cells with short
+with few cells f that were run with both steps: as a reference is put together (assemble.py). Few cells with short
 steps cost next to nothing, and many are run with a long one: what only both at once would reach is foretold from these,
 so that only what is promising is run.
 """
@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.measure import Outcome
-from softseam.chart.series import Series
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.measure import Outcome
+from softseam.study.series import Series
 
 Run = tuple[Configuration, Outcome]
 

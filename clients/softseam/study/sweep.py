@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from softseam.chart.configurations import Configuration
-from softseam.chart.frame import Frame
-from softseam.chart.measure import RUNS, Outcome, Told, measure
-from softseam.chart.store import Store
+from softseam.study.configurations import Configuration
+from softseam.study.frame import Frame
+from softseam.study.measure import RUNS, Outcome, Told, measure
+from softseam.study.store import Store
 
 SLACK = 3.0
 """a run may take this many times what it was foreseen to, where the budget has it [1]"""

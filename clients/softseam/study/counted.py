@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from softseam.chart.errors import KNOWN
-from softseam.chart.reference import Reference, in_words
 from softseam.columns import unit_of
+from softseam.study.errors import KNOWN
+from softseam.study.reference import Reference, in_words
 
 REFERENCE = 0.25
 """the reference is refined until it is known to this share of the tolerance [1]"""

@@ -19,13 +19,13 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.configurations import Fem
-from softseam.chart.errors import rms
-from softseam.chart.frame import FEW, Counts
-from softseam.chart.reference import Reference
-from softseam.chart.richardson import SLOWEST
-from softseam.chart.series import Series
-from softseam.plan.foretold import Made, Run, by_cells, with_steps
+from softseam.study.configurations import Fem
+from softseam.study.errors import rms
+from softseam.study.foretold import Made, Run, by_cells, with_steps
+from softseam.study.frame import FEW, Counts
+from softseam.study.reference import Reference
+from softseam.study.richardson import SLOWEST
+from softseam.study.series import Series
 from softseam_protocol.scene.spec import Vector
 
 Floats = NDArray[np.float64]

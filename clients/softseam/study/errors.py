@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.chart.series import Series
 from softseam.columns import unit_of
+from softseam.study.series import Series
 from softseam.view.colors import label
 
 Floats = NDArray[np.float64]

@@ -16,16 +16,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.errors import KNOWN, Error, errors, sure
-from softseam.chart.measure import Outcome
-from softseam.chart.reference import Reference, in_words, origin
-from softseam.chart.sweep import learn
 from softseam.errors import SoftseamError
-from softseam.plan.counted import VAGUEST, WORST_REFERENCE, counting, counts_to, looser
-from softseam.plan.foretold import Run, foretold
-from softseam.plan.kept import Goal, Plan, Tried
-from softseam.plan.refined import refined
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.counted import VAGUEST, WORST_REFERENCE, counting, counts_to, looser
+from softseam.study.errors import KNOWN, Error, errors, sure
+from softseam.study.foretold import Run, foretold
+from softseam.study.kept import Goal, Plan, Tried
+from softseam.study.measure import Outcome
+from softseam.study.reference import Reference, in_words, origin
+from softseam.study.refined import refined
+from softseam.study.sweep import learn
 
 HOPE = 1.5
 """a configuration is tried while its foreseen wall time is below this many times the best one's [1]"""

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam.chart.richardson import FASTEST, RECENT, SLOWEST, Floats, Limit, Norm, demand_falling, limit
+from softseam.study.richardson import FASTEST, RECENT, SLOWEST, Floats, Limit, Norm, demand_falling, limit
 
 ORDERS = (SLOWEST, 1.5, 2.0, 3.0, FASTEST)
 """that are tried: between them no levels that scatter can tell"""

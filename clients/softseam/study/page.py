@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from softseam.chart.configurations import METHODS
-from softseam.chart.palette import ASKED, BAND, RIVAL, TONES
+from softseam.study.configurations import METHODS
+from softseam.study.palette import ASKED, BAND, RIVAL, TONES
 from softseam.view.colors import label
 
 _TEMPLATE = Path(__file__).with_name("page.html")

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from softseam.chart.configurations import Configuration, Fem
-from softseam.chart.frame import Frame
-from softseam.chart.measure import Outcome
-from softseam.chart.store import Store
-from softseam.plan.foretold import Run
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.foretold import Run
+from softseam.study.frame import Frame
+from softseam.study.measure import Outcome
+from softseam.study.store import Store
 from softseam_protocol.scene.spec import Vector
 
 _PREFIX = "beside-"

@@ -9,11 +9,11 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, Literal, get_args
 
-from softseam.chart.series import Series, SeriesBuilder
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import Session, open_as_given
+from softseam.study.series import Series, SeriesBuilder
 from softseam_protocol.quantities import QUANTITIES, probed
 from softseam_protocol.scene.scene import Scene
 

@@ -9,9 +9,9 @@ from types import TracebackType
 from rich.console import Console
 
 from softseam.bar import Bar
-from softseam.chart.configurations import Configuration
-from softseam.chart.measure import Told, timed_for
-from softseam.chart.reference import Reference, origin
+from softseam.study.configurations import Configuration
+from softseam.study.measure import Told, timed_for
+from softseam.study.reference import Reference, origin
 
 _LINE = 10.0
 """longest time between lines where there is no terminal [s]"""

@@ -1,1 +1,0 @@
-"""Accuracy against speed: a scene's reference, a sweep of methods, and the chart of both."""
