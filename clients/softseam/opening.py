@@ -39,7 +39,7 @@ def open(
     from rich.console import Console
 
     from softseam.study.plan_command import Wishes, find
-    from softseam.study.watch import PlanWatch
+    from softseam.study.plan_watch import PlanWatch
 
     # progress goes to the terminal's standard error; where there is none, a line says what takes so long
     shown = sys.stderr.isatty()

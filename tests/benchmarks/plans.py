@@ -1,54 +1,39 @@
 """Is a plan right? Regenerates docs/results/plans.md: `make plans`, or
 `PYTHONPATH=tests python tests/benchmarks/plans.py [SCENE ...]`.
 
-Each scene is swept once, and planned for several tolerances from the sweep's own runs. The planner stops refining its
-reference where a tolerance lets it, and stops trying where nothing can be faster; here its choice is held against the
-best reference and the whole sweep: the error that it really has, and how much faster the fastest configuration is that
-meets the tolerance. Levels of references and runs are kept (in the cache, and in out/plans), so what was interrupted
-goes on where it was, and a scene that was done with as many minutes costs nothing; other code begins anew. All scenes
-together take 12 times the minutes, and half as much more where nothing in the sweep is accurate enough, on a machine
-without other work: 54 minutes, and some ten for timing short runs again; and what runs foretell to be accurate enough
-is run for as long as it takes.
+Each scene is swept once, and planned for several tolerances from the sweep's own runs. The planner stops trying where
+nothing can be faster; here its choice is held against the whole sweep: the error that it really has, and how much
+faster the fastest configuration is that meets the tolerance. Runs are stored in out/plans, so what was interrupted goes
+on where it was; other code begins anew. All scenes together take 12 times the minutes on a machine without other work,
+and some more for timing short runs again and for what the planner runs beyond the sweep.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 from benchmarks.plans_page import DEARER, SHORT, TOLERANCES, Checked, Judged, page
 from rich.console import Console
 
-from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
-from softseam.scenes import bundle_of
-from softseam.study import beside as beside_sweep
-from softseam.study.climb import Watch, climb
 from softseam.study.configurations import Configuration, configurations
-from softseam.study.counted import counting, counts_to, known_to, looser
-from softseam.study.errors import Error, is_hardly_known, not_counted, sure
-from softseam.study.foretold import Run
-from softseam.study.frame import frame_of
-from softseam.study.kept import Goal
-from softseam.study.ladder import Ladder
-from softseam.study.measure import Outcome, Told, measure, quantity_names
-from softseam.study.plan_command import finer, planner_digest
-from softseam.study.planner import Measure, NoPlan, choose, judged
+from softseam.study.errors import Error, errors, is_hardly_known, not_counted
+from softseam.study.levels import Watch
+from softseam.study.measure import Outcome, measure
+from softseam.study.plan import Goal, Plan
+from softseam.study.plan_command import REFERENCE
+from softseam.study.planner import NoPlan, choose, counts_to, judged
 from softseam.study.progress import ChartProgress
 from softseam.study.reference import Reference, origin
-from softseam.study.shipped import digest_of, shipped
-from softseam.study.store import Identity, Store
+from softseam.study.store import Store
+from softseam.study.study import Study, reference_of, study_of
 from softseam.study.sweep import sweep
 from softseam.study.table import Row, core_share, rows_of, unrun
-from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
-from softseam_protocol.facts import machine
-from softseam_protocol.scene.file import bundle_scene, scene_hash
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = (
@@ -67,9 +52,9 @@ SCENES = (
 )
 """the suite, but for bodies of particles, which have no reference, and calamari, whose cells are its file's"""
 MINUTES = 3.0
-"""for a scene: half for the reference where none ships, the rest for the sweep"""
-FORETOLD = 2400.0
-"""a quarter of it is what a run beside the sweep may be foreseen to take; it is given three times that [s]"""
+"""for a scene's sweep"""
+BEYOND = 600.0
+"""what runs beyond the sweep may take [s]"""
 RUNS = 0
 """further runs of a configuration in the sweep: its first one, which is looked at in every step, is timed"""
 AGAIN = 1
@@ -77,92 +62,56 @@ AGAIN = 1
 times; looking costs a good part of a short run's time, and a few percent of a long one's"""
 
 
-def _silent(text: str, seconds: float) -> Told:
-    return lambda done: None
-
-
-def timed(
-    name: str, names: tuple[str, ...], one: Configuration, outcome: Outcome, store: Store, watch: Watch
-) -> Outcome:
+def timed(study: Study, one: Configuration, outcome: Outcome, store: Store, watch: Watch) -> Outcome:
     """A configuration's outcome; where its run was short, with the time of one that nobody looks at."""
     if outcome.status != "done" or outcome.seconds > SHORT:
         return outcome
-    kept = store.read(f"timed-{one.key}")
-    if kept is None:
+    again = store.outcome(f"timed-{one.key}")
+    if again is None:
         told = watch(f"timed again: {one.label}", (1 + AGAIN) * outcome.seconds)
-        kept = measure(name, (*AS_GIVEN, *one.settings), names, runs=AGAIN, told=told).as_json()
-        store.write(f"timed-{one.key}", kept)
-    again = Outcome.from_json(kept)
+        again = measure(study.name, (*study.settings, *one.settings), study.names(), runs=AGAIN, told=told)
+        store.write(f"timed-{one.key}", again.as_json())
     return replace(outcome, walls=again.walls, cpu=again.cpu) if again.status == "done" else outcome
 
 
 def judge(name: str, minutes: float, console: Console) -> Judged:
-    """Sweep a scene, or read what was kept, and plan it for every tolerance."""
-    loaded, bundle = bundle_of(name)
-    scene = with_settings(loaded, AS_GIVEN)
-    frame, names, code = frame_of(scene, name, AS_GIVEN), quantity_names(scene), solver_digest()
-    key = scene_hash(bundle_scene(scene, bundle.files))
-    folder = ROOT / "out" / "plans" / f"{name}-{key[:8]}-{code[:8]}"
-    store = Store(folder, Identity(key, code, machine()), "move it away")
-    ours = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]
-    done = f"judged-{minutes:g}-{planner_digest()}-{ours}-{digest_of(name)}"
-    kept = store.read(done)
-    if kept is not None:
-        return Judged.from_json(kept)
-    ladder = Ladder(name, AS_GIVEN, frame, names)
-    ladder.open(code, fresh=False)
-    wanted, half, finest = configurations(frame), 30.0 * minutes, known_to(min(TOLERANCES))
+    """Sweep a scene, or read what was stored, and plan it for every tolerance."""
+    study = study_of(name)
+    folder = ROOT / "out" / "plans" / f"{name}-{study.identity.scene[:8]}-{study.identity.code[:8]}"
+    store = Store(folder, study.identity, "move it away")
+    levels, wanted, target = study.levels(study.names()), configurations(study.frame), REFERENCE * min(TOLERANCES)
     with ChartProgress(console) as progress:
-        best = shipped(ladder, finest) or climb(ladder, frame, half, progress.reference, finest)
+        best = reference_of(levels, 60.0 * minutes, progress.reference, target)
         progress.known(best)
-        rest = 2.0 * half if best.shipped else half
-        progress.expect(wanted, rest)
+        progress.expect(wanted, 60.0 * minutes)
+        outcomes = sweep(study, wanted, store, 60.0 * minutes, progress.configuration, RUNS)
+        every = {one.key: one for one in wanted}
 
-        def swept(these: Sequence[Configuration], budget: float) -> dict[str, Outcome]:
-            once = sweep(name, AS_GIVEN, frame, names, these, store, budget, progress.configuration, RUNS)
-            return {one.key: timed(name, names, one, once[one.key], store, progress.reference) for one in these}
-
-        outcomes = swept(wanted, rest)
-        # what another version's planner had run may be the fastest; today's has to foretell it anew
-        earlier = {one.key: one for one, _ in beside_sweep.kept(store, frame) if one.key not in outcomes}
-        outcomes.update(swept(list(earlier.values()), FORETOLD))
-        of_sweep, beside = {one.key for one in wanted}, dict[str, Configuration]()
-
-        def measured(one: Configuration) -> Outcome:
-            """Of the sweep; what is foretold only is run now, and kept like the others."""
-            if one.key not in of_sweep:
-                beside[one.key] = one
-                if one.key not in outcomes:
-                    beside_sweep.keep(store, one)
-                    outcomes.update(swept([one], FORETOLD))
+        def run(one: Configuration, _: object = None) -> Outcome:
+            """Of the sweep; what is beyond that is run now, and stored like the others."""
+            every[one.key] = one
+            if one.key not in outcomes:
+                outcomes.update(sweep(study, [one], store, BEYOND, progress.configuration, RUNS))
+            outcomes[one.key] = timed(study, one, outcomes[one.key], store, progress.reference)
             return outcomes[one.key]
 
-        def planned(tolerance: float) -> Checked:
-            # as the planner would, no finer than the tolerance asks for: from what is in the cache, but where the
-            # reference ships, whose levels are not there
-            levels = finer(ladder, frame, tolerance, lambda: half if best.shipped else 1e-3, progress.reference)
-            # a plan of 20 % counts quantities that one of 2 % knows too little of
-            known = counts_to(tolerance)
-            true = shipped(ladder, finest, known) or climb(ladder, frame, 1e-3, _silent, finest, known)
-            held_against = counting(true, tolerance)
-            return check(tolerance, levels, wanted, outcomes, held_against, ladder, measured, beside, earlier)
-
-        plans, n_beside = [planned(tolerance) for tolerance in TOLERANCES], 0
-        while len(beside) > n_beside:
-            # from, and held against, what was run beside the sweep for other tolerances, too
-            n_beside = len(beside)
-            plans = [planned(tolerance) for tolerance in TOLERANCES]
+        plans: list[Plan | str] = []
+        for one in wanted:
+            run(one)
+        for tolerance in TOLERANCES:
+            known = reference_of(levels, 60.0 * minutes, progress.reference, target, counts_to(tolerance))
+            try:
+                plans.append(choose(Goal(tolerance=tolerance), known, wanted, run, levels.runs()))
+            except NoPlan as error:
+                plans.append(str(error).split(": ")[0])
+        every |= {one.key: one for one, _ in levels.runs()}
+        outcomes |= {one.key: outcome for one, outcome in levels.runs() if one.key not in outcomes}
+        checked = []
+        for tolerance, plan in zip(TOLERANCES, plans, strict=True):
+            known = reference_of(levels, 60.0 * minutes, progress.reference, target, counts_to(tolerance))
+            checked.append(check(tolerance, plan, list(every.values()), outcomes, known))
     rows = rows_of(wanted, outcomes, best)
-    found = Judged(
-        name,
-        tuple(plans),
-        origin(best),
-        ran(rows),
-        not_counted(best.truth),
-        core_share(rows),
-    )
-    store.write(done, asdict(found))
-    return found
+    return Judged(name, tuple(checked), origin(best), ran(rows), not_counted(best.truth), core_share(rows))
 
 
 def ran(rows: Sequence[Row]) -> str:
@@ -172,31 +121,10 @@ def ran(rows: Sequence[Row]) -> str:
     return f"{sum(row.error is not None for row in rows)} of {len(rows)}{late}"
 
 
-def _surely(row: Row, reference: Reference, tolerance: float) -> Row:
-    """The row, judged also by what is known too little to count: by what that is off by at least, or by what it
-    differs by where that is more than it is held to."""
-    least = sure(row.errors, reference.truth)
-    held = looser(reference, tolerance)
-    least |= {name: row.errors[name].differs for name, bound in held.items() if row.errors[name].differs > bound}
-    name = max(least, key=lambda name: least[name], default=None)
-    if name is None or row.error is None or least[name] <= row.error.value:
-        return row
-    error = Error(least[name], False, least[name])
-    return replace(row, errors=dict(row.errors) | {name: error}, error=error)
-
-
-def _sign(worst: str, row: Row, reference: Reference, tolerance: float) -> str:
-    """What stands before an error that is no distance: a bound from above, or one from below."""
-    assert row.error is not None
-    if row.error.bound:
-        return "<= "
-    return ">= " if worst not in reference.counted and worst not in looser(reference, tolerance) else ""
-
-
-def _unsure(row: Row, reference: Reference, tolerance: float) -> str:
+def _unsure(found: Mapping[str, Error], reference: Reference, tolerance: float) -> str:
     """What does not count fully and is farther from the reference than the tolerance, with what it is known to."""
     told = []
-    for name, error in row.errors.items():
+    for name, error in found.items():
         true = reference.truth[name]
         counts = not true.left_out or not true.has_limit or is_hardly_known(name, true.uncertainty)
         if not counts and error.differs > tolerance:
@@ -206,64 +134,36 @@ def _unsure(row: Row, reference: Reference, tolerance: float) -> str:
 
 def check(
     tolerance: float,
-    levels: Iterator[Reference],
-    wanted: Sequence[Configuration],
+    plan: Plan | str,
+    every: Sequence[Configuration],
     outcomes: Mapping[str, Outcome],
     known: Reference,
-    ladder: Ladder,
-    run: Measure,
-    beside: Mapping[str, Configuration],
-    earlier: Mapping[str, Configuration] = MappingProxyType({}),
 ) -> Checked:
-    """Plan from the kept outcomes, and compare the choice with what is true of every run, beside the sweep too, and
-    also of those that are kept from an earlier judgement."""
-    tried: set[str] = set()
-
-    def measured(configuration: Configuration) -> Outcome:
-        outcome = run(configuration)
-        if outcome.status in ("done", "failed"):
-            tried.add(configuration.key)
-        return outcome
-
-    def at_hand() -> list[Run]:
-        return [*ladder.tried(), *((one, outcomes[one.key]) for one in beside.values() if one.key in outcomes)]
-
-    plan, why = None, ""
-    try:
-        plan = choose(Goal(tolerance), next(levels), wanted, measured, lambda: next(levels, None), at_hand)
-    except NoPlan as error:
-        why = str(error).split(": ")[0]
-    # a level of the ladder is a run that a plan may choose, like those of the sweep, and so is what runs foretell
-    every = (
-        dict(earlier) | {one.key: one for one in wanted} | dict(beside) | {one.key: one for one, _ in ladder.tried()}
-    )
-    ended = dict(outcomes) | {one.key: outcome for one, outcome in ladder.tried()}
-    rows = rows_of(list(every.values()), ended, known)
-    truth = {row.configuration.settings: _surely(row, known, tolerance) for row in rows if row.error is not None}
-    able = [row for row in truth.values() if row.error is not None and row.error.value <= tolerance]
-    least = max(able, key=lambda row: row.outcome.rtf, default=None)
-    told = "none" if least is None else f"{least.configuration.label}, {least.outcome.rtf:.3g}"
-    if plan is None:
-        return Checked(tolerance, (f"*none*: {why}", "", "", "", "", told, "", str(len(tried))))
-    row = truth[plan.choice.settings]
-    assert row.error is not None
-    ratio = 1.0 if least is None else max(1.0, least.outcome.rtf / row.outcome.rtf)
-    worst = next(name for name, error in row.errors.items() if error == row.error)
-    met = row.error.value <= tolerance
+    """Compare a plan, or why there is none, with what is true of every run."""
+    goal = Goal(tolerance=tolerance)
+    judgements = [judged(one, outcomes[one.key], known, goal) for one in every]
+    least = max((one for one in judgements if one.within(tolerance)), key=lambda one: one.rtf, default=None)
+    told = "none" if least is None else f"{least.label}, {least.rtf:.3g}"
+    if isinstance(plan, str):
+        return Checked(tolerance, (f"*none*: {plan}", "", "", "", "", told, "", ""))
+    mine = next(one for one in judgements if one.settings == plan.choice.settings)
+    key = next(one.key for one in every if one.settings == plan.choice.settings)
+    ratio = 1.0 if least is None else max(1.0, least.rtf / mine.rtf)
+    met = mine.within(tolerance)
+    series = outcomes[key].series
+    assert series is not None and mine.differs is not None
     cells = (
-        row.configuration.label,
-        f"{row.outcome.rtf:.3g}",
-        f"{_sign(worst, row, known, tolerance)}{100 * row.error.value:.2g}{'' if met else ' **missed**'}",
-        label(worst),
-        _unsure(row, known, tolerance),
+        mine.label,
+        f"{mine.rtf:.3g}",
+        f"{100 * mine.differs:.2g}{'' if met else ' **missed**'}",
+        label(mine.decided_by),
+        _unsure(errors(series, known.time, known.truth), known, tolerance),
         told,
         f"{ratio:.2f}" if ratio <= DEARER else f"**{ratio:.2f}**",
-        str(len(tried)),
+        str(plan.n_run),
     )
-    # what the planner asks of a run, asked of all of them
-    demanded = (judged(one, ended[one.key], known, tolerance=tolerance) for one in every.values() if one.key in ended)
-    fastest = max((one.rtf for one in demanded if one.error <= tolerance), default=row.outcome.rtf)
-    return Checked(tolerance, cells, True, met, met and ratio <= DEARER, met and fastest <= DEARER * row.outcome.rtf)
+    surely = max((one.rtf for one in judgements if one.surely_within(tolerance)), default=mine.rtf)
+    return Checked(tolerance, cells, True, met, met and ratio <= DEARER, met and surely <= DEARER * mine.rtf)
 
 
 def main() -> None:

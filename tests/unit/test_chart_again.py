@@ -50,7 +50,7 @@ def made(wishes: Wishes) -> str:
     return str(json.loads((wishes.out / "chart.json").read_text())["scene"]["hash"])
 
 
-def kept(folder: Path) -> dict[Path, int]:
+def stored(folder: Path) -> dict[Path, int]:
     """Finished runs and levels below a folder, and when they were written [ns]."""
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.json") if path.parent != folder}
 
@@ -62,23 +62,20 @@ def test_other_settings_have_runs_of_their_own(wishes: Wishes, monkeypatch: pyte
     (wishes.out / "runs").mkdir(parents=True)
     (wishes.out / "runs" / "fem-hex27-implicit_euler-1x1x1-10.json").write_text("of an earlier version")
     first = made(wishes)
-    runs = kept(wishes.out)
+    runs = stored(wishes.out)
     assert made(replace(wishes, settings=("body.material.young=5e2",))) != first
     assert made(wishes) == first
-    assert runs.items() <= kept(wishes.out).items(), "finished runs were run again"
-    monkeypatch.setattr(command, "solver_digest", lambda: "upgraded")
+    assert runs.items() <= stored(wishes.out).items(), "finished runs were run again"
+    monkeypatch.setattr("softseam.study.study.solver_digest", lambda: "upgraded")
     assert made(wishes) == first
-    assert len(kept(wishes.out)) == 1 + 3 * 2, "three charts of two runs each, and the old file"
+    assert len(stored(wishes.out)) == 1 + 3 * 2, "three charts of two runs each, and the old file"
 
 
-def test_a_spoilt_run_is_told_before_the_reference_is_climbed(wishes: Wishes, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_spoilt_run_is_told_before_the_reference_is_made(wishes: Wishes, monkeypatch: pytest.MonkeyPatch) -> None:
     assert wishes.out is not None
     made(wishes)
-    next(path for path in kept(wishes.out)).write_text("{")
+    next(path for path in stored(wishes.out)).write_text("{")
 
-    def climbed(*_: object) -> None:
-        raise AssertionError("the reference was climbed")
-
-    monkeypatch.setattr(command, "climb", climbed)
+    monkeypatch.setattr(command, "reference_of", lambda *_: pytest.fail("the reference was made"))
     with pytest.raises(BadInput, match=r"corrupt.*--fresh"):
         made(wishes)

@@ -19,6 +19,7 @@ from softseam.study.measure import BRIEF, MOST, Outcome, measure, quantity_names
 from softseam.study.reference import Part, Reference
 from softseam.study.series import Series
 from softseam.study.store import Identity, Store, cache_folder
+from softseam.study.study import study_of
 from softseam.study.sweep import sweep
 from softseam.study.table import rows_of, write_csv
 from softseam.variants import AS_GIVEN, with_settings
@@ -262,15 +263,26 @@ def test_plain_cells_do_not_end_at_edges_where_a_scene_asks_for_that() -> None:
 
 def test_a_swept_run_is_looked_at_in_every_step(tmp_path: Path) -> None:
     """What is looked at seldom would be judged at a few instants of a run in long steps."""
-    frame = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
-    one = Fem(frame, (2, 2, 1), 0.04).configuration()
+    study = study_of("tofu_push", ("quantities=[]",))
+    one = Fem(study.frame, (2, 2, 1), 0.04).configuration()
     store = Store(tmp_path, Identity("scene", "code"), "")
-    ended = sweep(
-        "tofu_push", (), frame, ("front.von_mises",), [one], store, 60.0, lambda what, rough: lambda done: None, 0
-    )
-    series = ended[one.key].series
+    series = sweep(study, [one], store, 60.0, lambda what, rough: lambda done: None, 0)[one.key].series
     assert series is not None
     assert (series.looked("front.von_mises") == series.time[1:]).all() and len(series.time) > 20
+
+
+@pytest.mark.slow
+def test_processes_side_by_side_find_the_same_and_store_it(tmp_path: Path) -> None:
+    study = study_of("tofu_push", ("motion=[{hold: 0.05}]",))
+    wanted = [Fem(study.frame, (n, n, 1), 0.01).configuration() for n in (1, 2, 3)]
+    wanted.append(Configuration("bad", "FEM", "bad", ("step=5.0",), 1e-3))
+    found = []
+    for jobs in (1, 2):
+        store = Store(tmp_path / str(jobs), Identity("scene", "code"), "")
+        ended = sweep(study, wanted, store, 60.0, lambda what, rough: lambda done: None, 0, jobs)
+        assert {path.stem for path in store.folder.glob("*.json")} == {*ended} == {one.key for one in wanted}
+        found.append({key: (one.status, one.reason, one.series and one.series.as_json()) for key, one in ended.items()})
+    assert found[0] == found[1] and found[0]["bad"][0] == "refused"
 
 
 def test_cells_follow_the_body() -> None:

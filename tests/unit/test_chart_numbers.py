@@ -9,8 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam.study.assemble import counted
-from softseam.study.climb import fine
 from softseam.study.errors import (
     Truth,
     errors,
@@ -24,7 +22,8 @@ from softseam.study.errors import (
     worst,
 )
 from softseam.study.pareto import pareto_front, worth_naming
-from softseam.study.reference import Part, Reference
+from softseam.study.reference import Part, Reference, counted
+from softseam.study.refine import fine
 from softseam.study.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
 from softseam.study.series import Series
 

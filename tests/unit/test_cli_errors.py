@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from softseam import cli, connected, errors
-from softseam.study.planner import NoPlan, TooSlow
+from softseam.study.planner import NoPlan
 
 GOOD = """\
 softseam: 1
@@ -173,7 +173,6 @@ FAILURES = [
     errors.SessionClosed,
     errors.SoftseamError,
     NoPlan,
-    TooSlow,
 ]
 REFUSALS = [errors.SceneRefused, errors.BadInput, errors.BadSnapshot, errors.MissingExtra, errors.NoConnection]
 

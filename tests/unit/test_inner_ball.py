@@ -13,9 +13,9 @@ from rich.console import Console
 from softseam.checking import check_scene
 from softseam.errors import SceneRefused
 from softseam.scenes import load_scene
-from softseam.study.climb import levels_of
 from softseam.study.configurations import Fem, configurations
 from softseam.study.frame import Frame
+from softseam.study.refine import levels_of
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces

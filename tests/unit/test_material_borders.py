@@ -13,9 +13,9 @@ from rich.console import Console
 
 from softseam.checking import check_scene
 from softseam.scenes import load_scene
-from softseam.study.climb import ACROSS, levels_of, refines
 from softseam.study.configurations import Fem, configurations
 from softseam.study.frame import Frame
+from softseam.study.refine import ACROSS, levels_of
 from softseam.variants import with_settings
 from softseam_protocol.material_borders import are_equal, cells_along, material_borders, pieces, wanted_for
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
@@ -179,10 +179,12 @@ def test_levels_are_alike_only_where_every_piece_is_divided_alike() -> None:
     """At 0.3 of the height pieces have 1+1, 1+3, 2+4, 2+6, 4+8 and 5+11 cells, whose sums alone would be multiples."""
     frame = two_layers(0.012)
     assert [frame.across(across)[2] for across in (2, 4, 6, 8, 12, 16)] == [2, 4, 6, 8, 12, 16]
-    assert [across for across in ACROSS if refines(frame, across)] == [2]
+    assert [across for across in ACROSS if frame.refines(frame.level(across), frame.level(2))] == [2]
     assert levels_of(frame) == ACROSS
     quarter = two_layers(0.01)
-    assert quarter.refines(quarter.across(8), quarter.across(4)) and not refines(quarter, 8), "2+6 of 1+3, not of 1+2"
+    assert quarter.refines(quarter.across(8), quarter.across(4)) and not quarter.refines(
+        quarter.level(8), quarter.level(2)
+    ), "2+6 of 1+3, not of 1+2"
 
 
 def test_check_tells_of_borders_inside_cells(tmp_path: Path) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pytest
@@ -13,15 +11,15 @@ from benchmarks.plans import check, ran, timed
 from benchmarks.plans_page import TOLERANCES, Checked, Judged, page
 
 from softseam.embedded import solver_digest
-from softseam.scenes import load_scene
 from softseam.study.configurations import Configuration, Fem
 from softseam.study.errors import Truth
-from softseam.study.frame import Frame
-from softseam.study.ladder import Ladder
 from softseam.study.measure import Outcome, Told
+from softseam.study.plan import Goal
+from softseam.study.planner import choose
 from softseam.study.reference import Part, Reference
 from softseam.study.series import Series
 from softseam.study.store import Identity, Store
+from softseam.study.study import study_of
 from softseam.study.table import rows_of
 
 TIME, FLAT = np.linspace(0.0, 1.0, 5), np.ones(5)
@@ -42,10 +40,17 @@ WANTED = [Configuration(key, "XPBD", key, (f"name={key}",), i + 1.0) for i, key 
 OUTCOMES = {"a": LEFT_OUT, "b": Outcome("refused", "no"), "c": Outcome("failed", "it diverged"), "d": done(4.0)}
 
 
-def test_what_was_left_out_is_not_counted_as_tried_and_its_sweep_is_incomplete() -> None:
-    ladder = cast(Ladder, SimpleNamespace(tried=list))
-    found = check(0.05, iter([reference()]), WANTED, OUTCOMES, reference(), ladder, lambda one: OUTCOMES[one.key], {})
-    assert found.made and found.met and found.cells[-1] == "2"
+def test_a_plan_is_held_against_the_fastest_run_that_meets_it() -> None:
+    runs = OUTCOMES | {"a": done(1.0, 0.04), "d": done(4.0, 0.03)}
+    plan = choose(Goal(tolerance=0.05), reference(), WANTED[1:], lambda one, worth: runs[one.key])
+    found = check(0.05, plan, WANTED, runs, reference())
+    assert found.made and found.met and not found.cheap and found.cells[-2:] == ("**4.00**", "2")
+    wrong = check(0.02, plan, WANTED, runs, reference())
+    assert wrong.made and not wrong.met and "**missed**" in wrong.cells[2]
+    assert check(0.02, "no plan", WANTED, runs, reference()).cells[0] == "*none*: no plan"
+
+
+def test_what_was_left_out_makes_its_sweep_incomplete() -> None:
     assert ran(rows_of(WANTED, OUTCOMES, reference())) == "1 of 4, incomplete: 1 had no time"
     assert ran(rows_of(WANTED[1:], OUTCOMES, reference())) == "1 of 3"
 
@@ -55,16 +60,16 @@ def told(text: str, seconds: float) -> Told:
 
 
 def test_a_short_run_has_the_time_of_one_that_nobody_looks_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    frame = Frame(load_scene("tofu_push"), np.array([0.06, 0.06, 0.04]))
-    one = Fem(frame, (2, 2, 1), 0.08).configuration()
+    study = study_of("tofu_push")
+    one = Fem(study.frame, (2, 2, 1), 0.08).configuration()
     store = Store(tmp_path, Identity("scene", "code"), "")
     short, long = done(0.9), done(1.1)
-    found = timed("tofu_push", ("sag",), one, short, store, told)
+    found = timed(study, one, short, store, told)
     assert found.walls != short.walls and found.series is short.series and found.simulated == 1.0
-    monkeypatch.setattr(plans, "measure", None)  # what was timed is kept
-    assert timed("tofu_push", ("sag",), one, short, store, told).walls == found.walls
-    assert timed("tofu_push", ("sag",), one, long, store, told) is long
-    assert timed("tofu_push", ("sag",), one, LEFT_OUT, store, told) is LEFT_OUT
+    monkeypatch.setattr(plans, "measure", None)  # what was timed is stored
+    assert timed(study, one, short, store, told).walls == found.walls
+    assert timed(study, one, long, store, told) is long
+    assert timed(study, one, LEFT_OUT, store, told) is LEFT_OUT
 
 
 def test_the_page_says_which_code_it_is_of() -> None:

@@ -15,7 +15,7 @@ from pbd_run import PbdRun, block_scene
 import softseam
 from softseam.study.configurations import configurations
 from softseam.study.frame import Frame
-from softseam.study.ladder import Ladder
+from softseam.study.levels import Levels
 from softseam_protocol.messages.participant import Advanced, BodyState
 from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.scene.models import FemSpec
@@ -264,5 +264,5 @@ def test_what_does_not_go_with_it_is_refused_by_name() -> None:
 def test_charts_and_plans_leave_out_what_refuses_it() -> None:
     for time, least in ((0.0, "bdf2"), (1e-3, "midpoint")):
         frame = Frame(clamped(time), np.full(3, 0.05))
-        assert Ladder("free", (), frame, ()).integrator == least
+        assert Levels("free", (), frame, ()).integrator == least
         assert any("bdf2" in one.key for one in configurations(frame)) == (time == 0.0)

@@ -3,35 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
 from rich.console import Console
 
-from softseam.embedded import solver_digest
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
 from softseam.outputs import check_outputs
 from softseam.report import write_json
-from softseam.scenes import bundle_of, inputs_of
-from softseam.study.climb import climb
+from softseam.scenes import inputs_of
 from softseam.study.configurations import METHODS, configurations
 from softseam.study.errors import not_counted
-from softseam.study.frame import frame_of
-from softseam.study.ladder import Ladder
 from softseam.study.landmarks import Landmark, asked_of, read_rivals
-from softseam.study.measure import quantity_names
 from softseam.study.progress import ChartProgress
 from softseam.study.reference import Reference, described, origin
-from softseam.study.shipped import shipped
-from softseam.study.store import Identity, Store
+from softseam.study.store import Store
+from softseam.study.study import Study, reference_of, study_of
 from softseam.study.sweep import finished, sweep
 from softseam.study.table import Row, busy, row_json, rows_of, write_csv
-from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
-from softseam_protocol.facts import machine
-from softseam_protocol.scene.file import bundle_scene, scene_hash
-from softseam_protocol.scene.scene import Scene
 
 CHART_VERSION = 1
 LEFT = ("chart.png", "chart.html", "chart.csv", "chart.json")
@@ -50,6 +41,8 @@ class Wishes:
     minutes: float = 10.0
     rivals: Path | None = None
     fresh: bool = False
+    jobs: int = 1
+    """configurations that run side by side, each in a process of its own"""
 
 
 def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
@@ -59,66 +52,50 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     """
     if not 0.0 < wishes.minutes < 1e5:
         raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
-    require_extra("solve", "simulating in this process")
     require_extra("view", "drawing a chart")
-    loaded, bundle = bundle_of(wishes.scene)
-    wishes = replace(wishes, settings=(*wishes.settings, *AS_GIVEN))
-    scene = with_settings(loaded, wishes.settings)
-    names = quantity_names(scene)
-    rivals = read_rivals(wishes.rivals, scene.name) if wishes.rivals is not None else []
-    frame = frame_of(scene, wishes.scene, wishes.settings)
-    folder = wishes.out or Path("out") / f"chart-{scene.name}"
+    study = study_of(wishes.scene, wishes.settings)
+    names = study.names()
+    rivals = read_rivals(wishes.rivals, study.scene.name) if wishes.rivals is not None else []
+    folder = wishes.out or Path("out") / f"chart-{study.scene.name}"
     read = {} if wishes.rivals is None else {"the file of --rivals": wishes.rivals}
     check_outputs([("--out", folder / name) for name in LEFT], inputs=inputs_of(wishes.scene) | read)
     began = perf_counter()
-    key = scene_hash(bundle_scene(scene, bundle.files))
-    here, code = machine(), solver_digest()
-    identity = Identity(key, code, here)
-    store = Store(folder / "runs" / identity.folder, identity, "start anew with --fresh")
+    store = Store(folder / "runs" / study.identity.folder, study.identity, "start anew with --fresh")
     if wishes.fresh:
         store.clear()
-    wanted = configurations(frame)
-    finished(store, wanted)  # what is spoilt is told before a reference is climbed
-    ladder = Ladder(wishes.scene, wishes.settings, frame, names)
-    ladder.open(code, fresh=wishes.fresh)
+    wanted = configurations(study.frame)
+    finished(store, wanted)  # what is spoilt is told before a reference is made
+    levels = study.levels(names, fresh=wishes.fresh)
     budget = 60.0 * wishes.minutes
     with ChartProgress(console) as progress:
-        reference = shipped(ladder) or climb(ladder, frame, REFERENCE_SHARE * budget, progress.reference)
+        reference = reference_of(levels, REFERENCE_SHARE * budget, progress.reference)
         progress.known(reference)
         left = max(REFERENCE_SHARE * budget, budget - (perf_counter() - began))
         progress.expect(wanted, left)
-        outcomes = sweep(wishes.scene, wishes.settings, frame, names, wanted, store, left, progress.configuration)
+        outcomes = sweep(study, wanted, store, left * wishes.jobs, progress.configuration, jobs=wishes.jobs)
     rows = rows_of(wanted, outcomes, reference)
     if all(row.error is None for row in rows):
         least = min(rows, key=lambda row: row.configuration.seconds)
         told = f"{least.configuration.label}: {least.outcome.reason}"
         raise SoftseamError(f"none of {len(rows)} configurations ran to its end, there is nothing to draw ({told})")
-    _write(folder, scene, key, code, here, rows, reference, rivals)
+    _write(folder, study, rows, reference, rivals)
     _tell(console, folder, rows, reference, perf_counter() - began)
     return rows, reference
 
 
-def _write(
-    folder: Path,
-    scene: Scene,
-    key: str,
-    code: str,
-    here: str,
-    rows: Sequence[Row],
-    reference: Reference,
-    rivals: Sequence[Landmark],
-) -> None:
+def _write(folder: Path, study: Study, rows: Sequence[Row], reference: Reference, rivals: Sequence[Landmark]) -> None:
     try:
         from softseam.study.draw import draw_chart
     except ImportError as error:
         raise missing_extra(error, "drawing a chart") from error
     from softseam.study.page import write_page
 
-    title, asked = scene.name.replace("_", " "), asked_of(scene.name)
+    title, asked = study.scene.name.replace("_", " "), asked_of(study.scene.name)
+    here = study.identity.machine
     document = {
         "chart_version": CHART_VERSION,
-        "scene": {"name": scene.name, "hash": key},
-        "code": code[:16],
+        "scene": {"name": study.scene.name, "hash": study.identity.scene},
+        "code": study.identity.code[:16],
         "machine": here + busy(rows),
         "reference": described(reference),
         "rows": [row_json(row) for row in rows],
@@ -154,13 +131,8 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
         error = f"{sign}{100 * row.error.value:.2g} %"
         table.add_row(row.configuration.label, f"{row.outcome.rtf:.3g}", error, label(decisive))
     console.print(table)
-    for status, text in (
-        ("failed", "failed"),
-        ("refused", "refused"),
-        ("stopped", "stopped"),
-        ("left out", "left out"),
-    ):
-        these = [row for row in rows if row.outcome.status == status]
+    for text in ("failed", "refused", "stopped", "left out"):
+        these = [row for row in rows if row.outcome.status == text]
         for row in these[:4]:
             line = f"{text}: {row.configuration.label}: {row.outcome.reason}"
             console.print(Text(line, style="yellow"), soft_wrap=True)
@@ -169,9 +141,9 @@ def _tell(console: Console, folder: Path, rows: Sequence[Row], reference: Refere
     if left_out := not_counted(reference.truth):
         console.print(Text(f"not counted: {left_out}", style="dim"), soft_wrap=True)
     known = f"the reference {origin(reference)}"
-    if not reference.complete and not reference.shipped:
+    if not reference.complete and not reference.bundled:
         known += "; the budget ended before every quantity was known to 1 % (give more --minutes)"
-    console.print(Text(known, style="dim" if reference.complete or reference.shipped else "yellow"))
+    console.print(Text(known, style="dim" if reference.complete or reference.bundled else "yellow"))
     n_done = sum(row.error is not None for row in rows)
     text = f"{n_done} of {len(rows)} configurations of {len(METHODS)} methods in {seconds:.0f} s"
     console.print(Text(text, style="dim"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
@@ -118,6 +118,22 @@ class Fem:
     def _axes(self) -> tuple[int, ...]:
         """That it solves one side of; tetrahedra are divided otherwise on either side."""
         return () if self.element.startswith("tet") else self.frame.solved_across(self.counts)
+
+    def finer(self) -> Fem:
+        """On half as many cells more along each axis, but where one is enough for how free faces bulge."""
+        one = (self.frame.idle, self.frame.even)
+        return self._with(n if n == 1 and axis in one else n + max(1, n // 2) for axis, n in enumerate(self.counts))
+
+    def cheaper(self) -> Iterator[Fem]:
+        """With a longer step, a softer element, fewer cells."""
+        yield replace(self, step=2.0 * self.step)
+        if self.element == "hex27":
+            yield replace(self, element="hex27_reduced")
+        yield self._with(max(1, n - max(1, n // 3)) for n in self.counts)
+
+    def _with(self, counts: Iterable[int]) -> Fem:
+        x, y, z = counts
+        return replace(self, counts=self.frame.folding((x, y, z), self.towards))
 
     def configuration(self) -> Configuration:
         """As the sweep tries it, and as a reference's level is."""

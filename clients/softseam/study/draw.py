@@ -82,7 +82,7 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     ran = f"; {len(rows) - late} of {len(rows)} configurations were run, the others had no time" if late else ""
     text += f"{machine}, one process; compiling and setting up left out{busy(rows)}{ran}"
     return text + (
-        "" if reference.complete or reference.shipped else "\nthe budget ended before every quantity was known to 1 %"
+        "" if reference.complete or reference.bundled else "\nthe budget ended before every quantity was known to 1 %"
     )
 
 

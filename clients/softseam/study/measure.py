@@ -110,9 +110,7 @@ class Outcome:
         return self.simulated / max(self.walls), max(self.rtf, self.simulated / min(self.walls))
 
     def as_json(self) -> dict[str, Any]:
-        plain = {name: getattr(self, name) for name in _PLAIN}
-        plain |= {"estimate": self.estimate}
-        return plain | {"walls": list(self.walls), "series": None if self.series is None else self.series.as_json()}
+        return vars(self) | {"walls": list(self.walls), "series": self.series and self.series.as_json()}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Outcome:
@@ -120,12 +118,7 @@ class Outcome:
         if data["status"] not in get_args(Status):
             raise ValueError(f"no status is called {data['status']!r}")
         series = None if data["series"] is None else Series.from_json(data["series"])
-        walls = tuple(float(wall) for wall in data["walls"])
-        estimate = float(data.get("estimate", 0.0))  # runs that were kept before they estimated anything have none
-        return cls(**{name: data[name] for name in _PLAIN}, walls=walls, series=series, estimate=estimate)
-
-
-_PLAIN = ("status", "reason", "cpu", "spent", "compiled", "setup", "simulated", "steps", "n_cells", "n_nodes")
+        return cls(**dict(data) | {"walls": tuple(map(float, data["walls"])), "series": series})
 
 
 def quantity_names(scene: Scene) -> tuple[str, ...]:
@@ -169,9 +162,10 @@ def measure(
     length: float | None = None,
     told: Told | None = None,
     look: int = 0,
+    worth: Callable[[Outcome], bool] = lambda _: True,
 ) -> Outcome:
-    """Run a scene with these settings once for its series, then `runs` times for its speed, brief ones more often;
-    never raises for a run.
+    """Run a scene with these settings once for its series, then, where that is worth it, `runs` times for its speed,
+    brief ones more often; never raises for a run.
 
     The first run warms caches up, and is timed only where it alone takes `ENOUGH`.
 
@@ -184,29 +178,27 @@ def measure(
         with compile_clock() as clock, open_as_given(scene, settings=settings) as session:
             start = session.reset()
             setup = perf_counter() - began - clock()[0]
-            return _timed(
-                session, start, names, setup, clock, runs=runs, limit=limit, length=length, told=told, look=look
-            )
+            first = _followed(session, start, names, clock, limit=limit, length=length, told=told, look=look)
+            first = replace(first, setup=setup)
+            return _timed(session, first, clock, runs if first.status == "done" and worth(first) else 0)
     except SceneRefused as error:
         return Outcome("refused", str(error))
     except SimulationFailed as error:
         return Outcome("failed", str(error))
 
 
-def _timed(
+def _followed(
     session: Session,
     start: Observation,
     names: tuple[str, ...],
-    setup: float,
     clock: Clock,
     *,
-    runs: int,
     limit: float,
     length: float | None,
     told: Told | None,
     look: int,
 ) -> Outcome:
-    """The series of a session that was just reset, and the times of the runs after this one."""
+    """Run a session that was just reset to its end, or to its limit."""
     builder = SeriesBuilder(names, session.scene.step)
     builder.add(start)
     watch = _Watch(clock)
@@ -216,36 +208,47 @@ def _timed(
         if watch.read().own > limit:
             raise _Stopped(f"stopped at {observation.time:.3g} s of motion, after {limit:.0f} s")
         if told is not None and length:
-            told(min(1.0, observation.time / length) / (1 + runs))
+            told(min(1.0, observation.time / length))
 
+    status: Status = "done"
+    reason, last = "", start
     try:
         last = _looking(session, look, collect) if look else session.run(collect)
     except (_Stopped, SimulationFailed) as error:
-        status: Status = "stopped" if isinstance(error, _Stopped) else "failed"
-        series, taken = builder.build(), watch.read()
-        reached, n_steps = float(series.time[-1]), len(series.time) - 1
-        return Outcome(status, str(error), None, (taken.wall,), 0.0, taken.own, clock()[0], setup, reached, n_steps)
-    first = watch.read()
-    regions = last.parts.values()
-    outcome = Outcome(
-        status="done",
-        series=builder.build(),
-        setup=setup,
-        simulated=last.time,
-        steps=last.step,
-        n_cells=sum(region.n_cells for region in regions),
-        n_nodes=sum(region.n_nodes for region in regions),
+        status, reason = "stopped" if isinstance(error, _Stopped) else "failed", str(error)
+    series, taken = builder.build(), watch.read()
+    if status == "done" and not series.finite():
+        status, reason = "failed", "it diverged: a quantity is not a number"
+    return Outcome(
+        status,
+        reason,
+        series if status == "done" else None,
+        (taken.wall,),
+        taken.cpu if status == "done" else 0.0,
+        taken.own,
+        clock()[0],
+        simulated=float(series.time[-1]),
+        steps=len(series.time) - 1,
+        n_cells=sum(part.n_cells for part in last.parts.values()),
+        n_nodes=sum(part.n_nodes for part in last.parts.values()),
         estimate=0.0 if last.error_estimate is None else last.error_estimate.answer,
     )
-    assert outcome.series is not None
-    if not outcome.series.finite():
-        outcome = replace(outcome, status="failed", reason="it diverged: a quantity is not a number", series=None)
-    timed = _repeat(session, runs if outcome.status == "done" else 0, first.own, clock, told) or [first]
-    walls = tuple(one.wall for one in timed)
-    spent = sum(one.own for one in timed) + (first.own if timed[0] is not first else 0.0)
-    return replace(
-        outcome, walls=walls, cpu=statistics.median(one.cpu for one in timed), spent=spent, compiled=clock()[0]
-    )
+
+
+def _timed(session: Session, first: Outcome, clock: Clock, runs: int) -> Outcome:
+    """An outcome with the times of further runs of its open session, where there are any."""
+    timed: list[Taken] = []
+    spent = first.spent
+    while spent < ENOUGH and (len(timed) < runs or (0 < len(timed) < MOST and spent - first.spent < BRIEF)):
+        session.reset()
+        watch = _Watch(clock)
+        session.run()
+        timed.append(watch.read())
+        spent += timed[-1].own
+    if not timed:
+        return first
+    walls, cpu = tuple(one.wall for one in timed), statistics.median(one.cpu for one in timed)
+    return replace(first, walls=walls, cpu=cpu, spent=spent, compiled=clock()[0])
 
 
 def _looking(session: Session, every: int, collect: Callable[[Observation], None]) -> Observation:
@@ -256,18 +259,3 @@ def _looking(session: Session, every: int, collect: Callable[[Observation], None
         last = session.step(fields=taken % every == 0)
         collect(last)
     return last
-
-
-def _repeat(session: Session, runs: int, spent: float, clock: Clock, told: Told | None) -> list[Taken]:
-    """What further runs of an open session took; `spent` is the own time of those before [s]."""
-    timed: list[Taken] = []
-    before = spent
-    while spent < ENOUGH and (len(timed) < runs or (0 < len(timed) < MOST and spent - before < BRIEF)):
-        session.reset()
-        watch = _Watch(clock)
-        session.run()
-        timed.append(watch.read())
-        spent += timed[-1].own
-        if told is not None:
-            told(min(1.0, (1 + len(timed)) / (1 + runs)))
-    return timed

@@ -43,11 +43,7 @@ class ChartProgress:
             self._bar.stop()
 
     def reference(self, text: str, seconds: float) -> Told:
-        """A level of the reference begins."""
-        return self._beside(text, seconds)
-
-    def _beside(self, text: str, seconds: float) -> Told:
-        """A run that is not of the sweep."""
+        """A level of the reference begins, or another run that is not of the sweep."""
         began = perf_counter()
         self._say(text, 0.0, f"some {seconds:.0f} s" if seconds >= 1.0 else "", force=True)
 
@@ -69,9 +65,9 @@ class ChartProgress:
         self._total = sum(self._rough.values())
 
     def configuration(self, configuration: Configuration, seconds: float) -> Told:
-        """A configuration begins; those before it in the sweep are done. One that is foretold is beside the sweep."""
+        """A configuration begins; those before it in the sweep are done."""
         if configuration.key not in self._rough:
-            return self._beside(f"beside the sweep: {configuration.label}", seconds)
+            return self.reference(f"not of the sweep: {configuration.label}", seconds)
         keys = list(self._rough)
         at = keys.index(configuration.key)
         before = sum(self._rough[key] for key in keys[:at])

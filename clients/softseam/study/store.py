@@ -12,6 +12,7 @@ from typing import Any
 
 from softseam.errors import BadInput
 from softseam.report import write_json
+from softseam.study.measure import Outcome
 
 VERSION = 1
 """of what the files hold; another version is foreign"""
@@ -88,6 +89,14 @@ class Store:
                 told = {"scene": self._other, "code": "other code", "machine": f"another machine ({theirs})"}
                 raise self.refused(name, f"belongs to {told[part]}")
         return data
+
+    def outcome(self, name: str) -> Outcome | None:
+        """A finished run, or None where there is none. Raises BadInput as `read`."""
+        data = self.read(name)
+        try:
+            return None if data is None else Outcome.from_json(data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise self.refused(name, f"is corrupt ({error})") from None
 
     def write(self, name: str, data: Mapping[str, Any]) -> None:
         """Keep a finished piece; a reader never sees half of it. Raises BadInput where it cannot be written."""

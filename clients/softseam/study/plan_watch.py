@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from rich.console import Console
 
 from softseam.session import Session
-from softseam.study.kept import Plan
+from softseam.study.plan import Plan
 from softseam.study.plan_command import Wishes, find, settings_of
 from softseam_protocol.messages.session import ErrorEstimate
 
@@ -44,10 +44,10 @@ class PlanWatch:
 
     def anew(self, estimate: ErrorEstimate | None) -> Session | None:
         """A session planned for the motion that this is the estimate of; None where the plan holds, or nobody knows."""
-        harder = self.needed(estimate)
-        if harder is None:
+        factor = self.needed(estimate)
+        if factor is None:
             return None
-        wishes = replace(self.wishes, harder=harder)
+        wishes = replace(self.wishes, load_factor=factor)
         return replace(self, wishes=wishes, plan=find(wishes, self.console)).begin()
 
     def needed(self, estimate: ErrorEstimate | None) -> float | None:
@@ -55,7 +55,7 @@ class PlanWatch:
         choice, goal = self.plan.choice, self.plan.goal
         if estimate is None or choice.estimate <= 0.0:
             return None
-        more = estimate.answer - goal.harder * choice.estimate
+        more = estimate.answer - goal.load_factor * choice.estimate
         if more <= 0.0 or self.plan.off + more <= goal.tolerance:
             return None
         return math.ceil(10.0 * ROUGHLY * estimate.answer / choice.estimate) / 10.0

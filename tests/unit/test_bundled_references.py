@@ -5,33 +5,31 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks.plans import SCENES
-from benchmarks.truths import ladder_of
+from benchmarks.reference_files import DIGITS, moved, shipping, write
+from benchmarks.truths import levels_of
 from rich.console import Console
 
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
 from softseam.observation import Observation
 from softseam.scenes import load_scene, references_folder
+from softseam.study import bundled
 from softseam.study import chart_command as command
 from softseam.study import plan_command as planning
-from softseam.study import shipped
-from softseam.study.assemble import assemble, counted
-from softseam.study.configurations import Fem
-from softseam.study.counted import counts_to, known_to
+from softseam.study.configurations import Configuration
 from softseam.study.frame import Frame, frame_of
-from softseam.study.kept import Goal
-from softseam.study.ladder import Ladder
+from softseam.study.levels import Levels
 from softseam.study.measure import Outcome, Told, quantity_names
-from softseam.study.plan_command import finer
-from softseam.study.planner import NoPlan, choose
-from softseam.study.reference import Level, Reference, origin
+from softseam.study.planner import NoPlan, counts_to
+from softseam.study.reference import Reference, counted, origin
+from softseam.study.refine import assemble
 from softseam.study.series import Series
+from softseam.study.study import Study
 from softseam.variants import with_settings
 
 TIME = np.arange(100) / 100
@@ -42,14 +40,13 @@ HEADLINES = ("cantilever", "tofu_grasp", "tofu_pads", "tofu_slab")
 FILES = sorted(references_folder().glob("*.json"))
 
 
-class Known(Ladder):
+class Known(Levels):
     """Levels of tofu_grasp by formulas: one with a limit, a vague one, one that grows, a faint one and one that is
     zero."""
 
     def __init__(self, *settings: str, names: tuple[str, ...] = NAMES, cost: float = math.inf) -> None:
         scene = with_settings(load_scene("tofu_grasp"), settings)
         super().__init__("tofu_grasp", settings, Frame(scene, np.full(3, 0.05)), names)
-        self.graded = None
         self.cost, self.asked = cost, list[tuple[float, float]]()
 
     def cached(self, across: float, step: float) -> Outcome | None:
@@ -80,25 +77,25 @@ class Known(Ladder):
 @pytest.fixture
 def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reference:
     """A reference made from those levels, which ships from now on."""
-    monkeypatch.setattr(shipped, "references_folder", lambda: tmp_path)
-    ladder = Known(cost=0.01)
+    monkeypatch.setattr(bundled, "references_folder", lambda: tmp_path)
+    levels = Known(cost=0.01)
     for rung in (*CELLS, *STEPS):
-        ladder.run(*rung, 1.0)
-    found = assemble(ladder, CELLS, STEPS, True)
-    shipped.write(shipped.shipping(found, ladder, "code", "a machine"), shipped.path_of("tofu_grasp"))
+        levels.run(*rung, 1.0)
+    found = assemble(levels, CELLS, STEPS, True)
+    write(shipping(found, levels, "code", "a machine"), bundled.path_of("tofu_grasp"))
     return found
 
 
 def taken(*settings: str, names: tuple[str, ...] = NAMES, known: float = 0.05) -> Reference | None:
-    return shipped.shipped(Known(*settings, names=names), known_to(0.05), known)
+    return bundled.bundled(Known(*settings, names=names), 0.00625, known)
 
 
 @pytest.mark.parametrize("tolerance", [0.02, 0.1, 0.2, 0.6])
 def test_what_ships_counts_as_what_was_made(made: Reference, tolerance: float) -> None:
     """Whatever the tolerance: sag, known to a tenth, counts from 20 % on, and stress, which grows, never does."""
     known = counts_to(tolerance)
-    found, here = taken(known=known), counted(made, NAMES, known_to(0.05), known)
-    assert found is not None and found.shipped and not here.shipped
+    found, here = taken(known=known), counted(made, NAMES, 0.00625, known)
+    assert found is not None and found.bundled and not here.bundled
     assert found.counted == here.counted and found.nothing == here.nothing == ("slip",)
     assert ("sag" in found.counted) is (tolerance >= 0.2) and "peak_von_mises" not in found.counted
     assert (found.time == here.time).all() and found.levels == here.levels
@@ -107,30 +104,16 @@ def test_what_ships_counts_as_what_was_made(made: Reference, tolerance: float) -
         assert (again.left_out, again.has_limit) == (true.left_out, true.has_limit)
         assert again.uncertainty == pytest.approx(true.uncertainty, rel=2e-5)
         off = np.abs(again.values - true.values).max()
-        assert off <= 0.5 * shipped.DIGITS * true.uncertainty * true.scale + 1e-6 * true.scale
+        assert off <= 0.5 * DIGITS * true.uncertainty * true.scale + 1e-6 * true.scale
     assert origin(found).startswith("ships with the scene, made from 6 runs, known to ")
-
-
-def test_levels_of_the_second_family_ship_and_are_not_what_later_code_is_checked_with(made: Reference) -> None:
-    """Nor what says how fine a reference is: many graded cells are no finer elsewhere."""
-    ladder, many = Known(cost=0.01), max(level.n_cells for level in made.levels)
-    for rung in (*CELLS, *STEPS):
-        ladder.run(*rung, 1.0)
-    more = replace(made, levels=(*made.levels, Level(5, 0.01, 10 * many, 99, 0.1, 4.0)))
-    found = shipped.shipping(more, ladder, "code", "a machine")
-    shipped.write(found, shipped.path_of("tofu_grasp"))
-    again = shipped.read(shipped.path_of("tofu_grasp"))
-    assert again is not None and again.reference.levels == more.levels
-    assert 5 not in {check.across for check in found.checks}
-    assert shipped.is_as_fine(made, more)
 
 
 def test_what_nobody_knows_is_written_and_read(made: Reference) -> None:
     """A single level says nothing about its limit: infinite, and no order."""
-    ladder = Known(cost=0.01)
-    ladder.run(2, 0.01, 1.0)
-    only = assemble(ladder, CELLS[:1], STEPS[:1], False)
-    shipped.write(shipped.shipping(only, ladder, "code", "a machine"), shipped.path_of("tofu_grasp"))
+    levels = Known(cost=0.01)
+    levels.run(2, 0.01, 1.0)
+    only = assemble(levels, CELLS[:1], STEPS[:1], False)
+    write(shipping(only, levels, "code", "a machine"), bundled.path_of("tofu_grasp"))
     found = taken()
     assert found is not None and found.truth["sag"].uncertainty == math.inf
     part = found.parts["sag"]
@@ -142,13 +125,13 @@ def test_of_another_scene_or_of_other_quantities_nothing_ships(made: Reference) 
     assert taken("regions.near.within=0.01", "body.cell=0.01") is not None, "only simulated otherwise"
     assert taken("body.material.young=21.0e3") is None and taken("step=0.02") is None
     assert taken(names=("grip_force",)) is not None
-    path = shipped.path_of("tofu_grasp")
-    found = shipped.read(path)
+    path = bundled.path_of("tofu_grasp")
+    found = bundled.read(path)
     assert found is not None
-    shipped.write(found.model_copy(update={"nothing": []}), path)
+    write(found.model_copy(update={"nothing": []}), path)
     assert taken(names=("grip_force", "slip")) is None, "nobody looked at slip"
     path.unlink()
-    assert taken() is None and shipped.digest_of("tofu_grasp") == ""
+    assert taken() is None and bundled.digest_of("tofu_grasp") == ""
 
 
 @pytest.mark.parametrize(
@@ -160,7 +143,7 @@ def test_of_another_scene_or_of_other_quantities_nothing_ships(made: Reference) 
     ],
 )
 def test_a_spoilt_file_is_refused_by_name(made: Reference, spoil: Callable[[str], str], why: str) -> None:
-    path = shipped.path_of("tofu_grasp")
+    path = bundled.path_of("tofu_grasp")
     path.write_text(spoil(path.read_text()))
     with pytest.raises(BadInput, match=rf"tofu_grasp.json is corrupt \(.*{'' if why == 'corrupt' else why}"):
         taken()
@@ -176,75 +159,34 @@ def test_a_spoilt_file_is_refused_by_name(made: Reference, spoil: Callable[[str]
     ],
 )
 def test_a_file_of_another_kind_is_refused_by_name(made: Reference, change: dict[str, object], why: str) -> None:
-    path = shipped.path_of("tofu_grasp")
+    path = bundled.path_of("tofu_grasp")
     document = json.loads(path.read_text()) | change
     del document["digest"]
-    path.write_text(json.dumps(document | {"digest": shipped._digest(document)}))
+    path.write_text(json.dumps(document | {"digest": bundled.digest_of_document(document)}))
     with pytest.raises(BadInput, match=f"tofu_grasp.json is corrupt .*{why}.*delete it"):
         taken()
-
-
-def test_a_plan_with_what_ships_runs_no_reference(made: Reference) -> None:
-    """Nothing of the ladder is asked for, though what does not count is nearly known well enough."""
-    ladder = Known()
-    wanted = Fem(ladder._frame, (2, 2, 2), 0.02).configuration()
-    good = Series(TIME, np.zeros(len(TIME)), {name: true.values for name, true in made.truth.items()})
-    levels = finer(ladder, ladder._frame, 0.1, lambda: 60.0, lambda text, seconds: pytest.fail(text))
-    run = Outcome("done", series=good, walls=(1.0,), simulated=1.0)
-    plan = choose(Goal(0.1), next(levels), [wanted], lambda one: run, lambda: next(levels, None), ladder.tried)
-    assert not ladder.asked and plan.choice.label == wanted.label and plan.truth.startswith("ships with the scene")
-
-
-def test_where_nothing_is_accurate_levels_are_run_for_plans_and_judged_by_what_ships(made: Reference) -> None:
-    ladder = Known(names=("grip_force",), cost=0.001)
-    bad = Series(TIME, np.zeros(len(TIME)), {"grip_force": 2.0 * made.truth["grip_force"].values})
-    wanted = Fem(ladder._frame, (1, 1, 1), 0.02).configuration()
-    run = Outcome("done", series=bad, walls=(1.0,), simulated=1.0)
-    levels = finer(ladder, ladder._frame, 0.05, lambda: 0.3, lambda text, seconds: lambda done: None)
-    plan = choose(Goal(0.05), next(levels), [wanted], lambda one: run, lambda: next(levels, None), ladder.tried)
-    assert ladder.asked and plan.truth.startswith("ships with the scene") and plan.choice.label == "FEM 2x2x2, 10 ms"
-    assert plan.choice.error == pytest.approx(math.hypot(0.1 / 4 + 0.01, plan.uncertainty), rel=1e-3)
-    # and where these are too dear to begin with, what is told is what is wrong with the sweep
-    dear = Known(names=("grip_force",), cost=1e3)
-    dear.run = lambda *_: Outcome("stopped")  # type: ignore[method-assign]
-    levels = finer(dear, dear._frame, 0.05, lambda: 0.3, lambda text, seconds: lambda done: None)
-    with pytest.raises(NoPlan, match="nothing that was tried is accurate to 5 %"):
-        choose(Goal(0.05), next(levels), [wanted], lambda one: run, lambda: next(levels, None), dear.tried)
-
-
-def test_what_was_made_here_is_better_where_it_is_as_fine_and_claims_more(made: Reference) -> None:
-    ships = taken()
-    assert ships is not None
-    ladder = Known(cost=0.01)
-    for rung in (*CELLS, (8, 0.01), *STEPS):
-        ladder.run(*rung, 1.0)
-    better, coarse = assemble(ladder, [*CELLS, (8, 0.01)], STEPS, True), assemble(ladder, CELLS[:3], STEPS, True)
-    assert shipped.better_of(ships, better) is better
-    assert shipped.better_of(ships, coarse) is ships
-    lucky = counted(coarse, ("grip_force",))
-    assert shipped.better_of(ships, lucky) is ships, "fewer and coarser levels claim more by luck"
 
 
 def test_a_chart_with_what_ships_runs_no_reference(
     made: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(command, "climb", lambda *_: pytest.fail("a reference was made"))
+    monkeypatch.setattr("softseam.study.study.refine", lambda *_: pytest.fail("a reference was made"))
     monkeypatch.setattr(command, "_write", lambda *_: None)
     budgets = list[float]()
 
-    def swept(scene: object, settings: object, frame: object, names: object, wanted: object, *rest: object) -> object:
-        budgets.append(rest[1])  # type: ignore[arg-type]
-        keys = [one.key for one in wanted]  # type: ignore[attr-defined]
-        late = {key: Outcome("left out", "not now") for key in keys[1:]}
-        return {keys[0]: Outcome("done", series=of_ones, walls=(1.0,), simulated=1.0)} | late
+    def swept(study: Study, wanted: list[Configuration], *rest: object, **how: object) -> dict[str, Outcome]:
+        assert isinstance(rest[1], float)
+        budgets.append(rest[1])
+        late = {one.key: Outcome("left out", "not now") for one in wanted[1:]}
+        return {wanted[0].key: Outcome("done", series=of_ones, walls=(1.0,), simulated=1.0)} | late
 
     of_ones = Series(TIME, np.zeros(len(TIME)), {name: np.ones(len(TIME)) for name in NAMES})
     monkeypatch.setattr(command, "sweep", swept)
-    monkeypatch.setattr(command, "quantity_names", lambda scene: NAMES)
+    monkeypatch.setattr("softseam.study.study.quantity_names", lambda scene: NAMES)
     console = Console(record=True, width=200)
     _, reference = command.chart(command.Wishes("tofu_grasp", out=tmp_path / "out", minutes=1.0), console)
-    assert reference.shipped and budgets[0] > 50.0, "nearly all of the minute is the sweep's"
+    assert reference.bundled and budgets[0] > 50.0, "nearly all of the minute is the sweep's"
     assert "the reference ships with the scene, made from 6 runs, known to" in console.export_text()
 
 
@@ -282,26 +224,26 @@ def test_a_plan_for_one_quantity_keeps_runs_of_all(
 def test_a_reference_belongs_to_what_moves(settings: tuple[str, ...], same: bool) -> None:
     """However XPBD would simulate it, and whatever is asked for."""
     scene = with_settings(load_scene("tofu_grasp"), settings)
-    ladder = Ladder("tofu_grasp", settings, frame_of(scene, "tofu_grasp", settings), quantity_names(scene))
-    assert (ladder.key == ladder_of("tofu_grasp")[0].key) == same
+    levels = Levels("tofu_grasp", settings, frame_of(scene, "tofu_grasp", settings), quantity_names(scene))
+    assert (levels.key == levels_of("tofu_grasp").key) == same
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", ["dumpling", "sausage"])
 def test_a_reference_does_not_go_by_how_places_were_rounded(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another processor, or another order of a sum, puts a mesh's points elsewhere by a part in 1e16."""
-    key, places = ladder_of(scene)[0].key, vars(Observation)["surface"].fget
+    key, places = levels_of(scene).key, vars(Observation)["surface"].fget
     monkeypatch.setattr(Observation, "surface", property(lambda seen: places(seen) * (1.0 + 4e-16)))
-    assert ladder_of(scene)[0].key == key
+    assert levels_of(scene).key == key
     monkeypatch.setattr(Observation, "surface", property(lambda seen: places(seen) * (1.0 + 1e-9)))
-    assert ladder_of(scene)[0].key != key
+    assert levels_of(scene).key != key
 
 
 def test_a_file_is_checked_in_what_a_scene_asks_for(made: Reference) -> None:
     """It holds more, and belongs to a scene that asks for less."""
-    found, less = shipped.read(shipped.path_of("tofu_grasp")), Known(names=("grip_force",))
+    found, less = bundled.read(bundled.path_of("tofu_grasp")), Known(names=("grip_force",))
     assert found is not None and found.knows(less.names) and found.scene == less.key
-    assert shipped.moved(found, less) == {}
+    assert moved(found, less) == {}
 
 
 def test_the_whole_suite_has_references() -> None:
@@ -310,9 +252,9 @@ def test_the_whole_suite_has_references() -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
-    found, (ladder, _) = shipped.read(path), ladder_of(path.stem)
-    assert found is not None and found.knows(ladder.names)
-    assert found.scene == ladder.key, f"{path.stem} has changed since its reference was made: make references"
+    found, levels = bundled.read(path), levels_of(path.stem)
+    assert found is not None and found.knows(levels.names)
+    assert found.scene == levels.key, f"{path.stem} has changed since its reference was made: make references"
     assert path.stat().st_size < 100e3
 
 
@@ -321,10 +263,10 @@ def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
 def test_what_ships_is_still_true(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A moderate level does what it did when the reference was made; of the scenes that headline, one in time, too."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    found, (ladder, _) = shipped.read(path), ladder_of(path.stem)
+    found, levels = bundled.read(path), levels_of(path.stem)
     assert found is not None
     if path.stem not in HEADLINES:
         found = found.model_copy(update={"checks": found.checks[:1]})
-    ladder.open(solver_digest(), fresh=False)
-    off = shipped.moved(found, ladder)
+    levels.open(solver_digest(), fresh=False)
+    off = moved(found, levels)
     assert not off, f"{path.stem} no longer does what it did (moved by {off}): make references"

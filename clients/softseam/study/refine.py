@@ -1,0 +1,164 @@
+"""How a reference is refined: cells at the scene's step, then the step at few cells.
+
+Refined until both are fine enough, or the next level would not end within the budget. Where the scene's step changes
+much of what happens, cells are refined at a shorter one as well, and these count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
+
+import numpy as np
+
+from softseam.errors import SoftseamError
+from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress, rms
+from softseam.study.frame import Frame
+from softseam.study.levels import COARSEST, Levels, Rung, Watch
+from softseam.study.reference import TARGET, Reference, counted, joined
+from softseam.study.richardson import RECENT, Limit
+
+ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
+"""cells along the body's shortest edge, level by level"""
+LEAST_ROUND = 3
+"""cells across the box around a ball that a reference begins with"""
+DEAR = 300
+"""cells that a level may solve for though a finer one solves for fewer"""
+STEPS_AT, STEPS_CELLS = 4, 220
+"""most cells along the shortest edge, and in all, at which the step is refined, unless the coarsest level has more"""
+HALVINGS, LEAST_HALVINGS = 7, 3
+"""most halvings of the step; it is refined on so few cells that so many fit the budget"""
+FEWEST = 3
+"""levels without which there is no reference: one that fails after these ends the refining"""
+CLEAR = 4
+"""levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
+CELLS_SHARE = 0.8
+"""of the budget, for cells: the steps need the rest [1]"""
+MEDDLES, SHORT = 0.03, 0.02
+"""a step that changes a quantity by more may change what cells do to it, too; cells are then refined at the longest one
+that changes none by more than the second [1]"""
+
+
+def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, known: float = KNOWN) -> Reference:
+    """Refine cells, then the step, until both are fine enough or the next level would not end within the budget, or
+    fails: what coarser ones lead to is known.
+
+    budget  processor time of the levels, without compiling [s]; those from the cache cost nothing
+    target  how uncertain the cells and the step may each leave a quantity [1]
+    known   how uncertain a quantity may be that counts [1]
+    """
+    frame, step, enough = levels.frame, levels.frame.scene.step, True
+
+    def take(across: float, step: float, share: float) -> bool:
+        new, left = levels.cached(across, step) is None, share * budget - levels.spent
+        foreseen = levels.seconds(across, step)
+        if new and levels.done and foreseen > left:
+            return False
+        told = watch(f"reference, {across:g} cells across, {1e3 * step:.4g} ms", foreseen) if new else None
+        try:
+            return levels.run(across, step, max(1.0, left), told).status == "done"
+        except SoftseamError:
+            if len(levels.done) < FEWEST:
+                raise
+            return False
+
+    cells: list[float] = []
+    for across in levels_of(frame):
+        if not take(across, step, CELLS_SHARE):
+            enough = False
+            break
+        cells.append(across)
+        if len(cells) > 2 and fine(levels.limits([(a, step) for a in cells]), target, len(cells)):
+            break
+    if not cells:
+        raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
+    few = [a for a in cells if a <= STEPS_AT and frame.n_cells(frame.level(a)) <= STEPS_CELLS]
+    in_all = 2.0 ** (LEAST_HALVINGS + 1) - 2.0  # runs' lengths of so many halvings
+    fits = (a for a in reversed(few) if in_all * levels.seconds(a, step) <= budget - levels.spent)
+    at, steps = next(fits, cells[0]), [step]
+    for halving in range(1, HALVINGS + 1):
+        if not take(at, step / 2**halving, 1.0):
+            enough = False
+            break
+        steps.append(step / 2**halving)
+        if len(steps) > 2 and fine(levels.limits([(at, s) for s in steps]), target, len(steps)):
+            break
+    by_steps = [(at, s) for s in steps]
+    short = short_enough(levels, by_steps)
+    if short < step:
+        anew: list[float] = list(takewhile(lambda a: take(a, short, 1.0), levels_of(frame)))
+        if len(anew) >= RECENT:
+            cells, step = anew, short
+    return assemble(levels, [(a, step) for a in cells], by_steps, enough, target, known)
+
+
+def assemble(
+    levels: Levels,
+    by_cells: Sequence[Rung],
+    by_steps: Sequence[Rung],
+    enough: bool,
+    target: float = TARGET,
+    known: float = KNOWN,
+) -> Reference:
+    """The reference that levels refined in cells, and others refined in steps, one of them that of the cells, lead to."""
+    time = levels.common([*by_cells, *by_steps])
+    found = joined(
+        time,
+        levels.limits(by_cells, time),
+        levels.limits(by_steps, time),
+        finest=levels.series(by_cells[-1]),
+        base=levels.series(next(rung for rung in by_steps if rung[1] == by_cells[0][1])),
+        levels=tuple(levels.level(*rung) for rung in dict.fromkeys([*by_cells, *by_steps])),
+        integrator=levels.integrator,
+        complete=enough,
+    )
+    return counted(found, levels.names, target, known)
+
+
+def short_enough(levels: Levels, rungs: Sequence[Rung]) -> float:
+    """The step [s] to refine cells with, of levels of ever shorter steps on the same cells: the first one's, unless it
+    changes more of a quantity than `MEDDLES`; then the first that changes no more than `SHORT`."""
+    time, finest = levels.common(rungs), levels.series(rungs[-1])
+    sizes = {name: rms(finest.at(name, time), time) for name in finest.values}
+    names = _waited_for(sizes, largest_stress(sizes))
+
+    def changes(rung: Rung) -> float:
+        series = levels.series(rung)
+        return max((rms(series.at(n, time) - finest.at(n, time), time) / sizes[n] for n in names), default=0.0)
+
+    enough = SHORT if changes(rungs[0]) > MEDDLES else MEDDLES
+    return next(step for across, step in rungs if changes((across, step)) <= enough)
+
+
+def levels_of(frame: Frame) -> tuple[int, ...]:
+    """Cells across the coarsest level and finer ones, no two of which are the same cells.
+
+    Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
+    have other shapes on either side of a border, and levels would jump back and forth. And none that solves for many
+    cells, and for more of them than a finer one does, which is symmetric.
+    """
+    different = tuple({frame.level(across): across for across in ACROSS}.values())
+    if frame.ball is not None:
+        # with two cells across the box forces and sag still go to and fro
+        different = tuple(across for across in different if frame.across_ball(frame.level(across)) >= LEAST_ROUND)
+    alike = tuple(a for a in different if frame.refines(frame.level(a), frame.level(COARSEST)))
+    found = alike if len(alike) > 3 else different
+    solved = [frame.n_solved(frame.level(across)) for across in found]
+    return tuple(a for k, a in enumerate(found) if solved[k] <= max(DEAR, min(solved[k + 1 :], default=np.inf)))
+
+
+def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
+    """Whether every quantity that has a limit is known to the target, and it is clear which have."""
+    sizes = {name: float(np.sqrt(np.mean(found.value**2))) for name, found in limits.items()}
+    stress = largest_stress({name: size for name, size in sizes.items() if limits[name].converges})
+    return all(
+        limits[name].uncertainty <= target * sizes[name] or not (limits[name].converges or n_levels < CLEAR)
+        for name in _waited_for(sizes, stress)
+    )
+
+
+def _waited_for(sizes: Mapping[str, float], stress: float) -> list[str]:
+    """Quantities that are neither nothing nor faint beside the largest stress [Pa]. Slip, which errs relative to the
+    tools' way, hardly ever decides, and is not waited for unless it is alone."""
+    every = [name for name in sizes if not is_nothing(name, sizes[name]) and not is_faint(name, sizes[name], stress)]
+    return [name for name in every if name != "slip"] or every

@@ -1,0 +1,68 @@
+"""A scene whose configurations are run, each once, and compared with its reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from softseam.embedded import solver_digest
+from softseam.errors import BadInput, require_extra
+from softseam.scenes import bundle_of
+from softseam.study.bundled import bundled
+from softseam.study.errors import KNOWN
+from softseam.study.frame import Frame, frame_of
+from softseam.study.levels import Levels, Watch
+from softseam.study.measure import quantity_names
+from softseam.study.reference import TARGET, Reference
+from softseam.study.refine import refine
+from softseam.study.store import Identity
+from softseam.variants import AS_GIVEN, with_settings
+from softseam_protocol.facts import machine
+from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Study:
+    """A scene, and what its runs go by."""
+
+    name: str | Path | Scene
+    """as it was asked for"""
+    settings: tuple[str, ...]
+    """each in place of what the scene says"""
+    scene: Scene
+    """with them, and without a tolerance"""
+    frame: Frame
+    identity: Identity
+    """of its runs"""
+
+    def names(self, wanted: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """The quantities to compare: those wanted, or all that the scene has. Raises BadInput."""
+        there = quantity_names(self.scene)
+        for name in wanted:
+            if name not in there:
+                raise BadInput(f"--quantity {name}: the scene {self.scene.name!r} observes {', '.join(there)}")
+        return wanted or there
+
+    def levels(self, names: tuple[str, ...], *, fresh: bool = False) -> Levels:
+        """Of its reference, in these quantities."""
+        found = Levels(self.name, self.settings, self.frame, names)
+        found.open(self.identity.code, fresh=fresh)
+        return found
+
+
+def study_of(name: str | Path | Scene, settings: tuple[str, ...] = ()) -> Study:
+    """Read a scene, and measure its body. Raises SceneRefused and BadInput."""
+    require_extra("solve", "simulating in this process")
+    loaded, bundle = bundle_of(name)
+    settings = (*settings, *AS_GIVEN)
+    scene = with_settings(loaded, settings)
+    key = scene_hash(bundle_scene(scene, bundle.files))
+    return Study(name, settings, scene, frame_of(scene, name, settings), Identity(key, solver_digest(), machine()))
+
+
+def reference_of(
+    levels: Levels, budget: float, watch: Watch, target: float = TARGET, known: float = KNOWN
+) -> Reference:
+    """What comes with the scene, or what its levels lead to within a budget of processor time [s]; see `refine`."""
+    return bundled(levels, target, known) or refine(levels, budget, watch, target, known)
