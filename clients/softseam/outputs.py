@@ -54,6 +54,17 @@ def cannot_write(path: Path | str, error: OSError) -> BadInput:
     return BadInput(f"cannot write {path}: {error.strerror or error}")
 
 
+def write_whole(path: Path, text: str) -> Path:
+    """Write a file, all or nothing; returns its path. Raises OSError."""
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        fresh.write_text(text, encoding="utf-8")
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+    return path
+
+
 def _same(one: Path, other: Path) -> bool:
     try:
         return one.samefile(other)

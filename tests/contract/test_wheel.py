@@ -33,7 +33,6 @@ def test_contents(wheel: Path) -> None:
     for package in ("softseam", "softseam_protocol", "softseam_coupling", "softseam_services"):
         assert f"{package}/py.typed" in names
     assert "softseam_scenes/tofu_grasp.yaml" in names and "softseam_scenes/references/tofu_grasp.json" in names
-    assert "softseam/study/page.html" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert not [name for name in names if "test" in name.lower()]
 

@@ -322,9 +322,10 @@ def test_rows_tell_what_failed(tmp_path: Path) -> None:
     lines = (tmp_path / "chart.csv").read_text().splitlines()
     assert len(lines) == 5 and "it diverged" in lines[2] and lines[1].endswith("0.01,true")
     from softseam.study.draw import draw_chart, placed
+    from softseam.view.paper import write
 
     assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[3]) is None
-    picture = draw_chart(tmp_path / "chart.png", "a test", "a machine", rows, reference, ASKED, ASKED[:1])
+    picture = write(draw_chart("a test", "a machine", rows, reference, ASKED, ASKED[:1]), tmp_path / "chart.png")
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
 

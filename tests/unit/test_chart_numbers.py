@@ -21,11 +21,11 @@ from softseam.study.errors import (
     sure,
     worst,
 )
-from softseam.study.pareto import pareto_front, worth_naming
 from softseam.study.reference import Part, Reference, counted
 from softseam.study.refine import fine
 from softseam.study.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
 from softseam.study.series import Series
+from softseam.study.table import pareto_front
 
 TIME = np.linspace(0.0, 2.0, 401)
 TRUE = np.sin(3.0 * TIME) + 2.0
@@ -272,24 +272,6 @@ def test_front_of_a_few_points() -> None:
     points = [(1.0, 0.1), (10.0, 0.2), (5.0, 0.2), (0.5, 0.1), (100.0, 0.9), (0.1, 0.01), (10.0, 0.2)]
     assert pareto_front(points) == [4, 1, 0, 5]
     assert pareto_front([]) == []
-
-
-def test_a_picture_names_ends_and_limits_and_no_neighbours() -> None:
-    """Of a crowded front: its ends, the fastest within each limit, and what lies apart from these."""
-    front = [
-        (400.0, 0.29),
-        (375.0, 0.049),
-        (239.0, 0.029),
-        (225.0, 0.027),
-        (141.0, 0.0199),
-        (140.0, 0.0198),
-        (6.0, 0.0197),
-    ]
-    assert worth_naming(front, (0.05, 0.02)) == [0, 1, 2, 4, 6]
-    assert worth_naming(front, ()) == [0, 1, 2, 4, 6]
-    assert worth_naming(front, (0.027,)) == [0, 1, 3, 4, 6]
-    assert worth_naming(front[:1], (0.5, 0.01)) == [0]
-    assert worth_naming([], (0.1,)) == []
 
 
 @settings(deadline=None, max_examples=100)

@@ -14,7 +14,7 @@ from softseam.study.frame import Frame, frame_of
 from softseam.study.levels import Levels
 from softseam.study.measure import Outcome, Told
 from softseam.study.reference import NEAR
-from softseam.study.refine import fine, refine, short_enough
+from softseam.study.refine import fine, refine
 from softseam.study.richardson import Limit
 from softseam.study.series import Series
 from softseam.variants import with_settings
@@ -43,16 +43,6 @@ class Known(Levels):
             series = Series(TIME, np.zeros(len(TIME)), {"grip_force": force, "sag": sag})
             self.done[across, step] = Outcome("done", series=series, walls=(spent,), spent=spent)
         return self.done[across, step]
-
-
-class Meddling(Known):
-    """Levels of J = 1 + 10 dt + h (1/10 - 8 dt): what cells do to it depends on the step."""
-
-    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
-        found = super().run(across, step, limit_s, told)
-        if found.series is not None:
-            found.series.values["grip_force"][:] = 1.0 + 10.0 * step + (0.1 - 8.0 * step) / across
-        return found
 
 
 def told(text: str, seconds: float) -> Told:
@@ -107,27 +97,6 @@ def test_a_body_too_thin_for_a_reference_is_refused_for_that(tmp_path: Path, mon
     sheet = frame_of(with_settings(load_scene("tofu_grasp"), thin), "tofu_grasp", thin)
     with pytest.raises(SceneRefused, match=r"'tofu_grasp' these are 720,000 cells, .* too thin"):
         Levels("tofu_grasp", thin, sheet, ("sag",)).open("code", fresh=False)
-
-
-def test_cells_are_refined_at_a_short_step_where_the_scenes_changes_what_they_do() -> None:
-    """The sum of what cells do at 10 ms and of what steps do on 4 x 4 x 4 would be 2 % off: 0.08/4."""
-    levels = Meddling(frame(), 1e-3)
-    reference = refine(levels, 60.0, told)
-    short = min(step for across, step in levels.asked if across == 5)
-    assert short == 0.0025
-    error = abs(reference.truth["grip_force"].values[-1] - 1.0)
-    assert error <= reference.truth["grip_force"].uncertainty and error < 0.006
-    used = {(level.across, level.step) for level in reference.levels}
-    assert (5, short) in used and (5, 0.01) not in used, "what does not count does not ship"
-
-
-def test_a_step_that_changes_little_is_the_scenes_own() -> None:
-    """1 % of grip_force by 10 ms; and 8 %, of which 2 are left at 2.5 ms."""
-    for levels, expected in ((Known(frame(), 1e-3), 0.01), (Meddling(frame(), 1e-3), 0.0025)):
-        rungs = [(4, 0.01 / 2**k) for k in range(8)]
-        for rung in rungs:
-            levels.run(*rung, 1.0)
-        assert short_enough(levels, rungs) == expected
 
 
 @pytest.mark.parametrize(("share", "counts"), [(0.8, True), (1.8, False)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,6 +90,7 @@ def _write(folder: Path, study: Study, rows: Sequence[Row], reference: Reference
     except ImportError as error:
         raise missing_extra(error, "drawing a chart") from error
     from softseam.study.page import write_page
+    from softseam.view.paper import write
 
     title, asked = study.scene.name.replace("_", " "), asked_of(study.scene.name)
     here = study.identity.machine
@@ -105,8 +107,10 @@ def _write(folder: Path, study: Study, rows: Sequence[Row], reference: Reference
     try:
         write_json(document, folder / "chart.json")
         write_csv(rows, list(reference.truth), folder / "chart.csv")
-        draw_chart(folder / "chart.png", title, here, rows, reference, asked, rivals)
-        write_page(folder / "chart.html", title, document)
+        figure, picture = draw_chart(title, here, rows, reference, asked, rivals), io.StringIO()
+        figure.savefig(picture, format="svg")
+        write(figure, folder / "chart.png")
+        write_page(folder / "chart.html", title, document, picture.getvalue())
     except OSError as error:
         raise SoftseamError(f"cannot write {error.filename or folder}: {error.strerror}") from error
 

@@ -1,22 +1,20 @@
 """How a reference is refined: cells at the scene's step, then the step at few cells.
 
-Refined until both are fine enough, or the next level would not end within the budget. Where the scene's step changes
-much of what happens, cells are refined at a shorter one as well, and these count.
+Refined until both are fine enough, or the next level would not end within the budget.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import takewhile
 
 import numpy as np
 
 from softseam.errors import SoftseamError
-from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress, rms
+from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress
 from softseam.study.frame import Frame
 from softseam.study.levels import COARSEST, Levels, Rung, Watch
 from softseam.study.reference import TARGET, Reference, counted, joined
-from softseam.study.richardson import RECENT, Limit
+from softseam.study.richardson import Limit
 
 ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
 """cells along the body's shortest edge, level by level"""
@@ -34,9 +32,6 @@ CLEAR = 4
 """levels after which a quantity that approaches nothing is taken to have no limit: the coarsest three may scatter"""
 CELLS_SHARE = 0.8
 """of the budget, for cells: the steps need the rest [1]"""
-MEDDLES, SHORT = 0.03, 0.02
-"""a step that changes a quantity by more may change what cells do to it, too; cells are then refined at the longest one
-that changes none by more than the second [1]"""
 
 
 def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, known: float = KNOWN) -> Reference:
@@ -84,11 +79,6 @@ def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, 
         if len(steps) > 2 and fine(levels.limits([(at, s) for s in steps]), target, len(steps)):
             break
     by_steps = [(at, s) for s in steps]
-    short = short_enough(levels, by_steps)
-    if short < step:
-        anew: list[float] = list(takewhile(lambda a: take(a, short, 1.0), levels_of(frame)))
-        if len(anew) >= RECENT:
-            cells, step = anew, short
     return assemble(levels, [(a, step) for a in cells], by_steps, enough, target, known)
 
 
@@ -100,7 +90,7 @@ def assemble(
     target: float = TARGET,
     known: float = KNOWN,
 ) -> Reference:
-    """The reference that levels refined in cells, and others refined in steps, one of them that of the cells, lead to."""
+    """The reference that levels refined in cells and others refined in steps lead to, one of them that of the cells."""
     time = levels.common([*by_cells, *by_steps])
     found = joined(
         time,
@@ -113,21 +103,6 @@ def assemble(
         complete=enough,
     )
     return counted(found, levels.names, target, known)
-
-
-def short_enough(levels: Levels, rungs: Sequence[Rung]) -> float:
-    """The step [s] to refine cells with, of levels of ever shorter steps on the same cells: the first one's, unless it
-    changes more of a quantity than `MEDDLES`; then the first that changes no more than `SHORT`."""
-    time, finest = levels.common(rungs), levels.series(rungs[-1])
-    sizes = {name: rms(finest.at(name, time), time) for name in finest.values}
-    names = _waited_for(sizes, largest_stress(sizes))
-
-    def changes(rung: Rung) -> float:
-        series = levels.series(rung)
-        return max((rms(series.at(n, time) - finest.at(n, time), time) / sizes[n] for n in names), default=0.0)
-
-    enough = SHORT if changes(rungs[0]) > MEDDLES else MEDDLES
-    return next(step for across, step in rungs if changes((across, step)) <= enough)
 
 
 def levels_of(frame: Frame) -> tuple[int, ...]:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import csv
-import os
+import io
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from softseam.outputs import write_whole
 from softseam.study.configurations import Configuration
 from softseam.study.errors import Error, errors, worst
 from softseam.study.measure import Outcome
-from softseam.study.pareto import pareto_front
 from softseam.study.reference import Reference
 
 
@@ -51,10 +51,21 @@ def rows_of(wanted: Sequence[Configuration], outcomes: Mapping[str, Outcome], re
     at = [i for i, row in enumerate(rows) if row.error is not None and np.isfinite(row.error.value)]
     points = [(rows[i].outcome.rtf, error.value) for i in at if (error := rows[i].error) is not None]
     front = {at[i] for i in pareto_front(points)}
-    return [
-        Row(row.configuration, row.outcome, row.errors, row.error, i in front) if i in front else row
-        for i, row in enumerate(rows)
-    ]
+    return [replace(row, front=i in front) for i, row in enumerate(rows)]
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices, by falling speed, of the points (speed, error) that no other is faster and more accurate than.
+
+    A point that another equals in one and beats in the other is not on the front; of equal points the first is.
+    """
+    front: list[int] = []
+    best = float("inf")
+    for i in sorted(range(len(points)), key=lambda i: (-points[i][0], points[i][1], i)):
+        if points[i][1] < best:
+            front.append(i)
+            best = points[i][1]
+    return front
 
 
 def unrun(rows: Sequence[Row]) -> int:
@@ -109,23 +120,17 @@ def row_json(row: Row) -> dict[str, Any]:
     }
 
 
-def write_csv(rows: Sequence[Row], names: Sequence[str], path: Path) -> None:
+def write_csv(rows: Sequence[Row], names: Sequence[str], path: Path) -> Path:
     """Write the rows as CSV, all or nothing; errors relative, not in per cent."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    plain = [row_json(row) for row in rows]
-    columns = [name for name in plain[0] if name != "errors"] if plain else []
-    try:
-        with fresh.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow([*columns, *(f"error.{name}" for name in names), *(f"at_most.{name}" for name in names)])
-            for row in plain:
-                cells = [" ".join(row[c]) if c == "settings" else _cell(row[c]) for c in columns]
-                cells += [_cell(row["errors"].get(name, {}).get("value")) for name in names]
-                cells += [_cell(row["errors"].get(name, {}).get("at_most")) for name in names]
-                writer.writerow(cells)
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)
+    text, every = io.StringIO(), [row_json(row) for row in rows]
+    columns = [name for name in every[0] if name != "errors"] if every else []
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*columns, *(f"error.{name}" for name in names), *(f"at_most.{name}" for name in names)])
+    for row in every:
+        cells = [" ".join(row[c]) if c == "settings" else _cell(row[c]) for c in columns]
+        cells += [_cell(row["errors"].get(name, {}).get(key)) for key in ("value", "at_most") for name in names]
+        writer.writerow(cells)
+    return write_whole(path, text.getvalue())
 
 
 def _cell(value: Any) -> str:
