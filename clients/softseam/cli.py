@@ -151,8 +151,8 @@ def check(scene: SceneArgument, settings: Settings = None) -> None:
 @app.command(
     epilog="[bold]What it does[/bold]\n\n"
     "The reference is FEM alone, refined in cells and step until every quantity of the scene is known to 1 %, or half "
-    "of the minutes are over; it is kept in ~/.cache/softseam. With many of softseam's own scenes one ships, which is "
-    "taken as it is. Then FEM, XPBD "
+    "of the minutes are over; it is stored in ~/.cache/softseam. With many of softseam's own scenes one ships, which "
+    "is taken as it is. Then FEM, XPBD "
     "and both together run on several cells, with several steps, elements, substeps and sweeps, and each is compared "
     "with the reference: error is the L2 norm over "
     "time of the difference, relative to the reference, of the worst quantity. Left behind: chart.png, chart.html "
@@ -175,24 +175,28 @@ def chart(
         Path | None,
         typer.Option(metavar="FILE", help="Measured rows of other simulators (JSON), drawn with their source."),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept reference and the kept runs.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the stored reference and the stored runs.")] = False,
+    jobs: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Configurations that run side by side; 0: one on each core.")
+    ] = 1,
     settings: Settings = None,
 ) -> None:
     """Chart accuracy against speed: many ways to simulate a scene, each against a converged reference."""
     from softseam.study.chart_command import Wishes
     from softseam.study.chart_command import chart as draw_chart
 
-    draw_chart(Wishes(scene, tuple(settings or ()), out, minutes, rivals, fresh), _out())
+    draw_chart(Wishes(scene, tuple(settings or ()), out, minutes, rivals, fresh, jobs or os.cpu_count() or 1), _out())
 
 
 @app.command(
     epilog="[bold]What it does[/bold]\n\n"
     "FEM alone is refined until every quantity of the scene is known to a quarter of the tolerance, but for many of "
-    "softseam's own scenes, with which a reference ships; it is refined only where that is too vague. Then the "
+    "softseam's own scenes, with which a reference ships; a body of particles is refined in its steps. Then the "
     "configurations of [bold]softseam chart[/bold] are tried, cheapest first, until no other can be faster than the "
-    "best one that is accurate enough; of cells that promise to be with shorter steps, these are tried, too. To "
+    "best one that is accurate enough. Where none is, the most accurate one is refined in cells or steps; of what is, "
+    "longer steps and fewer cells are tried, too. To "
     "be so whatever the reference may be off by may cost half as much again; where it would cost more, the plan is not "
-    "sure, and says so. Plan and runs are kept in ~/.cache/softseam, for other tolerances too, and "
+    "sure, and says so. Plan and runs are stored in ~/.cache/softseam, for other tolerances too, and "
     "[bold]softseam run --tolerance[/bold] follows the plan.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam plan tofu_grasp --tolerance 0.05\n\n"
@@ -210,9 +214,10 @@ def plan(
         typer.Option("--quantity", metavar="NAME", help="What has to be accurate; default: all the scene asks for."),
     ] = None,
     minutes: Annotated[
-        float, typer.Option(metavar="MINUTES", help="Longest that the search may run, without compiling.")
-    ] = 5.0,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept plan, reference and runs.")] = False,
+        float | None,
+        typer.Option(metavar="MINUTES", help="Longest that the search may run; default: 1, of a mesh 3, or as found."),
+    ] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the stored plan, reference and runs.")] = False,
     settings: Settings = None,
 ) -> None:
     """Find the least that a scene needs: the fastest way to simulate it within a tolerance."""

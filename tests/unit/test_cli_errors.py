@@ -93,7 +93,6 @@ BAD_CALLS = {
     "schema into what is no folder": (["schema", "--out", "bad.yaml/schema.json"], ["bad.yaml/schema.json"]),
     "no router": (["run", "tofu_grasp", "--connect", "tcp/127.0.0.1:1"], ["tcp/127.0.0.1:1", "softseam up"]),
     "no recording": (["replay", "none.mcap"], ["none.mcap"]),
-    "chart of a rope": (["chart", "rope"], ["rope", "solid body"]),
     "chart of a mesh's own cells": (["chart", "calamari"], ["calamari.yaml:8:", "its own", "body.shape.cells=boxes"]),
     "plan of a mesh's own cells": (
         ["plan", "calamari", "--tolerance", "0.1", "--set", "body.shape.cells=own"],

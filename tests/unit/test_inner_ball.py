@@ -15,7 +15,7 @@ from softseam.errors import SceneRefused
 from softseam.scenes import load_scene
 from softseam.study.configurations import Fem, configurations
 from softseam.study.frame import Frame
-from softseam.study.refine import levels_of
+from softseam.study.levels import levels_of
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces

@@ -15,7 +15,7 @@ from softseam.checking import check_scene
 from softseam.scenes import load_scene
 from softseam.study.configurations import Fem, configurations
 from softseam.study.frame import Frame
-from softseam.study.refine import ACROSS, levels_of
+from softseam.study.levels import ACROSS, levels_of
 from softseam.variants import with_settings
 from softseam_protocol.material_borders import are_equal, cells_along, material_borders, pieces, wanted_for
 from softseam_protocol.scene.bodies import BlockShape, BodySpec

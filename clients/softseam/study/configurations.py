@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
-from softseam.study.frame import Counts, Frame, Grading, is_viscous, retardation_time
+from softseam.study.frame import Counts, Frame, Grading, is_viscous
 from softseam.symmetric import PARTS
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.spec import Vector
@@ -26,15 +26,12 @@ TOWARDS_EDGES = ((4, 1.0, 8), (4, 1.0, 4), (4, 1.5, 4), (6, 1.0, 4), (6, 4.0, 4)
 FEW_TOWARDS_EDGES, BY_EDGES, THIN, LONG = (2, 4), 2, 4.0, (8, 4)
 """cells across where a tool presses; in the mean in a piece that tools' edges make of a face; how many times thinner
 these are at edges along some axes; the multiples of the scene's step"""
-SHORTER: tuple[tuple[int, Factors], ...] = ((1, (0.5, 0.25, 0.125)), (2, (0.25, 0.125, 0.0625)), (3, (0.25,)))
-"""cells across and multiples of the scene's step that are tried, too, where that step hides the viscosity"""
-
-BOUNCES: tuple[tuple[int, Factors], ...] = ((2, (1 / 16, 1 / 32, 1 / 64)),)
-"""and where a body falls on what does not move: how it bounces shows in steps far shorter than it is seen in"""
-
 IDLE: tuple[tuple[int, Factors], ...] = ((2, (8, 4, 2)), (3, (6, 4, 2)), (4, (6, 5, 4, 3, 2)))
 """cells across and multiples of the scene's step that are tried with one cell along the axis that nothing acts along,
 and with two where half of them is solved for"""
+
+SUBSTEPS = (1, 2, 4, 8, 16, 32, 64, 128)
+"""of bodies of particles, a step"""
 
 THINNER = 2.0
 """of few cells, those at the faces may be so much thinner: four then say more than four equal ones, for nothing"""
@@ -74,11 +71,6 @@ class Fem:
         """Rough wall time of a run [s]."""
         swift = fem_seconds(self.frame, self.n_solved, self.step)
         return swift if self.element in SWIFT else 2.0 * swift
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether its cells are equal ones of the default element."""
-        return self.element == "hex27" and not self._graded
 
     @property
     def n_cells(self) -> int:
@@ -150,7 +142,10 @@ class Fem:
 
 def configurations(frame: Frame) -> list[Configuration]:
     """The sweep of a scene, cheapest first; cells that two parts of it ask for are taken once."""
-    found = {c.key: c for c in (*_fem(frame), *_xpbd(frame), *_hybrid(frame), *_as_is(frame))}
+    if isinstance(frame.scene.body, BodySpec):
+        found = {c.key: c for c in (*_fem(frame), *_xpbd(frame), *_hybrid(frame), *_as_is(frame))}
+    else:
+        found = {c.key: c for c in (particles(frame, f * frame.scene.step, n) for f in (4, 2, 1) for n in SUBSTEPS)}
     return sorted(found.values(), key=lambda c: (c.seconds, c.key))
 
 
@@ -186,15 +181,6 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     for counts, factors in _folding(frame, cubic, (4, 2, 1, 0.5)):
         for factor in factors:
             yield Fem(frame, counts, factor * step).configuration()
-    if 0.0 < retardation_time(frame.scene) <= step:
-        # a longer step damps more than the material
-        for across, factors in SHORTER:
-            for factor in factors:
-                yield Fem(frame, folded(across), factor * step).configuration()
-    if frame.scene.tools and not frame.scene.motion:
-        for across, factors in BOUNCES:
-            for factor in factors:
-                yield Fem(frame, folded(across), factor * step).configuration()
     if frame.even is not None:
         for across in (2, 3, 4):
             for cells in (folded(across), frame.folding(frame.level(across))):
@@ -307,6 +293,14 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
                     f"hybrid-{_cells(frame, counts)}-{_ms(factor * step, '')}{told.replace(',', '').replace(' ', '-')}"
                 )
                 yield Configuration(key, "hybrid", label, settings, seconds)
+
+
+def particles(frame: Frame, step: float, substeps: int) -> Configuration:
+    """A body of particles with these steps [s], each of so many substeps."""
+    settings = (f"models.pbd.substeps={substeps}", f"step={step:.9g}")
+    seconds = frame.length / step * (5e-4 + 5e-5 * substeps)
+    label, key = f"XPBD {_ms(step)}, substeps {substeps}", f"particles-{_ms(step, '')}-{substeps}"
+    return Configuration(key, "XPBD", label, settings, seconds)
 
 
 def _as_is(frame: Frame) -> Iterator[Configuration]:

@@ -39,6 +39,8 @@ ABOVE, BELOW = 176, 205
 """characters in a line of the heading, and of the note below the axes"""
 WORST = 1.0
 """error at the chart's upper edge, where runs that are farther off or failed are drawn [1]"""
+LEAST = 1e-5
+"""smaller errors are drawn as this one [1]"""
 NEAR = 0.05
 """marks that are closer to one with a number have none in the picture, but in the list [decades]"""
 _ERRORS = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
@@ -109,7 +111,7 @@ def placed(row: Row) -> tuple[float, float, bool] | None:
         return None
     if row.error is None or not row.error.value < WORST:
         return row.outcome.rtf, WORST, True
-    return row.outcome.rtf, row.error.value, False
+    return row.outcome.rtf, max(row.error.value, LEAST), False
 
 
 def _places(rows: Sequence[Row], marks: Sequence[Landmark]) -> Iterator[tuple[float, float]]:
@@ -148,7 +150,7 @@ def _scales(axes: Axes, at: Sequence[tuple[float, float]], reference: Reference)
 
 def _front(axes: Axes, front: Sequence[Row]) -> None:
     """Everything above and left of the line is beaten by a configuration on it."""
-    at = [(row.outcome.rtf, row.error.value) for row in front if row.error]
+    at = [*_places(front, ())]
     if at:
         speeds, errors = (np.repeat(column, 2) for column in zip(*at, strict=True))
         x, y = [*speeds, axes.get_xlim()[0]], [axes.get_ylim()[1], *errors]

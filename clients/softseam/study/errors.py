@@ -88,8 +88,8 @@ def is_faint(name: str, scale: float, stress: float) -> bool:
 
 
 def is_hardly_known(name: str, uncertainty: float) -> bool:
-    """Whether a quantity is a stress of which nobody knows whether it has a limit."""
-    return unit_of(name) == "Pa" and uncertainty > BELIEVED
+    """Whether a quantity is a stress of which nobody knows whether it has a limit, or is not known at all."""
+    return uncertainty > (BELIEVED if unit_of(name) == "Pa" else 1.0)
 
 
 def errors(series: Series, time: Floats, truth: Mapping[str, Truth]) -> dict[str, Error]:

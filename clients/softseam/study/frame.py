@@ -45,8 +45,6 @@ DEEP = 0.1
 """share of a block's edge that tools' edges lie inside its faces at least, for cells of any size to end there [1]"""
 TRIED = 8
 """numbers of cells along an axis, of which one folds [1]"""
-FEW = 8.0
-"""a run that solves for fewer cells takes no less time"""
 UNKNOWN_LENGTH = 3.0
 """for estimates, where the length of the motion is not known before [s]"""
 
@@ -350,12 +348,7 @@ def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> boo
 
 def is_viscous(scene: Scene) -> bool:
     """Whether the body's material has a retardation time, which not every integrator knows."""
-    return retardation_time(scene) > 0.0
-
-
-def retardation_time(scene: Scene) -> float:
-    """Of the body's material, 0 where it has none [s]."""
-    return scene.body.material.retardation_time if isinstance(scene.body, BodySpec) else 0.0
+    return isinstance(scene.body, BodySpec) and scene.body.material.retardation_time > 0.0
 
 
 def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:
@@ -364,10 +357,7 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
     Raises SceneRefused, also for what FEM cannot simulate, and for a mesh that brings its own cells.
     """
     if not isinstance(scene.body, BodySpec):
-        raise SceneRefused(
-            f"the scene {scene.name!r} has a {scene.body.kind}, which only particles simulate: "
-            "charts and plans compare with FEM, so they need a solid body"
-        )
+        return Frame(scene, np.ones(3))  # particles have no cells
     shape = scene.body.shape
     if isinstance(shape, BlockShape):
         return Frame(scene, np.array(shape.size))

@@ -40,6 +40,12 @@ Watch = Callable[[str, float], Told]
 
 COARSEST = 2
 """cells along the body's shortest edge that a reference begins with"""
+ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
+"""cells along the body's shortest edge, level by level"""
+LEAST_ROUND = 3
+"""cells across the box around a ball that a reference begins with"""
+DEAR = 300
+"""cells that a level may solve for though a finer one solves for fewer"""
 
 
 class Levels:
@@ -58,7 +64,7 @@ class Levels:
     def open(self, code: str, *, fresh: bool) -> None:
         """Use the cache: levels of the same body, tools and motion, computed by the same code. Raises SceneRefused
         where even the coarsest level has too many cells."""
-        n_cells = self.frame.n_cells(self.frame.level(COARSEST))
+        n_cells = self.n_cells(COARSEST)
         if n_cells > MOST_CELLS:
             raise SceneRefused(
                 f"charts and plans compare with FEM on {COARSEST} cells along the body's shortest edge and more; of "
@@ -82,21 +88,29 @@ class Levels:
         """
         scene, bundle = bundle_of(self._name)
         coarsest = with_settings(
-            with_settings(scene, self._settings), self.fem(COARSEST, self.frame.scene.step).settings
+            with_settings(scene, self._settings), self.configuration(COARSEST, self.frame.scene.step).settings
         )
         others = {"models": ModelsSpec(fem=coarsest.models.fem), "seam": SeamSpec(), "quantities": ()}
         nothing = {"tolerance": None, "budget": None, "symmetry": ()}  # one side comes to what the whole comes to
         return scene_hash(bundle_scene(coarsest.model_copy(update=others | nothing), bundle.files))
 
-    def fem(self, across: float, step: float) -> Fem:
+    def sequence(self) -> tuple[int, ...]:
+        """Cells across of its levels, the coarsest first."""
+        return levels_of(self.frame)
+
+    def configuration(self, across: float, step: float) -> Configuration:
         """A level's cells and step."""
-        return Fem(self.frame, self.frame.level(across), step, "hex27", self.integrator)
+        return Fem(self.frame, self.frame.level(across), step, "hex27", self.integrator).configuration()
+
+    def n_cells(self, across: float) -> int:
+        """Of a level."""
+        return self.frame.n_cells(self.frame.level(across))
 
     def seconds(self, across: float, step: float) -> float:
         """Foreseen time of a level that is not done, by what the finest of the others took [s]."""
-        rough = self.fem(across, step).seconds
+        rough = self.configuration(across, step).seconds
         last = max(self.done, default=None, key=lambda rung: (rung[0] <= across, rung[0], rung[1] == step, -rung[1]))
-        return rough if last is None else rough * self.done[last].spent / self.fem(*last).seconds
+        return rough if last is None else rough * self.done[last].spent / self.configuration(*last).seconds
 
     def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
         """A level, from the cache where it is there. Raises SoftseamError where it cannot be computed."""
@@ -104,7 +118,7 @@ class Levels:
         if found is None:
             found = measure(
                 self._name,
-                (*self._settings, *self.fem(across, step).settings),
+                (*self._settings, *self.configuration(across, step).settings),
                 quantity_names(self.frame.scene),  # all: another reference of this scene may ask for others
                 runs=0,
                 limit=limit_s,
@@ -132,13 +146,12 @@ class Levels:
 
     def _file(self, across: float, step: float) -> str:
         # a scene that asks for other quantities has levels of its own beside these
-        names = ",".join(sorted(quantity_names(self.frame.scene)))
-        cells = "x".join(map(str, self.frame.level(across)))
-        return f"level-{across:g}-{cells}-{1e3 * step:.6g}ms-{hashlib.sha256(names.encode()).hexdigest()[:8]}"
+        names = hashlib.sha256(",".join(sorted(quantity_names(self.frame.scene))).encode()).hexdigest()
+        return f"level-{across:g}-{self.n_cells(across)}-{1e3 * step:.6g}ms-{names[:8]}"
 
     def runs(self) -> list[tuple[Configuration, Outcome]]:
         """Levels that are done, as configurations that a plan may choose."""
-        return [(self.fem(*rung).configuration(), outcome) for rung, outcome in sorted(self.done.items())]
+        return [(self.configuration(*rung), outcome) for rung, outcome in sorted(self.done.items())]
 
     def level(self, across: float, step: float) -> Level:
         """Facts of a level that is done."""
@@ -168,3 +181,20 @@ class Levels:
             name: limit(h, [s.at(name, time) for s in series], lambda values: rms(values, time))
             for name in series[-1].values
         }
+
+
+def levels_of(frame: Frame) -> tuple[int, ...]:
+    """Cells across the coarsest level and finer ones, no two of which are the same cells.
+
+    Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
+    have other shapes on either side of a border, and levels would jump back and forth. And none that solves for many
+    cells, and for more of them than a finer one does, which is symmetric.
+    """
+    different = tuple({frame.level(across): across for across in ACROSS}.values())
+    if frame.ball is not None:
+        # with two cells across the box forces and sag still go to and fro
+        different = tuple(across for across in different if frame.across_ball(frame.level(across)) >= LEAST_ROUND)
+    alike = tuple(a for a in different if frame.refines(frame.level(a), frame.level(COARSEST)))
+    found = alike if len(alike) > 3 else different
+    solved = [frame.n_solved(frame.level(across)) for across in found]
+    return tuple(a for k, a in enumerate(found) if solved[k] <= max(DEAR, min(solved[k + 1 :], default=np.inf)))

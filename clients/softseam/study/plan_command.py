@@ -25,15 +25,16 @@ from softseam.study.store import Store, cache_folder
 from softseam.study.study import Study, reference_of, study_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.scene import Scene
 
-MINUTES = 5.0
-"""that a search may run where nobody says how long"""
+MINUTES, MINUTES_OF_MESH = 1.0, 3.0
+"""that a search may run where nobody says how long, of a block or particles, and of a mesh"""
 RUNS = 1
 """further runs of a configuration that is accurate enough, for its time"""
 REFERENCE_SHARE = 0.6
 """of the budget, for the reference"""
-REFERENCE = 0.125
+REFERENCE = 0.25
 """cells and steps may each leave a reference this share of the tolerance uncertain [1]"""
 SHOWN, AROUND = 12, 3
 """rows of a plan's table; and of them before the choice, and after it, where it is not among the fastest"""
@@ -49,7 +50,7 @@ class Wishes:
     rtf: float | None = None
     quantities: tuple[str, ...] = ()
     minutes: float | None = None
-    """longest that the search may run; None: what was found before will do, however long that took, else `MINUTES`"""
+    """longest that the search may run; None: what was found before will do, or else a usual time"""
     fresh: bool = False
     load_factor: float = 1.0
     """see `Goal`"""
@@ -70,9 +71,11 @@ def find(wishes: Wishes, console: Console, begins: Callable[[str], None] = lambd
 
     begins  is told what begins, and how long it may take, where nothing that is stored will do
     """
-    minutes = MINUTES if wishes.minutes is None else wishes.minutes
-    goal = _goal(wishes, minutes)
+    goal = _goal(wishes)
     study = study_of(wishes.scene, wishes.settings)
+    is_mesh = isinstance(study.scene.body, BodySpec) and not isinstance(study.scene.body.shape, BlockShape)
+    usual = MINUTES_OF_MESH if is_mesh else MINUTES
+    minutes = usual if wishes.minutes is None else wishes.minutes
     names = study.names(wishes.quantities)
     store = Store(
         cache_folder().with_name("plans") / f"{study.scene.name}-{study.identity.folder}",
@@ -92,7 +95,7 @@ def find(wishes: Wishes, console: Console, begins: Callable[[str], None] = lambd
         if wishes.minutes is None or before.holds_for(minutes):
             return before
     begins(
-        f"planning {study.scene.name} for {100 * goal.tolerance:.2g} %, which may take {minutes:g} minutes and is "
+        f"planning {study.scene.name} for {100 * goal.tolerance:.2g} %, which may take {minutes:g} min and is "
         f"stored in {store.folder.parent}: `softseam plan` shows how it gets on"
     )
     found = search(study, goal, names, store, minutes, console, fresh=wishes.fresh)
@@ -245,7 +248,7 @@ def _tell_left_out(found: Plan, console: Console) -> None:
         console.print(Text(text, style="yellow"), soft_wrap=True)
 
 
-def _goal(wishes: Wishes, minutes: float) -> Goal:
+def _goal(wishes: Wishes) -> Goal:
     scene = with_settings(bundle_of(wishes.scene)[0], wishes.settings)
     tolerance = scene.tolerance if wishes.tolerance is None else wishes.tolerance
     if tolerance is None:
@@ -256,8 +259,8 @@ def _goal(wishes: Wishes, minutes: float) -> Goal:
     rtf = budget if wishes.rtf is None else wishes.rtf
     if not 0.0 <= rtf < 1e9:
         raise BadInput(f"--rtf {rtf:g}: give a number above zero, e.g. 20 for twenty times real time")
-    if not 0.0 < minutes < 1e5:
-        raise BadInput(f"--minutes {minutes:g}: give a number above zero")
+    if wishes.minutes is not None and not 0.0 < wishes.minutes < 1e5:
+        raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
     return Goal(tolerance=tolerance, rtf=rtf, load_factor=wishes.load_factor)
 
 

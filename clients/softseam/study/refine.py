@@ -6,22 +6,16 @@ Refined until both are fine enough, or the next level would not end within the b
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from softseam.errors import SoftseamError
 from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress
-from softseam.study.frame import Frame
-from softseam.study.levels import COARSEST, Levels, Rung, Watch
+from softseam.study.levels import Levels, Rung, Watch
 from softseam.study.reference import TARGET, Reference, counted, joined
 from softseam.study.richardson import Limit
 
-ACROSS = (COARSEST, *range(3, 15), 16, 20, 24, 28, 32)
-"""cells along the body's shortest edge, level by level"""
-LEAST_ROUND = 3
-"""cells across the box around a ball that a reference begins with"""
-DEAR = 300
-"""cells that a level may solve for though a finer one solves for fewer"""
 STEPS_AT, STEPS_CELLS = 4, 220
 """most cells along the shortest edge, and in all, at which the step is refined, unless the coarsest level has more"""
 HALVINGS, LEAST_HALVINGS = 7, 3
@@ -42,14 +36,14 @@ def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, 
     target  how uncertain the cells and the step may each leave a quantity [1]
     known   how uncertain a quantity may be that counts [1]
     """
-    frame, step, enough = levels.frame, levels.frame.scene.step, True
+    step, enough = levels.frame.scene.step, True
 
     def take(across: float, step: float, share: float) -> bool:
         new, left = levels.cached(across, step) is None, share * budget - levels.spent
         foreseen = levels.seconds(across, step)
         if new and levels.done and foreseen > left:
             return False
-        told = watch(f"reference, {across:g} cells across, {1e3 * step:.4g} ms", foreseen) if new else None
+        told = watch(f"reference: {levels.configuration(across, step).label}", foreseen) if new else None
         try:
             return levels.run(across, step, max(1.0, left), told).status == "done"
         except SoftseamError:
@@ -58,7 +52,7 @@ def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, 
             return False
 
     cells: list[float] = []
-    for across in levels_of(frame):
+    for across in levels.sequence():
         if not take(across, step, CELLS_SHARE):
             enough = False
             break
@@ -67,7 +61,7 @@ def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, 
             break
     if not cells:
         raise SoftseamError(f"the coarsest reference takes longer than {budget:.0f} s: give more --minutes")
-    few = [a for a in cells if a <= STEPS_AT and frame.n_cells(frame.level(a)) <= STEPS_CELLS]
+    few = [a for a in cells if a <= STEPS_AT and levels.n_cells(a) <= STEPS_CELLS]
     in_all = 2.0 ** (LEAST_HALVINGS + 1) - 2.0  # runs' lengths of so many halvings
     fits = (a for a in reversed(few) if in_all * levels.seconds(a, step) <= budget - levels.spent)
     at, steps = next(fits, cells[0]), [step]
@@ -92,9 +86,14 @@ def assemble(
 ) -> Reference:
     """The reference that levels refined in cells and others refined in steps lead to, one of them that of the cells."""
     time = levels.common([*by_cells, *by_steps])
+    by_cell = levels.limits(by_cells, time)
+    if levels.sequence() == (1,):
+        by_cell = {
+            name: replace(found, uncertainty=0.0) for name, found in by_cell.items()
+        }  # nothing is coarser or finer
     found = joined(
         time,
-        levels.limits(by_cells, time),
+        by_cell,
         levels.limits(by_steps, time),
         finest=levels.series(by_cells[-1]),
         base=levels.series(next(rung for rung in by_steps if rung[1] == by_cells[0][1])),
@@ -103,23 +102,6 @@ def assemble(
         complete=enough,
     )
     return counted(found, levels.names, target, known)
-
-
-def levels_of(frame: Frame) -> tuple[int, ...]:
-    """Cells across the coarsest level and finer ones, no two of which are the same cells.
-
-    Where materials meet in planes, every level divides the coarsest's cells alike, if four levels do: others would
-    have other shapes on either side of a border, and levels would jump back and forth. And none that solves for many
-    cells, and for more of them than a finer one does, which is symmetric.
-    """
-    different = tuple({frame.level(across): across for across in ACROSS}.values())
-    if frame.ball is not None:
-        # with two cells across the box forces and sag still go to and fro
-        different = tuple(across for across in different if frame.across_ball(frame.level(across)) >= LEAST_ROUND)
-    alike = tuple(a for a in different if frame.refines(frame.level(a), frame.level(COARSEST)))
-    found = alike if len(alike) > 3 else different
-    solved = [frame.n_solved(frame.level(across)) for across in found]
-    return tuple(a for k, a in enumerate(found) if solved[k] <= max(DEAR, min(solved[k + 1 :], default=np.inf)))
 
 
 def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:

@@ -13,11 +13,13 @@ from softseam.study.errors import KNOWN
 from softseam.study.frame import Frame, frame_of
 from softseam.study.levels import Levels, Watch
 from softseam.study.measure import quantity_names
+from softseam.study.particles import ParticleLevels
 from softseam.study.reference import TARGET, Reference
 from softseam.study.refine import refine
 from softseam.study.store import Identity
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.facts import machine
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import bundle_scene, scene_hash
 from softseam_protocol.scene.scene import Scene
 
@@ -46,7 +48,8 @@ class Study:
 
     def levels(self, names: tuple[str, ...], *, fresh: bool = False) -> Levels:
         """Of its reference, in these quantities."""
-        found = Levels(self.name, self.settings, self.frame, names)
+        kind = Levels if isinstance(self.scene.body, BodySpec) else ParticleLevels
+        found = kind(self.name, self.settings, self.frame, names)
         found.open(self.identity.code, fresh=fresh)
         return found
 
