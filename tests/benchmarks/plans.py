@@ -179,7 +179,7 @@ def main() -> None:
         try:
             found.append(judge(name, given.minutes, console))
         except SoftseamError as error:
-            # the other scenes are worth their minutes; what this one has done so far is kept
+            # the other scenes are worth their minutes; what this one has done so far is stored
             console.print(f"{name}: {error}", style="red", markup=False)
             failed.append(name)
     if failed and (given.scenes or not found):

@@ -114,7 +114,7 @@ def main() -> None:
         try:
             path, reference = make(name, given.minutes, console)
         except SoftseamError as error:
-            # the other scenes are worth their minutes; the levels of this one are kept
+            # the other scenes are worth their minutes; the levels of this one are stored
             console.print(f"{name}: {error}", style="red", markup=False)
             failed.append(name)
             continue

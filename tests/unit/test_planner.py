@@ -306,7 +306,7 @@ class Block:
 
 
 @pytest.mark.parametrize(("cells", "steps"), [(0.4, 0.1), (0.01, 10.0), (0.4, 4.0)])
-def test_where_nothing_is_accurate_the_most_accurate_is_refined_in_what_gains_more(cells: float, steps: float) -> None:
+def test_where_nothing_is_accurate_the_most_accurate_is_refined_in_what_gains(cells: float, steps: float) -> None:
     block = Block(cells, steps)
     plan = choose(Goal(tolerance=0.05), reference(), block.begin(), block)
     assert plan.choice.differs is not None and 0.01 < plan.choice.differs <= 0.05

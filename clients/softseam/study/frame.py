@@ -369,5 +369,5 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
         raise SceneRefused(located(text, name, settings))
     with open_as_given(name, settings=settings) as session:
         surface = session.reset().surface
-    # what is kept of a scene goes by its cells, which are not to go by how places were rounded
+    # what is stored of a scene goes by its cells, which are not to go by how places were rounded
     return Frame(scene, np.array([float(f"{edge:.12g}") for edge in surface.max(axis=0) - surface.min(axis=0)]))

@@ -33,7 +33,7 @@ from softseam_protocol.scene.regions import SeamSpec
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
-Rung = tuple[float, float]
+Resolution = tuple[float, float]
 """of a level: cells along the body's shortest edge, and the step [s]"""
 Watch = Callable[[str, float], Told]
 """told what is computed now and its foreseen seconds; returns what is told of its progress"""
@@ -57,7 +57,7 @@ class Levels:
         free = "midpoint" if is_viscous(frame.scene) else "bdf2"
         self.integrator = "implicit_euler" if frame.scene.tools else free
         self._store: Store | None = None
-        self.done: dict[Rung, Outcome] = {}
+        self.done: dict[Resolution, Outcome] = {}
         self.spent = 0.0
         """processor time of the levels that were not in the cache [s]"""
 
@@ -109,7 +109,7 @@ class Levels:
     def seconds(self, across: float, step: float) -> float:
         """Foreseen time of a level that is not done, by what the finest of the others took [s]."""
         rough = self.configuration(across, step).seconds
-        last = max(self.done, default=None, key=lambda rung: (rung[0] <= across, rung[0], rung[1] == step, -rung[1]))
+        last = max(self.done, default=None, key=lambda size: (size[0] <= across, size[0], size[1] == step, -size[1]))
         return rough if last is None else rough * self.done[last].spent / self.configuration(*last).seconds
 
     def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
@@ -151,32 +151,32 @@ class Levels:
 
     def runs(self) -> list[tuple[Configuration, Outcome]]:
         """Levels that are done, as configurations that a plan may choose."""
-        return [(self.configuration(*rung), outcome) for rung, outcome in sorted(self.done.items())]
+        return [(self.configuration(*size), outcome) for size, outcome in sorted(self.done.items())]
 
     def level(self, across: float, step: float) -> Level:
         """Facts of a level that is done."""
         outcome = self.done[across, step]
         return Level(across, step, outcome.n_cells, outcome.n_nodes, outcome.seconds)
 
-    def series(self, rung: Rung) -> Series:
+    def series(self, size: Resolution) -> Series:
         """What a level that is done did over time."""
-        series = self.done[rung].series
+        series = self.done[size].series
         assert series is not None
         return series
 
-    def common(self, rungs: Sequence[Rung]) -> Floats:
+    def common(self, sizes: Sequence[Resolution]) -> Floats:
         """Times (n,) of the coarsest step up to where the shortest run ended [s]."""
-        coarse = max(rungs, key=lambda rung: rung[1])
-        end = min(float(self.series(rung).time[-1]) for rung in rungs)
+        coarse = max(sizes, key=lambda size: size[1])
+        end = min(float(self.series(size).time[-1]) for size in sizes)
         time = self.series(coarse).time
         return time[time <= end + 1e-9]
 
-    def limits(self, rungs: Sequence[Rung], time: Floats | None = None) -> dict[str, Limit]:
+    def limits(self, sizes: Sequence[Resolution], time: Floats | None = None) -> dict[str, Limit]:
         """The limit of every quantity over levels that differ in cells, or in steps; uncertainties in its units."""
-        time = self.common(rungs) if time is None else time
-        by_cells = len({across for across, _ in rungs}) > 1
-        h = [self.frame.size(self.frame.level(across)) if by_cells else step for across, step in rungs]
-        series = [self.series(rung) for rung in rungs]
+        time = self.common(sizes) if time is None else time
+        by_cells = len({across for across, _ in sizes}) > 1
+        h = [self.frame.size(self.frame.level(across)) if by_cells else step for across, step in sizes]
+        series = [self.series(size) for size in sizes]
         return {
             name: limit(h, [s.at(name, time) for s in series], lambda values: rms(values, time))
             for name in series[-1].values

@@ -67,7 +67,7 @@ class Outcome:
     cpu: float = 0.0
     """processor time of the median timed run [s]"""
     spent: float = 0.0
-    """own time of all runs, timed or not, without compiling [s]"""
+    """processor time of all runs, timed or not, without compiling [s]"""
     compiled: float = 0.0
     """spent on compiling kernels and reading compiled ones, over all runs [s]"""
     setup: float = 0.0
@@ -169,7 +169,7 @@ def measure(
 
     The first run warms caches up, and is timed only where it alone takes `ENOUGH`.
 
-    limit   longest own time of a run, without compiling: what other work takes is not counted [s]
+    limit   longest processor time of a run, without compiling [s]
     length  expected length of the motion [s]
     look    fields, too, are looked at whenever this many steps were taken, 0 for when the scene does
     """

@@ -1,11 +1,11 @@
 """Chooses how to simulate a scene: the fastest configuration that is accurate enough, of those that were run.
 
 The chart's configurations are run cheapest first, until those left cannot be faster than the best one found. Where none
-is accurate enough, the most accurate run of FEM is refined, in cells or in steps, whichever gains more, until one is;
-and from the best one on, longer steps, fewer cells and the softer element are tried while they do. What counts as an
-error is what a run differs from the reference by, e, and what that may be off by, u, as errors that know nothing of
-each other add up: sqrt(e^2 + u^2). To be sure of that may cost `CERTAIN` times what the fastest run costs whose e alone
-is small enough; where it would cost more, that one is chosen, and the plan says so.
+is accurate enough, the most accurate run of FEM is refined in steps, in cells, or in both, until one is; and from the
+best one on, longer steps, fewer cells and the softer element are tried while they do. What counts as an error is what a
+run differs from the reference by, e, and what that may be off by, u, as errors that know nothing of each other add up:
+sqrt(e^2 + u^2). To be sure of that may cost `CERTAIN` times what the fastest run costs whose e alone is small enough;
+where it would cost more, that one is chosen, and the plan says so.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ HOPE = 1.5
 CERTAIN = 1.5
 """a run that is accurate enough with all that the reference may be off by may cost this many times one that is so by
 what is known [1]"""
+GAIN = 1.25
+"""a run that is so many times more accurate is refined further before others are tried [1]"""
 WORST_REFERENCE = 0.75
 """what is known worse than this share of the tolerance, or of 5 %, does not count [1]"""
 VAGUEST = 0.95
@@ -123,29 +125,24 @@ class _Search:
                 self._run(one)
 
     def refine(self) -> None:
-        """From the most accurate run of FEM on, finer cells or shorter steps, or both, until one is accurate enough."""
-        while self.choice is None:
-            base = self._most_accurate()
-            if base is None:
-                return
+        """From the most accurate run of FEM on, a shorter step, finer cells, or both, until one is accurate enough."""
+        while self.choice is None and (before := self._most_accurate()) is not None:
+            error, base = before
             finer, shorter = base.finer(), replace(base, step=0.5 * base.step)
-            both = replace(finer, step=0.5 * base.step)
-            if not self._any_gains(base, (finer, shorter)) and not self._any_gains(base, (both,)):
+            for other in (shorter, finer, replace(finer, step=shorter.step)):
+                self._run(other.configuration())
+                after = self._most_accurate()
+                if self.choice is not None or (after is not None and GAIN * after[0] <= error):
+                    break
+            if self._most_accurate() == before:
                 return
 
-    def _any_gains(self, base: Fem, others: Iterable[Fem]) -> bool:
-        """Run them; whether one that was not run before is more accurate than the most accurate so far."""
-        for other in others:
-            self._run(other.configuration())
-        return self._most_accurate() != base
-
-    def _most_accurate(self) -> Fem | None:
-        done = [
-            (tried.error, one.key, one.fem)
-            for one, _, tried in self._runs.values()
-            if tried.error is not None and one.fem
-        ]
-        return min(done, key=lambda each: each[:2], default=(0.0, "", None))[2]
+    def _most_accurate(self) -> tuple[float, Fem] | None:
+        """Error of the most accurate run of FEM, and what it is."""
+        done = [(tried.error, one.key, one.fem) for one, _, tried in self._runs.values() if tried.error is not None]
+        found = [(error, key, fem) for error, key, fem in done if fem is not None]
+        error, _, fem = min(found, key=lambda each: each[:2], default=(0.0, "", None))
+        return None if fem is None else (error, fem)
 
     def cheapen(self) -> None:
         """From the choice on, what is cheaper in one way, as long as one of these is accurate enough, too."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from softseam.errors import SoftseamError
 from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress
-from softseam.study.levels import Levels, Rung, Watch
+from softseam.study.levels import Levels, Resolution, Watch
 from softseam.study.reference import TARGET, Reference, counted, joined
 from softseam.study.richardson import Limit
 
@@ -78,8 +78,8 @@ def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, 
 
 def assemble(
     levels: Levels,
-    by_cells: Sequence[Rung],
-    by_steps: Sequence[Rung],
+    by_cells: Sequence[Resolution],
+    by_steps: Sequence[Resolution],
     enough: bool,
     target: float = TARGET,
     known: float = KNOWN,
@@ -96,8 +96,8 @@ def assemble(
         by_cell,
         levels.limits(by_steps, time),
         finest=levels.series(by_cells[-1]),
-        base=levels.series(next(rung for rung in by_steps if rung[1] == by_cells[0][1])),
-        levels=tuple(levels.level(*rung) for rung in dict.fromkeys([*by_cells, *by_steps])),
+        base=levels.series(next(each for each in by_steps if each[1] == by_cells[0][1])),
+        levels=tuple(levels.level(*each) for each in dict.fromkeys([*by_cells, *by_steps])),
         integrator=levels.integrator,
         complete=enough,
     )

@@ -129,6 +129,6 @@ def _digest(data: Mapping[str, Any]) -> str:
 
 
 def cache_folder() -> Path:
-    """Where references are kept: $XDG_CACHE_HOME/softseam/references, or ~/.cache/softseam/references."""
+    """Where references are stored: $XDG_CACHE_HOME/softseam/references, or ~/.cache/softseam/references."""
     home = os.environ.get("XDG_CACHE_HOME")
     return (Path(home) if home else Path.home() / ".cache") / "softseam" / "references"
