@@ -103,7 +103,7 @@ def test_what_the_reference_may_be_off_by_counts_as_an_error() -> None:
 @pytest.mark.parametrize(("dearer", "chosen"), [(1.45, "middle"), (1.55, "cheap")])
 def test_to_be_sure_costs_half_as_much_again_at_most(dearer: float, chosen: str) -> None:
     """Beyond that the fastest is chosen that is accurate enough by what is known; nothing that costs more is run."""
-    wanted = [configuration("cheap", 1.0), configuration("middle", dearer), configuration("dear", 2.5)]
+    wanted = [configuration("cheap", 1.0), configuration("middle", dearer), configuration("dear", 3.5)]
     bench = Bench({"cheap": outcome(1.0, 0.04), "middle": outcome(dearer, 0.024)})
     plan = choose(Goal(tolerance=0.05), reference(0.035), wanted, bench)
     assert plan.choice.label == chosen and plan.is_sure is (chosen == "middle")

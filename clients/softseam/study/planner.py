@@ -28,7 +28,7 @@ Run = tuple[Configuration, Outcome]
 Measure = Callable[[Configuration, Callable[[Outcome], bool]], Outcome]
 """runs a configuration, and times it anew where its first run is worth that"""
 
-HOPE = 1.5
+HOPE = 2.0
 """a configuration is tried while its foreseen time is below this many times the best one's [1]"""
 CERTAIN = 1.5
 """a run that is accurate enough with all that the reference may be off by may cost this many times one that is so by
@@ -145,14 +145,19 @@ class _Search:
         return None if fem is None else (error, fem)
 
     def cheapen(self) -> None:
-        """From the choice on, what is cheaper in one way, as long as one of these is accurate enough, too."""
-        before = None
-        while self.choice is not None and self.choice != before:
-            before = self.choice
-            fem = next(one.fem for one, _, tried in self._runs.values() if tried is before)
-            for other in () if fem is None else fem.cheaper():
-                if self._foreseen(other.configuration()) <= self._longest():
+        """From the fastest accurate run of FEM on, what is cheaper in one way, while one of these is accurate, too."""
+        before, base = None, self._fastest()
+        while base is not None and base != before:
+            for other in base.cheaper():
+                if self._foreseen(other.configuration()) <= HOPE * self._longest():
                     self._run(other.configuration())
+            before, base = base, self._fastest()
+
+    def _fastest(self) -> Fem | None:
+        """Of the runs of FEM that are accurate enough by what is known."""
+        found = [(tried.rtf, one) for one, _, tried in self._runs.values() if tried.within(self._goal.tolerance)]
+        fems = [(rtf, one.key, one.fem) for rtf, one in found if one.fem is not None]
+        return max(fems, key=lambda each: each[:2], default=(0.0, "", None))[2]
 
     def _foreseen(self, one: Configuration) -> float:
         """Time of a run [s]: what it took, or as its method's pace says, or as runs on the same cells do."""
