@@ -120,7 +120,7 @@ def test_marks_of_the_front_have_numbers_and_the_list_says_what_they_are() -> No
     speeds = sorted(FRONT, reverse=True)
     for text in texts:
         speed = speeds[int(text.get_text()) - 1]
-        assert text.get_position() == (pytest.approx(speed), pytest.approx(FRONT[speed] / 100))
+        assert text.get_position() == pytest.approx((speed, FRONT[speed] / 100))
     listed = " ".join(figure.texts[-1].get_text().split())
     for number, speed in enumerate(speeds, 1):
         assert f"{number} hex27_reduced 3x1x2, {speed} ms: {speed:.3g}x, {FRONT[speed]:.2g} %" in listed
