@@ -60,8 +60,9 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
         return _doubts_of_scene(scene, float(np.ptp(body.x_rest, axis=0).max()))
     found = check_body(body) if found is None else found
     told = [*found.warnings, *_stiff_for_pbd(scene, body), *_leaps(scene, body, tools)]
-    told += [*_large(scene, 3 * (found.n_nodes - found.n_fixed)), *_thin_tools(scene, body, tools)]
     told += [
+        *_large(scene, 3 * (found.n_nodes - found.n_fixed)),
+        *_thin_tools(scene, body, tools),
         *_repaired_tools(tools),
         *_in_vain(scene, body),
         *_doubts_of_scene(scene, max(found.size)),
@@ -127,25 +128,26 @@ def _large(scene: Scene, n_unknowns: int) -> list[str]:
 
 
 def _thin_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
-    """Tools narrower than two of the cells that they touch, where PBD has these."""
+    """Tools so narrow that they fit between the points inside faces of a block."""
     from softseam_services.body.contact_points import is_embedded
+    from softseam_services.tools.face_points import PATCHES
 
-    near, edge = scene.regions.near, float(max(body.edges))
-    if is_embedded(body) or "fem" in (scene.regions.default, near.model if near else ""):
+    if is_embedded(body):
         return []
-    widths = {name: width for name, width in _felt_at_points(scene, body, tools) if width < 2.0 * edge * (1.0 - 1e-9)}
+    spacing = float(max(body.edges)) / PATCHES
+    diagonal = math.sqrt(2.0) * spacing
+    widths = {name: width for name, width in _felt_at_points(scene, body, tools) if width < diagonal * (1.0 - 1e-9)}
     if not widths:
         return []
     named = ", ".join(f"{name} ({1e3 * width:.3g} mm)" for name, width in widths.items())
     return [
-        f"body.cell: pbd feels tools at points {0.5e3 * edge:.3g} mm apart, between which these may pass, or sink in "
-        f"beside one: {named}. Make cells {0.5 * min(widths.values()):.3g} m long, or give all to fem by "
-        "regions.default"
+        f"body.cell: round tools are felt at points {1e3 * spacing:.3g} mm apart, between which these pass: {named}. "
+        f"Make cells {PATCHES * min(widths.values()) / math.sqrt(2.0):.2g} m long"
     ]
 
 
 def _felt_at_points(scene: Scene, body: Body, tools: ToolSet) -> Iterator[tuple[str, float]]:
-    """Tools that PBD feels at points, and how wide each is: the middle one of its three extents [m].
+    """Tools that press inside faces of cells, and how wide each is: the middle one of its three extents [m].
 
     Planes are not narrow, and boxes press by the share of a face that they cover.
     """
@@ -250,7 +252,7 @@ def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
 
 
 def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: ToolSet) -> list[str]:
-    """That cells of one block meet tools at their corners, where a tool is narrower than they are: it fits between.
+    """That cells of one block are too firm between their corners, where a tool is narrower than they are.
 
     Tools beside which cells are FEM's meet none of PBD's.
     """
@@ -269,7 +271,7 @@ def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: T
     if not narrow:
         return []
     return [
-        f"narrower than the coarse cells' edge of {1e3 * edge:.3g} mm: {', '.join(narrow)}. Coarse cells meet tools at "
-        "their corners alone, and do not feel one between them; give a larger models.pbd.coarse.beyond, or boxes away "
-        "from it"
+        f"narrower than the coarse cells' edge of {1e3 * edge:.3g} mm: {', '.join(narrow)}. Coarse cells have nodes at "
+        "their corners alone, and between these such a tool meets them up to twice too firmly; give a larger "
+        "models.pbd.coarse.beyond, or boxes away from it"
     ]

@@ -49,13 +49,13 @@ def test_tools_narrower_than_coarse_cells_are_named(tmp_path: Path) -> None:
     assert "models.pbd.coarse.beyond" in told
 
 
-def test_round_tools_thinner_than_cells_are_named(tmp_path: Path) -> None:
-    """Where PBD has what they touch: FEM feels them inside faces."""
-    told = said(tmp_path, SCENE.replace(BEYOND, ""))
-    assert "points 10 mm apart" in told and "ball (16 mm), rod (12 mm), wide (20 mm). Make cells 0.006 m long" in told
-    for other in ("{default: fem}", FOLLOWS):
-        assert "mm apart" not in said(tmp_path, SCENE.replace(BEYOND, "").replace("{default: pbd}", other))
-    assert "mm apart" not in said(tmp_path, SCENE.replace(BEYOND, "").replace("cell: 0.02", "cell: 0.006"))
+def test_tools_that_fit_between_points_are_named(tmp_path: Path) -> None:
+    """In both models: four points along each edge of a cell, and less than a diagonal of theirs across."""
+    for model in ("pbd", "fem"):
+        scene = SCENE.replace(BEYOND, "").replace("{default: pbd}", f"{{default: {model}}}")
+        told = said(tmp_path, scene.replace("cell: 0.02", "cell: 0.06"))
+        assert "points 15 mm apart" in told and "ball (16 mm), rod (12 mm), wide (20 mm). Make cells 0.034 m" in told
+        assert "mm apart" not in said(tmp_path, scene)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from softseam_services.body.region import shared_nodes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.kernels.summary import BOUNDS
-from softseam_services.pbd.levels import hand_on
+from softseam_services.pbd.points import hand_on
 from softseam_services.pbd.step import share_out
 
 G = 9.81
@@ -44,7 +44,7 @@ def test_at_rest_the_ground_carries_it_and_lifted_off_nothing_does() -> None:
     assert handed.contact_force.sum(axis=0)[2] == pytest.approx(weight, rel=0.02)
     run = standing({"coarse": {"beyond": 0.0}}, handed)
     model, dt = run.solver.model, run.scene.step
-    assert 0 < model.active.sum() < len(model.active)
+    assert 0 < model.touches.sum() < len(model.touches)
     np.testing.assert_allclose(
         run.solver._committed.force.sum(axis=(0, 1)), handed.contact_force.sum(axis=0), atol=1e-15
     )
@@ -145,18 +145,18 @@ def test_forces_move_tool_by_tool_with_their_sum_and_torque() -> None:
         return np.concatenate([force.sum(axis=0), np.cross(x[:, None], force).sum(axis=0)], axis=1)
 
     force = given.copy()
-    hand_on(force, model.active, rows)
-    assert not force[~model.active].any()
+    hand_on(force, model.touches, model.n_surface, rows)
+    assert not force[~model.touches].any()
     np.testing.assert_allclose(sums(force), sums(given), atol=1e-13)
-    fewer = model.active.copy()
-    fewer[np.flatnonzero(fewer)[0]] = False
+    fewer = model.touches.copy()
+    fewer[np.flatnonzero(fewer.any(axis=1))[0]] = False
     force = given.copy()
-    force[model.active] = 0.0
+    force[model.touches] = 0.0
     wanted = force.sum(axis=0)
-    hand_on(force, fewer, rows)
+    hand_on(force, fewer, model.n_surface, rows)
     assert not force[~fewer].any()
     np.testing.assert_allclose(force.sum(axis=0), wanted, atol=1e-13)
-    hand_on(force, np.zeros_like(fewer), rows)
+    hand_on(force, np.zeros_like(fewer), model.n_surface, rows)
     assert not force.any()
 
 
@@ -174,3 +174,21 @@ def test_a_point_with_forces_of_two_tools_shares_out_what_it_has() -> None:
     share_out(solver.model, solver.parameters, solver._committed, run.request().tools, solver._scratch)
     shared = run.solver._committed.force.sum(axis=0)
     np.testing.assert_allclose(shared, [[0.0, 0.0, 1e-3 * below.sum()], [1e-3 * beside.sum(), 0.0, 0.0]], atol=1e-15)
+
+
+def test_what_presses_inside_faces_is_told_at_nodes_and_handed_on_inside_faces() -> None:
+    """With the same sum; a run goes on with the force that it had, when its share among points has settled."""
+    ball: dict[str, Any] = {"kind": "sphere", "radius": 0.006, "position": [0.003, 0.002, 0.0255], "friction": 0.5}
+    run = standing({"damping": {"mass": 60.0}}, ball=ball)
+    run.run(0.1)
+    model, handed = run.solver.model, run.handed()
+    force = run.solver._committed.force_mean
+    assert model.n_surface < model.n_points
+    assert not force[: model.n_surface, 1].any() and force[:, 1, 2].sum() < -0.01
+    np.testing.assert_allclose(handed.contact_force.sum(axis=0), force.sum(axis=(0, 1)), atol=1e-14)
+    assert (handed.contact_tool == 1).sum() >= 4
+    again = standing({"damping": {"mass": 60.0}}, handed, ball=ball)
+    begun = again.solver._committed.force
+    assert not begun[: model.n_surface, 1].any()
+    np.testing.assert_allclose(begun.sum(axis=(0, 1)), handed.contact_force.sum(axis=0), atol=1e-14)
+    assert again.run(0.05)[-1].wrench[1, 2] == pytest.approx(-force[:, 1, 2].sum(), rel=0.05)

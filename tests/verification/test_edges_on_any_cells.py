@@ -15,8 +15,8 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
-from softseam_services.fem.face_points import FacePoints, face_points, touched_faces
 from softseam_services.tools.build import build_tools
+from softseam_services.tools.face_points import FacePoints, face_points, touched_faces
 
 CUBE = (0.05, 0.05, 0.05)
 HEADER = Header(1, "test", "near", 0, 0, 0, 0.0)

@@ -1,4 +1,4 @@
-"""Round and thin tools pressed into a block by FEM: found wherever they are set down, and as firm as they should be."""
+"""Round and thin tools pressed into a block: found wherever they are set down, and as firm as they should be."""
 
 from __future__ import annotations
 
@@ -19,6 +19,10 @@ ROD = 0.784
 PUNCH, ROUND = 5.81, 1.59
 """of a square punch 2 mm deep and a round one .8 mm deep, from cells refined evenly and graded [N]"""
 
+BOTH = {"default": "pbd", "near": {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1e-6, 1, 1]}]}}
+"""FEM on one half of a block, to x = 0"""
+both = pytest.mark.parametrize("model", ["fem", "pbd"])
+
 
 def pressed(
     tool: dict[str, Any],
@@ -28,6 +32,7 @@ def pressed(
     young: float,
     poisson: float,
     files: dict[str, bytes] | None = None,
+    model: str = "fem",
 ) -> float:
     """Force on a tool [N] that begins half a millimetre above a block bonded to the ground and ends so deep [m]."""
     scene = Scene.model_validate(
@@ -44,7 +49,7 @@ def pressed(
             },
             "tools": {"tool": tool},
             "motion": [{"tools": ["tool"], "move": [0, 0, -depth - 5e-4], "speed": 0.02}, {"hold": 0.2}],
-            "regions": {"default": "fem"},
+            "regions": {"default": model} if model != "both" else BOTH,
         }
     )
     simulation = Simulation(Bundle(scene.model_dump_json(), files or {}), EmbeddedTransport())
@@ -56,7 +61,9 @@ def pressed(
     return float(np.linalg.norm(report.wrench[0, :3]))
 
 
-def rod(place: tuple[float, float], cell: float, depth: float = 5e-3, kind: str = "capsule") -> float:
+def rod(
+    place: tuple[float, float], cell: float, depth: float = 5e-3, kind: str = "capsule", model: str = "fem"
+) -> float:
     """Force of the rod at a place on the block's face [m], with its axis upright."""
     tool: dict[str, Any] = {"kind": "capsule", "radius": 5e-3, "length": 0.04, "position": [*place, 0.0555]}
     if kind == "sphere":
@@ -64,51 +71,64 @@ def rod(place: tuple[float, float], cell: float, depth: float = 5e-3, kind: str 
     files = {"ball.obj": solids.obj(*solids.sphere(5e-3, 5))}
     if kind == "mesh":
         tool = {"kind": "mesh", "path": "ball.obj", "position": [*place, 0.0355]}
-    return pressed(tool, depth, (0.06, 0.06, 0.03), cell, 20e3, 0.4, files)
+    return pressed(tool, depth, (0.06, 0.06, 0.03), cell, 20e3, 0.4, files, model)
 
 
+@both
 @pytest.mark.parametrize(("cell", "within"), [(0.01, 0.1), (0.006, 0.05)])
-def test_a_rod_is_felt_alike_wherever_it_is_set_down(cell: float, within: float) -> None:
+def test_a_rod_is_felt_alike_wherever_it_is_set_down(cell: float, within: float, model: str) -> None:
     """With nodes alone it was felt at two of these places on cells of 10 mm, and by a quarter."""
     for place in PLACES if cell == 0.01 else PLACES[2:]:
-        assert rod(place, cell) == pytest.approx(ROD, rel=within)
+        assert rod(place, cell, model=model) == pytest.approx(ROD, rel=within)
 
 
-def test_at_any_depth_coarse_cells_are_somewhat_stiffer() -> None:
+@both
+def test_at_any_depth_coarse_cells_are_somewhat_stiffer(model: str) -> None:
     random = np.random.default_rng(7)
     for _ in range(2):
         place, depth = tuple(random.uniform(-0.018, 0.018, 2).tolist()), float(random.uniform(0.002, 0.006))
-        assert 0.95 < rod(place, 0.01, depth) / rod(place, 0.006, depth) < 1.15
+        coarse, fine = (rod(place, cell, depth, model=model) for cell in (0.01, 0.006))
+        assert 0.95 < coarse / fine < 1.15
 
 
-def test_a_rod_drawn_across_the_face_meets_no_steps() -> None:
+@both
+def test_a_rod_drawn_across_the_face_meets_no_steps(model: str) -> None:
     """Set down at six places from a row of nodes to half way to the next: force changes by little from each to the
     next, and from there on it is the same backwards."""
-    forces = np.array([rod((x, 0.0), 0.01) for x in np.linspace(0.0, 0.005, 6)])
+    forces = np.array([rod((x, 0.0), 0.01, model=model) for x in np.linspace(0.0, 0.005, 6)])
     assert np.ptp(forces) < 0.2 * ROD
     assert np.abs(np.diff(forces)).max() < 0.06 * ROD
 
 
-def test_tools_of_one_outline_press_alike() -> None:
+@both
+def test_tools_of_one_outline_press_alike(model: str) -> None:
     """A rod's end, a ball and a mesh of it, as deep."""
-    forces = [rod(PLACES[2], 0.01, kind=kind) for kind in ("capsule", "sphere", "mesh")]
+    forces = [rod(PLACES[2], 0.01, kind=kind, model=model) for kind in ("capsule", "sphere", "mesh")]
     assert np.ptp(forces) < 0.03 * ROD
 
 
+@both
 @pytest.mark.parametrize("cell", [0.02, 0.01])
-def test_a_cube_as_a_mesh_presses_as_a_box(cell: float) -> None:
+def test_a_cube_as_a_mesh_presses_as_a_box(cell: float, model: str) -> None:
     """It was 5.12 and 3.65 N, where a box gives 6.04 and 5.79."""
     files = {"cube.obj": solids.obj(*solids.box((0.03, 0.03, 0.03)))}
     at = [0, 0, 0.0555]
     size = (0.08, 0.08, 0.04)
-    mesh = pressed({"kind": "mesh", "path": "cube.obj", "position": at}, 2e-3, size, cell, 50e3, 0.3, files)
-    box = pressed({"kind": "box", "size": [0.03, 0.03, 0.03], "position": at}, 2e-3, size, cell, 50e3, 0.3)
+    mesh = pressed({"kind": "mesh", "path": "cube.obj", "position": at}, 2e-3, size, cell, 50e3, 0.3, files, model)
+    box = pressed({"kind": "box", "size": [0.03, 0.03, 0.03], "position": at}, 2e-3, size, cell, 50e3, 0.3, model=model)
     assert mesh == pytest.approx(PUNCH, rel=0.05)
     assert mesh == pytest.approx(box, rel=0.08)
 
 
-@pytest.mark.parametrize("cell", [0.02, 0.12 / 9])
-def test_the_flat_end_of_a_cylinder(cell: float) -> None:
+@pytest.mark.parametrize(("cell", "model"), [(0.02, "fem"), (0.12 / 9, "fem"), (0.12 / 9, "pbd")])
+def test_the_flat_end_of_a_cylinder(cell: float, model: str) -> None:
     tool = {"kind": "cylinder", "radius": 0.015, "length": 0.02, "position": [0, 0, 0.0905]}
-    force = pressed(tool, 0.8e-3, (0.12, 0.12, 0.08), cell, 50e3, 0.3)
+    force = pressed(tool, 0.8e-3, (0.12, 0.12, 0.08), cell, 50e3, 0.3, model=model)
     assert force == pytest.approx(ROUND, rel=0.05)
+
+
+@pytest.mark.parametrize("x", [0.0, 2.5e-3])
+def test_a_rod_over_the_seam_of_two_models(x: float) -> None:
+    """On it, and in the half cell beside it, whose nodes at the seam have their points on the other side: with nothing
+    there it was felt with a half and an eighth."""
+    assert rod((x, 0.0), 0.01, model="both") == pytest.approx(rod((x, 0.0), 0.01, model="pbd"), rel=0.06)

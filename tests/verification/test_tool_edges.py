@@ -16,12 +16,12 @@ from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem.face_forces import spread_over_faces, surface_point_of_node
-from softseam_services.fem.face_points import PATCHES, touched_faces
 from softseam_services.fem.kernels.cover import covered, pressed_side, see
 from softseam_services.fem.kernels.fields import gather_forces
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.shapes.branches import BOX
+from softseam_services.tools.face_points import PATCHES, touched_faces
 from softseam_services.tools.kernels import overlap, rotate, side_gap, tool_gap
 
 # A bonded pad of 3 x 3 cm on both ends of a cube of 5 cm, E = 20 kPa, nu = 0.45, neo-Hookean: force [N] at nominal

@@ -74,11 +74,11 @@ def pressed(model: str, tool: str, depth: float = 0.001) -> tuple[float, float]:
 def test_tools_of_one_shape_press_alike(model: str, tool: str, same: str, within: float) -> None:
     """A faceted ball is a ball; a capsule and a cylinder that lie across the block; flat tools, also larger ones.
 
-    FEM's tools that are no boxes sink in by a hundredth of the squeeze.
+    Tools that are no boxes sink in by a hundredth of the squeeze.
     """
     force, torque = pressed(model, tool)
     expected, _ = pressed(model, same)
-    if model == "fem" and tool in ("mesh plate", "stood cylinder"):
+    if tool in ("mesh plate", "stood cylinder"):
         within = 0.02
     assert force > 0.01
     assert force == pytest.approx(expected, rel=within)

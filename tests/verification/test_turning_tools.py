@@ -94,7 +94,7 @@ def test_what_two_plates_grip_turns_with_them(model: str) -> None:
 def test_friction_follows_the_material_points_of_a_spinning_cylinder(model: str) -> None:
     """Pressed in and spun about its axis it slips: at every point friction is mu p along omega x r.
 
-    FEM's points are inside faces, and it tells their forces at the nodes around: of these the torque is right.
+    Points are inside faces, and their forces are told at the nodes around: of these the torque is right.
     """
     radius, mu = 0.008, 0.2
     tools = {
@@ -114,15 +114,9 @@ def test_friction_follows_the_material_points_of_a_spinning_cylinder(model: str)
     arm = (frame.point_x[touching] - report.tool_position[1]) * [1.0, 0.0, 1.0]
     normal = arm / np.linalg.norm(arm, axis=1, keepdims=True)
     force = frame.contact_force[touching]
-    pressure = np.einsum("pi,pi->p", force, normal)
-    along = np.cross([0.0, 1.0, 0.0], normal)
-    assert pressure.sum() > 0.05 and len(touching) >= 7
-    if model == "pbd":
-        friction = np.einsum("pi,pi->p", force, along)
-        np.testing.assert_allclose(friction, mu * pressure, rtol=0.02, atol=0.01 * pressure.max())
-        assert report.wrench[1, 4] == pytest.approx(-radius * mu * pressure.sum(), rel=0.02)
-    else:  # what presses has its normal within 30 degrees of the vertical
-        assert report.wrench[1, 4] == pytest.approx(-radius * mu * abs(report.wrench[1, 2]), rel=0.06)
+    assert np.einsum("pi,pi->p", force, normal).sum() > 0.05 and len(touching) >= 7
+    # what presses has its normal within 30 degrees of the vertical
+    assert report.wrench[1, 4] == pytest.approx(-radius * mu * abs(report.wrench[1, 2]), rel=0.06)
     np.testing.assert_allclose(report.wrench[1, :3], -force.sum(axis=0), atol=1e-9)
     simulation.close()
 

@@ -21,11 +21,11 @@ from softseam_services.body.interpolate import point_weights
 from softseam_services.fem.dissection import dissect
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hex27_box import number_patterns
-from softseam_services.fem.face_points import face_points, touched_faces
 from softseam_services.fem.kernels.contact import ALONE, AT_NODE, SPREAD
 from softseam_services.fem.rule import cell_shapes
 from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
+from softseam_services.tools.face_points import face_points, touched_faces
 from softseam_services.tools.tool_set import ToolSet
 
 NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)

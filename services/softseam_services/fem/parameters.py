@@ -22,11 +22,11 @@ from softseam_services.fem.elements.cut import with_cut_cells
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, patterns
 from softseam_services.fem.elements.table import Table
-from softseam_services.fem.face_points import SOFT, face_points, point_edges
 from softseam_services.fem.internal_variables import check_internal_variables
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.jit import record
+from softseam_services.tools.face_points import SOFT, face_points, point_edges
 from softseam_services.tools.tool_set import ToolSet
 
 # In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for, at nodes

@@ -117,8 +117,8 @@ class SeamProbe:
         rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
         astray = np.zeros(model.n_points, dtype=np.bool_)
         astray[rows[number[model.node] < 0]] = True
-        self._used = np.flatnonzero(~astray & model.active)
-        kept = ~astray[rows] & model.active[rows]
+        self._used = np.flatnonzero(~astray & model.touches.any(axis=1))
+        kept = np.isin(rows, self._used)
         indptr = np.zeros(len(self._used) + 1, dtype=np.int32)
         np.cumsum(np.diff(model.indptr)[self._used], out=indptr[1:])
         nodes = number[blocks.nodes]
@@ -128,7 +128,7 @@ class SeamProbe:
             seam=number[model.seam],
             indptr=indptr,
             node=number[model.node[kept]],
-            active=np.ones(len(self._used), dtype=np.bool_),
+            touches=model.touches[self._used],
         )
         own = parameters.inverse_mass[ids]
         self._numbers = parameters.arrays._replace(
@@ -140,6 +140,7 @@ class SeamProbe:
             constants=numbers.constants,
             weight=parameters.weight[kept],
             point_softness=parameters.point_softness[self._used],
+            point_give=parameters.point_give[self._used],
             tolerance=0.0,
         )
         n, p, t, b = len(ids), len(self._used), model.n_tools, blocks.n_batches

@@ -15,6 +15,7 @@ from .levels import fill_in
 from .model import PbdModel
 from .model_error import ModelError
 from .parameters import PbdParameters
+from .points import gather
 from .state import PbdState
 
 
@@ -38,14 +39,15 @@ class FieldReader:
         cell_energies(
             self._ws, self._xw, blocks.nodes, numbers.volume, blocks.octant, numbers.constants, numbers.law, energy
         )
-        point_x = np.zeros((model.n_points, 3))
+        point_x = np.zeros((model.n_surface, 3))
         place_points(model.arrays, parameters.arrays, self._xw, point_x)
-        size = np.einsum("ptc,ptc->pt", state.force_mean, state.force_mean)
+        force = gather(state.force_mean, (model.indptr, model.node, parameters.weight), model.n_surface)
+        size = np.einsum("ptc,ptc->pt", force, force)
         v = state.v.copy()
         fill_in(model.levels, region, parameters.mass, state.x, v)
         cauchy[model.levels.coarse] = cauchy[model.levels.coarse, :1]
-        tool = np.full(model.n_points, -1, dtype=np.int32)
-        if model.n_tools and model.n_points:
+        tool = np.full(model.n_surface, -1, dtype=np.int32)
+        if model.n_tools and model.n_surface:
             touching = size.max(axis=1) > 0.0
             tool[touching] = size[touching].argmax(axis=1)
         return Fields(
@@ -56,13 +58,13 @@ class FieldReader:
             cauchy=cauchy,
             points=region.points,
             point_x=point_x,
-            contact_force=state.force_mean.sum(axis=1),
+            contact_force=force.sum(axis=1),
             contact_tool=tool,
             cell_energy=energy,
-            model_error=self._model_error(parameters, state, own) if indicators else np.zeros(0),
+            model_error=self._model_error(parameters, state, force, own) if indicators else np.zeros(0),
         )
 
-    def _model_error(self, parameters: PbdParameters, state: PbdState, bounded: bool) -> Floats:
+    def _model_error(self, parameters: PbdParameters, state: PbdState, force: Floats, bounded: bool) -> Floats:
         """Zero where cells are no boxes, or some are one block: scenes that ask for it are refused."""
         model = self._model
         if not self._body.boxes or model.levels.ties is not None:
@@ -70,4 +72,4 @@ class FieldReader:
         if self._measure is None:
             known = model.blocks, parameters.blocks
             self._measure = ModelError(self._body, self._region, parameters.spec.hourglass, known)
-        return self._measure.measure(state.x, state.force_mean.sum(axis=1), state.stress, bounded)
+        return self._measure.measure(state.x, force.sum(axis=1), state.stress, bounded)

@@ -106,13 +106,13 @@ class Levels:
         own.sort_indices()
         return own.indptr.astype(np.int32), own.indices.astype(np.int32), np.ascontiguousarray(own.data)
 
-    def touching(self, active: Mask, rows: tuple[Ints, Ints, Floats], seam: Ints) -> Mask:
+    def touching(self, active: Mask, rows: tuple[Ints, Ints], seam: Ints) -> Mask:
         """Points (p,) of those `active` that meet tools; rows say how they follow nodes that are free to move.
 
         A point between free nodes which all have points of their own, here or beyond the seam, does not: a face has
         four nodes to move where nine would touch, and sticking points that fight over them gain energy.
         """
-        indptr, node, _ = rows
+        indptr, node = rows
         if self.ties is None or not active.any():
             return active
         alone = active & (np.diff(indptr) == 1)
@@ -159,29 +159,6 @@ def build_levels(cell_nodes: Ints, n: int, coarse: Mask) -> Levels:
     columns = np.concatenate([free, hanging.master])
     ties = csr_array((np.concatenate([np.ones(len(free)), hanging.weight]), (rows, columns)), shape=(n, n))
     return Levels(coarse, hanging, hangs, ties)
-
-
-def hand_on(force: Floats, active: Mask, rows: tuple[Ints, Ints, Floats]) -> None:
-    """Contact forces (p, t, 3) [N] of points that are not `active` to the points of the nodes they follow; in place.
-
-    Tool by tool, with the weights of `rows` over the free nodes that have points of their own: the total is kept, and
-    the torque where all of them have. Where none has, the force is dropped. No contact looks at such a point again, so
-    that what it carried would push for ever.
-    """
-    idle = ~active & force.any(axis=(1, 2))
-    if not idle.any():
-        return
-    indptr, node, weight = rows
-    alone = np.flatnonzero(active & (np.diff(indptr) == 1))
-    own = np.full(int(node.max()) + 1, -1, dtype=np.int64)
-    own[node[indptr[alone]]] = alone
-    point = np.repeat(np.arange(len(active)), np.diff(indptr))
-    weight = np.where(own[node] >= 0, weight, 0.0)
-    entry = np.flatnonzero(idle[point] & (weight > 0.0))
-    share = weight[entry] / np.add.reduceat(weight, indptr[:-1])[point[entry]]
-    given = share[:, None, None] * force[point[entry]]
-    force[idle] = 0.0
-    np.add.at(force, own[node[entry]], given)
 
 
 def thin_out(levels: Levels, region: Region, mass: Floats, x: Floats, v: Floats) -> None:

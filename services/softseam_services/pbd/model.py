@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.interpolate import point_weights
 from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks, CellLayout, build_blocks, cell_layout
 from .edges import Faces, OuterFaces, build_faces, find_outer_faces
 from .levels import Levels, build_levels, coarse_cells
+from .points import find_points
 from .records import ModelArrays
 from .structures import Structures, key_of
 
@@ -32,16 +32,16 @@ class Layout(NamedTuple):
     indptr: Ints
     """which nodes each point sits between: those of p are node[indptr[p]] .. node[indptr[p + 1] - 1]"""
     node: Ints
-    can_touch: NDArray[np.bool_]
-    """(p,)"""
+    touches: NDArray[np.bool_]
+    """(p, t)"""
+    n_surface: int
     outer: OuterFaces
-    n_tools: int
 
     @property
     def key(self) -> bytes:
         """What tells it from others."""
-        points = self.indptr, self.node, self.can_touch
-        return key_of(*self.cells, self.coarse, self.seam, *points, *self.outer, self.n_tools)
+        points = self.indptr, self.node, self.touches, self.n_surface
+        return key_of(*self.cells, self.coarse, self.seam, *points, *self.outer)
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,11 @@ class PbdModel:
     indptr: Ints
     node: Ints
     """points follow nodes that move: sparse rows, whose weights are in `PbdParameters`"""
-    active: NDArray[np.bool_]
-    """points that can touch (p,)"""
+    touches: NDArray[np.bool_]
+    """tools that points can touch (p, t)"""
+    n_surface: int
+    """points of the surface; those inside faces come after them"""
     faces: Faces
-    n_tools: int
 
     @property
     def n_nodes(self) -> int:
@@ -70,7 +71,11 @@ class PbdModel:
 
     @property
     def n_points(self) -> int:
-        return len(self.active)
+        return len(self.touches)
+
+    @property
+    def n_tools(self) -> int:
+        return int(self.touches.shape[1])
 
     @cached_property
     def arrays(self) -> ModelArrays:
@@ -82,7 +87,7 @@ class PbdModel:
             hanging=self.levels.hanging,
             indptr=self.indptr,
             node=self.node,
-            active=self.active,
+            touches=self.touches,
             face_nodes=self.faces.nodes,
             face_point=self.faces.point,
         )
@@ -95,16 +100,17 @@ class PbdModel:
 def lay_out(body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> Layout:
     """What the structure of a region follows from. Of numbers only what they leave out: empty octants, weights of 0,
     areas of 0; and where tools are at the start, if cells far from them are coarse or edges press into the surface."""
-    indptr, node, _ = point_weights(body, region, "hex8")
+    coarse = coarse_cells(body, spec.coarse, tools)[region.cells]
+    points = find_points(body, region, tools, coarse)
     return Layout(
         cells=cell_layout(body, region),
-        coarse=coarse_cells(body, spec.coarse, tools)[region.cells],
+        coarse=coarse,
         seam=region.seam,
-        indptr=indptr,
-        node=node,
-        can_touch=body.surface.area[region.points] > 0.0,
+        indptr=points.rows[0],
+        node=points.rows[1],
+        touches=points.touches,
+        n_surface=len(region.points),
         outer=find_outer_faces(body, region, tools),
-        n_tools=len(tools.names),
     )
 
 
@@ -112,7 +118,10 @@ def model_of(layout: Layout) -> PbdModel:
     """The structure of a layout, and of nothing else."""
     cells = layout.cells
     levels = build_levels(cells.nodes, cells.n_nodes, layout.coarse)
-    indptr, node, _ = rows = levels.rows(layout.indptr, layout.node, np.ones(len(layout.node)))
+    indptr, node, _ = levels.rows(layout.indptr, layout.node, np.ones(len(layout.node)))
+    k, touches = layout.n_surface, layout.touches.copy()
+    surface = indptr[: k + 1], node[: indptr[k]]
+    touches[:k] &= levels.touching(np.logical_or.reduce(touches[:k], axis=1), surface, layout.seam)[:, None]
     seam, seam_weight = layout.seam, None
     if levels.ties is not None:
         of_seam = levels.ties[layout.seam]
@@ -126,9 +135,9 @@ def model_of(layout: Layout) -> PbdModel:
         seam_weight=seam_weight,
         indptr=indptr,
         node=node,
-        active=levels.touching(layout.can_touch, rows, layout.seam),
+        touches=touches,
+        n_surface=layout.n_surface,
         faces=build_faces(cells.nodes, layout.coarse, layout.outer),
-        n_tools=layout.n_tools,
     )
 
 

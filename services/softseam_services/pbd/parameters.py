@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.body.contact_points import is_embedded, point_stiffness
 from softseam_services.body.errors import SettingError
-from softseam_services.body.interpolate import point_weights
 from softseam_services.tools.tool_set import ToolSet
 
 from .block_parameters import BlockParameters, build_block_parameters, make_viscous, mean_lag
@@ -25,6 +23,7 @@ from .kernels.damping import LEAST_KAPPA
 from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
 from .kernels.frequency import highest_frequency
 from .model import PbdModel
+from .points import find_points
 from .records import ParameterArrays
 from .stability import EXPLICIT, EXPLICIT_LIMIT, KAPPA, SHOWN, STABLE, TOUCHED, TWO_SWEEPS, shorter_by
 
@@ -58,7 +57,7 @@ class PbdParameters:
     point_softness: Floats
     """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     point_give: Floats
-    """compliance of contact at each point: 1/r on an embedded surface, see body/contact_points.py, else 0 (p,) [m/N]"""
+    """as of `Points.give` (p, t) [m/N]"""
     wave_speed: float
     """the fastest P wave's [m/s]"""
     least_mu: float
@@ -149,7 +148,8 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     free = ~region.fixed & (mass > 0.0)
     inverse_mass[free] = 1.0 / mass[free]
     x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
-    _, _, weight = model.levels.rows(*point_weights(body, region, "hex8"))
+    points = find_points(body, region, tools, model.levels.coarse)
+    _, _, weight = model.levels.rows(*points.rows)
     frequency = highest_frequency(
         *(new_workspace(), x_rest, inverse_mass, model.blocks.nodes),
         *(blocks.volume, blocks.constants, blocks.law, blocks.padding_x),
@@ -170,21 +170,12 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         point_softness=np.add.reduceat(weight**2 * inverse_mass[model.node], model.indptr[:-1])
         if len(weight)
         else np.zeros(0),
-        point_give=_point_give(body, region),
+        point_give=points.give,
         wave_speed=body.wave_speed,
         least_mu=min(material.mu for material in body.materials),
         frequency=frequency,
         rate=rate,
     )
-
-
-def _point_give(body: Body, region: Region) -> Floats:
-    """`PbdParameters.point_give`."""
-    give = np.zeros(len(region.points))
-    if is_embedded(body):
-        stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))
-        np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
-    return give
 
 
 def block_softness(nodes: NDArray[np.int32], inverse_mass: Floats) -> Floats:
@@ -195,8 +186,7 @@ def block_softness(nodes: NDArray[np.int32], inverse_mass: Floats) -> Floats:
 
 def _limit(model: PbdModel, body: Body, region: Region, spec: PbdSpec) -> float:
     """Largest omega_max h that is stable, by the materials' Poisson ratios."""
-    touched = bool(model.active.any() and model.n_tools > 0)
-    table = TOUCHED if touched else STABLE
+    table = TOUCHED if model.touches.any() else STABLE
     used = np.unique(body.octant_material[region.cells][body.fill[region.cells] > 0.0])
     here = (body.materials[number] for number in used)
     limit = min(float(np.interp(0.5 * material.young / material.mu - 1.0, *table)) for material in here)

@@ -30,7 +30,7 @@ class ModelArrays(NamedTuple):
     hanging: Hanging
     indptr: Ints
     node: Ints
-    active: NDArray[np.bool_]
+    touches: NDArray[np.bool_]
     face_nodes: Ints
     """as of `Faces` (f, 4), and so are the points"""
     face_point: Ints
@@ -55,6 +55,7 @@ class ParameterArrays(NamedTuple):
     weight: Floats
     point_softness: Floats
     point_give: Floats
+    """(p, t)"""
     # faces
     edged: NDArray[np.bool_]
     face_stiffness: Floats
@@ -197,14 +198,14 @@ def new_outputs(t: int, c: int) -> Outputs:
 
 def new_shares(model: ModelArrays, t: int) -> Shares:
     """Room for t tools."""
-    p, f = len(model.active), len(model.face_nodes)
+    p, f = len(model.touches), len(model.face_nodes)
     side, patches = np.full((p, t), -1, dtype=np.int32), np.zeros((f, t), dtype=np.int32)
     return Shares(side, np.zeros((p, t)), patches, np.zeros((p, 2)))
 
 
 def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
     """Room for n nodes and t tools."""
-    p, b = len(model.active), len(model.blocks)
+    p, b = len(model.touches), len(model.blocks)
     return Contacts(
         start=np.zeros(t + 1, dtype=np.int32),
         rows=np.zeros((p * t, N_ROWS), dtype=np.int32),

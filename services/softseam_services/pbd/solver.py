@@ -19,9 +19,10 @@ from .field_reader import FieldReader
 from .kernels import summary as k
 from .kernels.linear_correction import correct_linearly
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
-from .levels import hand_on, thin_out
+from .levels import thin_out
 from .model import PbdModel, build_model
 from .parameters import build_parameters
+from .points import hand_on
 from .state import decode_state, encode_state, new_state
 from .step import NO_FORCES, StepInputs, StepResult, StepScratch, leap_ahead, stay, step
 
@@ -76,8 +77,7 @@ class PbdSolver:
             tool = handed.contact_tool[region.points]
             touching = np.flatnonzero((tool >= 0) & (tool < model.n_tools))
             state.force[touching, tool[touching]] = handed.contact_force[region.points[touching]]
-            hand_on(state.force, model.active, (model.indptr, model.node, parameters.weight))
-            assert not state.force[~model.active].any()
+            hand_on(state.force, model.touches, model.n_surface, (model.indptr, model.node, parameters.weight))
             state.force_mean[:] = state.force
         state.v[region.fixed] = 0.0
         if handed is not None:

@@ -165,7 +165,7 @@ def share_out(
     point_x = np.zeros((model.n_points, 3))
     place_points(model.arrays, parameters.arrays, xw, point_x)
     split_forces(
-        *(tools.kind, tools.shape, motion.position, motion.orientation, point_x, model.active),
+        *(tools.kind, tools.shape, motion.position, motion.orientation, point_x, model.touches),
         *(TOUCH * float(parameters.blocks.edges.min()), state.force),
     )
     state.monitor[watch.UNSHARED] = 0.0

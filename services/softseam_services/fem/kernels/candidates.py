@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.fem.face_points import DENSE, SOFT
 from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD, SWEPT, point_position
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from softseam_services.tools.face_points import DENSE, SOFT
 from softseam_services.tools.kernels import SLOW, rotate, rotate_back, side_along, side_gap, swept_gap, tool_gap
 
 _BESIDE = 0.25

@@ -84,7 +84,7 @@ def _open(group, n_nodes, rows, pairs):
 
 @njit(cache=True, error_model="numpy")
 def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
-    """Pairs of an active point and a tool that touch or lie within margin [m], tool after tool, in groups.
+    """Pairs of a point and a tool that may touch it that touch or lie within margin [m], tool after tool, in groups.
 
     state     its contact forces are carried; a pair that carries a force always counts
     contacts  points are at its point_x; its start, rows and pairs are updated in place
@@ -107,7 +107,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
         reach = (margin + parameters.reach[tool]) ** 2
         first_open = n_groups
         for point in range(len(point_x)):
-            if not model.active[point]:
+            if not model.touches[point, tool]:
                 continue
             x = three(point_x, point)
             square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
@@ -121,7 +121,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
                 yields = soft[point, tool]
             else:
                 gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
-                yields = point_give[point]
+                yields = point_give[point, tool]
             fx, fy, fz = three(force[point], tool)
             due = yields * max(0.0, fx * nx + fy * ny + fz * nz)
             if gap >= margin and not carried:

@@ -7,19 +7,17 @@ from softseam_services.tools.kernels import tool_gap
 
 
 @njit(cache=True, error_model="numpy")
-def split_forces(kind, shape, position, orientation, point_x, active, near_gap, force):
+def split_forces(kind, shape, position, orientation, point_x, touches, near_gap, force):
     """Share out the force of points that touch several tools but were handed over with one: force updated in place.
 
     Any shares with the same sum that lie in the friction cones balance as well. Here a further tool takes the part
     along its normal, as far as that pushes, and the first one keeps the rest. Points of coarse cells have forces of
-    their neighbours as well, tool by tool (`levels.hand_on`): the largest is shared out, the others gain or stay.
+    their neighbours as well, tool by tool (`points.hand_on`): the largest is shared out, the others gain or stay.
 
     near_gap       a tool that is closer than this touches [m]
     force (p, t, 3)  [N]
     """
     for point in range(len(point_x)):
-        if not active[point]:
-            continue
         first, most = -1, 0.0
         for tool in range(len(kind)):
             size = force[point, tool, 0] ** 2 + force[point, tool, 1] ** 2 + force[point, tool, 2] ** 2
@@ -29,7 +27,7 @@ def split_forces(kind, shape, position, orientation, point_x, active, near_gap, 
             continue
         f = force[point, first]
         for tool in range(len(kind)):
-            if tool == first:
+            if tool == first or not touches[point, tool]:
                 continue
             gap, nx, ny, nz = tool_gap(kind[tool], shape[tool], position[tool], orientation[tool], point_x[point])
             push = f[0] * nx + f[1] * ny + f[2] * nz

@@ -79,20 +79,23 @@ class FacePoints:
     """as of `point_weights`"""
 
 
+def round_tools(tools: ToolSet, body: Body) -> Mask:
+    """Tools that press a body's faces between their nodes (t,): all but planes and boxes, which nodes feel, and shares
+    of faces (`edged_tools`). None where the surface is embedded: its points are dense for every tool."""
+    return ~np.isin(tools.kind, (PLANE, BOX)) & is_covered_by_faces(body)
+
+
 def touched_faces(body: Body, region: Region, tools: ToolSet | None) -> tuple[Mask, Mask, Ints]:
     """Tools that touch at points inside faces (t,), surface points of the region that no such face holds, so that they
     touch every tool (p,), and these faces as of `outer_faces` (f, 2).
 
     No tools and no faces where all tools are planes, and boxes that cover the block; or another side owns its surface.
     """
-    n_tools = 0 if tools is None else len(tools.names)
-    at_faces = np.zeros(n_tools, dtype=np.bool_)
+    at_faces = np.zeros(0 if tools is None else len(tools.names), dtype=np.bool_)
     own = node_of_point(body)[region.points]
     owns = len(region.seam) == 0 or bool(np.isin(own, region.nodes[region.seam]).any())
     if tools is not None and owns:
-        at_faces = edged_tools(tools, body)
-        if is_covered_by_faces(body):
-            at_faces |= ~np.isin(tools.kind, (PLANE, BOX))
+        at_faces = edged_tools(tools, body) | round_tools(tools, body)
     outer = outer_faces(body, region) if at_faces.any() else np.zeros((0, 2), dtype=np.int32)
     held = np.isin(own, region.nodes[np.unique(_nodes(region, outer))])
     return at_faces, ~held, outer

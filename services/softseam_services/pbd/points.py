@@ -1,0 +1,118 @@
+"""Points of a region at which tools touch: those of the body's surface, then points inside faces of cells.
+
+On a block the former are nodes, half a cell apart, and what is round passes between them. So planes and boxes touch
+there, and all other tools inside faces, at the middles of 2 x 2 patches a block, as in FEM (tools/face_points.py).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.contact_points import is_embedded, point_stiffness
+from softseam_services.body.interpolate import point_weights
+from softseam_services.body.outer_faces import outer_faces
+from softseam_services.shapes.branches import CAPSULE, CYLINDER, SPHERE
+from softseam_services.tools.face_points import DENSE, FacePoints, face_points, round_tools
+from softseam_services.tools.tool_set import ToolSet
+
+THINNEST = 0.125
+"""half the length of a cylinder that presses inside faces, in edges of a cell"""
+
+Mask = NDArray[np.bool_]
+Rows = tuple[Ints, Ints, Floats]
+
+
+class Points(NamedTuple):
+    """p points of a region, the surface's k first; t tools."""
+
+    rows: Rows
+    """which nodes each follows, as of `point_weights`"""
+    touches: Mask
+    """(p, t)"""
+    give: Floats
+    """compliance of contact, 1/r of body/contact_points.py and tools/face_points.py; 0 at nodes (p, t) [m/N]"""
+
+
+def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Points:
+    """The points of a region, of whose cells those that are `coarse` (c,) are one block. Inside faces there are none
+    without round tools."""
+    indptr, node, weight = point_weights(body, region, "hex8")
+    touches = np.tile(body.surface.area[region.points][:, None] > 0.0, len(tools.names))
+    give = np.zeros(touches.shape)
+    if is_embedded(body):
+        stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))[:, None]
+        np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
+    between = round_tools(tools, body) & ~_thin_discs(tools, body)
+    if not between.any():
+        return Points((indptr, node, weight), touches, give)
+    inner = face_points(body, region, outer_faces(body, region), "hex8")
+    touches &= ~(between & np.isin(node, inner.node)[:, None])
+    return Points(
+        (
+            np.concatenate([indptr, indptr[-1] + inner.indptr[1:]]),
+            np.concatenate([node, inner.node]),
+            np.concatenate([weight, inner.weight]),
+        ),
+        np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
+        np.concatenate([give, _inner_give(body, region, tools, coarse, inner)]),
+    )
+
+
+def _thin_discs(tools: ToolSet, body: Body) -> Mask:
+    """Cylinders so short that a fast point, which yields a little, would be past their middle; nodes do not (t,)."""
+    return np.asarray((tools.kind == CYLINDER) & (tools.shape[:, 1] < THINNEST * body.resolution))
+
+
+def _inner_give(body: Body, region: Region, tools: ToolSet, coarse: Mask, inner: FacePoints) -> Floats:
+    """1/r at points inside faces, r = DENSE E A/h max(1, R/2h) with h the edge of a block and R the radius that a tool
+    has (q, t) [m/N]."""
+    octant = (inner.local >= 0.0) @ np.array([1, 2, 4])
+    young = body.of_octants([material.young for material in body.materials])[region.cells[inner.cell], octant]
+    h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)
+    radius = np.where(np.isin(tools.kind, (SPHERE, CAPSULE, CYLINDER)), tools.shape[:, 0], 0.0)
+    firm = np.maximum(1.0, 0.5 * radius / h[:, None])
+    return np.asarray(1.0 / ((DENSE * young * inner.area / h)[:, None] * firm))
+
+
+def hand_on(force: Floats, touches: Mask, n_surface: int, rows: Rows) -> None:
+    """Contact forces (p, t, 3) [N] of points that do not touch a tool to others that do, tool by tool; in place.
+
+    A node's goes inside the faces around it, and that of a point between nodes to theirs. The total is kept, and
+    between nodes the torque, where all of them have points. Where nothing touches, the force is dropped: no contact
+    looks at such a point again, so that what it carried would push for ever.
+    """
+    single = np.diff(rows[0]) == 1
+    for tool in range(force.shape[1]):
+        idle = np.flatnonzero(~touches[:, tool] & force[:, tool].any(axis=1))
+        takes = np.flatnonzero(touches[:, tool] & (single | (np.arange(len(touches)) >= n_surface)))
+        if len(idle):
+            given = _shares(rows, idle, takes).T @ force[idle, tool]
+            force[idle, tool] = 0.0
+            force[takes, tool] += given
+
+
+def gather(force: Floats, rows: Rows, n_surface: int) -> Floats:
+    """Forces (p, t, 3) [N] on all points as forces on the surface's (k, t, 3) with the same sums: what acts inside a
+    face is its nodes', of those that have points on this side of a seam."""
+    told = force[:n_surface].copy()
+    inner = np.arange(n_surface, len(force))
+    if len(inner):
+        single = np.flatnonzero(np.diff(rows[0])[:n_surface] == 1)
+        share = _shares(rows, inner, single).T
+        for tool in range(force.shape[1]):
+            told[single, tool] += share @ force[inner, tool]
+    return told
+
+
+def _shares(rows: Rows, gives: NDArray[np.int64], takes: NDArray[np.int64]) -> csr_array:
+    """What each of some points takes of each of others, by the nodes that both follow; each gives all that it has, or
+    nothing where none of its nodes is followed (gives, takes)."""
+    places = csr_array((rows[2], rows[1], rows[0]), shape=(len(rows[0]) - 1, int(rows[1].max(initial=-1)) + 1))
+    share = places[gives] @ places[takes].T
+    total = share.sum(axis=1)
+    return share.multiply(np.divide(1.0, total, out=np.zeros_like(total), where=total > 0.0)[:, None]).tocsr()
