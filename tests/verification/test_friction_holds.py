@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from pbd_run import PbdRun, block_scene
 
 GROUND = {"kind": "plane"}
+TABLE = {"kind": "box", "size": [1.5, 0.4, 0.02], "position": [0.5, 0.0, -0.01]}
+HILL = {"kind": "sphere", "radius": 5.0, "position": [0.0, 0.0, -5.0]}
+"""so wide that it is hardly round below a block, and one that presses inside its faces"""
 
 
-def way(angle: float, friction: float, seconds: float, young: float = 2e5, cell: float = 0.02) -> list[float]:
+def way(
+    angle: float,
+    friction: float,
+    seconds: float,
+    young: float = 2e5,
+    cell: float = 0.02,
+    ground: dict[str, Any] = GROUND,
+) -> list[float]:
     """How far down a slope of an angle [degrees] the middle of a block has gone after each second [m]."""
     g, a = 9.81, math.radians(angle)
     scene = block_scene(
@@ -21,7 +32,7 @@ def way(angle: float, friction: float, seconds: float, young: float = 2e5, cell:
         density=500.0,
         step=0.01,
         gravity=(g * math.sin(a), 0.0, -g * math.cos(a)),
-        tools={"ground": {**GROUND, "friction": friction}},
+        tools={"ground": {**ground, "friction": friction}},
     )
     run, ways = PbdRun(scene), []
     start = run.x[:, 0].mean()
@@ -40,6 +51,14 @@ def test_what_holds_stays(angle: float, friction: float, young: float, cell: flo
     ways = way(angle, friction, 3.0, young, cell)
     assert 0.0 < ways[0] < 2e-3
     assert abs(ways[2] - ways[1]) < 1e-6
+
+
+@pytest.mark.parametrize(("ground", "friction"), [(TABLE, 0.4), (TABLE, 0.37), (HILL, 0.4)])
+def test_so_it_does_on_what_is_no_plane(ground: dict[str, Any], friction: float) -> None:
+    """It gave way at 26 to 50 mm/s on a box that was all that the block touched."""
+    ways = way(20.0, friction, 3.0, ground=ground)
+    assert 0.0 < ways[0] < 2e-3
+    assert abs(ways[2] - ways[1]) < 1e-5
 
 
 @pytest.mark.parametrize(("angle", "friction"), [(20.0, 0.3), (20.0, 0.1), (12.0, 0.15), (35.0, 0.5)])

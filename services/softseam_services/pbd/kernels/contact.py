@@ -7,8 +7,8 @@ x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                      
 While p > 0, P = max(p_mean, p - debt), p_mean being p with a memory of 20 ms: points of a body that rings are unloaded
 one by one, and what let go of what it holds whenever p is small would creep. What a point holds beyond mu p is lent,
 and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load. So it is
-on planes. On other tools, and where contact has a compliance, P is p: what is squeezed would gain energy by what is
-lent.
+on planes, and on any tool that has the body alone. Where several may touch it, P is p on all but planes, and where
+contact has a compliance: what is squeezed would gain energy by what is lent.
 A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
 fast is followed on its way to any other tool (`swept_gap`): neither passes to the far side.
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
@@ -176,14 +176,14 @@ def face_sides(row, a, b, c, place, turn):
 
 
 @batch_kernel
-def solve_on_box(row, a, b, c, place, turn, mu, motion, hh):
+def solve_on_box(row, a, b, c, place, turn, mu, motion, hh, newer):
     """The eight pairs of a group with a box of half edges a, b, c."""
     px, py, pz = place
     for lane in range(EIGHT):
         x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
         gap, nx, ny, nz = _faced_gap(row, lane, a, b, c, x, y, z)
         nx, ny, nz = rotate(turn, nx, ny, nz)
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, NO_MEMORY)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")
@@ -214,12 +214,12 @@ def find_gaps(row, kind, shape, place, turn, motion, slow):
 
 
 @batch_kernel
-def solve_at_gaps(row, mu, motion, hh):
+def solve_at_gaps(row, mu, motion, hh, newer):
     """The eight pairs of a group at their GAP."""
     for lane in range(EIGHT):
         gap, nx = row[lane + EIGHT * GAP], row[lane + EIGHT * (GAP + 1)]
         ny, nz = row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, NO_MEMORY)
+        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")
@@ -250,8 +250,8 @@ def _pressed(row, lane):
 
 
 @batch_kernel
-def solve_softly(row, mu, motion, hh):
-    """The eight pairs of a group at their GAP, with compliance: eq. (3), by p as it is."""
+def solve_softly(row, mu, motion, hh, newer):
+    """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
     for lane in range(EIGHT):
         nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
         soft = row[lane + EIGHT * SOFT]
@@ -264,7 +264,7 @@ def solve_softly(row, mu, motion, hh):
         lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
         xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
         nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
-        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, NO_MEMORY)
+        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, newer)
         lag_n = lag_x * nx + lag_y * ny + lag_z * nz
         row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
         row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
@@ -283,27 +283,32 @@ def project_contacts(model, parameters, contacts, xw, hh):
     """
     indptr, node, weight = model.indptr, model.node, parameters.weight
     kind, shape, friction = parameters.kind, parameters.shape, parameters.friction
-    newer = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
+    lends = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
     start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    n_near = 0
+    for tool in range(len(kind)):
+        n_near += start[tool + 1] > start[tool]
+    alone = lends if n_near == 1 else NO_MEMORY
     for tool in range(len(kind)):
         tool_kind, tool_shape, mu = kind[tool], shape[tool], friction[tool]
         place, turn = three(position, tool), four(orientation, tool)
         forth, slow = twelve(motion, 0, tool), SLOW * parameters.reach[tool]
+        newer = lends if tool_kind == PLANE else alone
         normal = rotate(turn, tool_shape[0], tool_shape[1], tool_shape[2])
         for group in range(start[tool], start[tool + 1]):
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
                 find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
-                solve_softly(row, mu, forth, hh)
+                solve_softly(row, mu, forth, hh, alone)
             elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, mu, forth, hh, newer)
             elif tool_kind == BOX:
-                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh)
+                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh, newer)
             else:
                 find_gaps(row, tool_kind, tool_shape, place, turn, forth, slow)
-                solve_at_gaps(row, mu, forth, hh)
+                solve_at_gaps(row, mu, forth, hh, newer)
             move_group(group, rows, indptr, node, weight, hh, pairs, xw)
 
 
