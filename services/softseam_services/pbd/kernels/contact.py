@@ -7,8 +7,8 @@ x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                      
 While p > 0, P = max(p_mean, p - debt), p_mean being p with a memory of 20 ms: points of a body that rings are unloaded
 one by one, and what let go of what it holds whenever p is small would creep. What a point holds beyond mu p is lent,
 and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load. So it is
-on planes, and on any tool that has the body alone. Where several may touch it, P is p on all but planes, and where
-contact has a compliance: what is squeezed would gain energy by what is lent.
+on planes, and on any tool that has the body alone. Where several may touch it, or what is beyond a seam, P is p on all
+but planes, and where contact has a compliance: what is squeezed would gain energy by what is lent.
 A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
 fast is followed on its way to any other tool (`swept_gap`): neither passes to the far side.
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
@@ -289,7 +289,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
     n_near = 0
     for tool in range(len(kind)):
         n_near += start[tool + 1] > start[tool]
-    alone = lends if n_near == 1 else NO_MEMORY
+    alone = lends if n_near == 1 and len(model.seam) == 0 else NO_MEMORY  # what is beyond a seam may be squeezed
     for tool in range(len(kind)):
         tool_kind, tool_shape, mu = kind[tool], shape[tool], friction[tool]
         place, turn = three(position, tool), four(orientation, tool)
