@@ -45,8 +45,7 @@ def build(speeds: tuple[float, ...] = SPEEDS, thicknesses: tuple[float, ...] = T
         f"against a rod, in steps of {1e3 * STEP:g} ms: at 10 m/s it would be through within one. Accurate: its middle "
         "stays on the side from which it came.",
         tuple(
-            Panel(f"{MODELS[model]} against a {hit}", "thickness [mm]", "speed [m/s]", columns, rows)
-            for model, hit in panels
+            Panel(f"{MODELS[model]}, {hit}", "thickness [mm]", "speed [m/s]", columns, rows) for model, hit in panels
         ),
         tuple(cells),
     )

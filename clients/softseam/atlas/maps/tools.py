@@ -36,7 +36,7 @@ def build(tools: tuple[str, ...] = tuple(TOOLS), edges: tuple[float, ...] = CELL
     """The map; a smaller one for tests."""
     runs: list[tuple[str, Callable[[str, float], Verdict]]] = [
         *((f"{MODELS[model]}: force", partial(run, model)) for model in PAIR),
-        ("FEM: claim", claim),
+        ("Claims of FEM", claim),
     ]
     cells = [
         Cell(panel, i, j, f"{title}, {tool} mm, cells of {1e3 * edge:.3g} mm", partial(what, tool, edge), 1.0)
@@ -48,10 +48,11 @@ def build(tools: tuple[str, ...] = tuple(TOOLS), edges: tuple[float, ...] = CELL
     return Map(
         "tools",
         "Tools against cells",
-        f"Tools are pressed {1e3 * DEPTH:g} mm into a bonded block of 40 x 40 x 20 mm (E 20 kPa), between its nodes. "
+        f"Tools, by radius or edge, are pressed {1e3 * DEPTH:g} mm into a bonded block of 40 x 40 x 20 mm (E 20 kPa), "
+        "between its nodes. "
         f"Accurate: the force is within {100 * BOUND:g} % of FEM's on cells of {1e3 * FINEST:.2g} mm. A claim is "
         f"accurate where {FACTOR:g} times the difference to cells twice as long is no less than the error.",
-        tuple(Panel(title, "tool, radius or edge [mm]", "cell [mm]", tools, rows) for title, _ in runs),
+        tuple(Panel(title, "tool [mm]", "cell [mm]", tools, rows) for title, _ in runs),
         tuple(cells),
     )
 
