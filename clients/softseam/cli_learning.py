@@ -15,8 +15,8 @@ Algorithm = Literal["ppo", "sac"]
 TRAIN = (
     "[bold]What it does[/bold]\n\n"
     "Learns with stable-baselines3, by FEM in this process, and leaves policy.zip, training.json and curve.png in "
-    "the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. The 300,000 steps of TofuLift take a "
-    "quarter of an hour.\n\n"
+    "the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. The 300,000 steps of TofuLift take "
+    "half an hour.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam train TofuLift\n\n"
     "softseam train TofuLift --algo sac --steps 50000 --seed 1 --out out/mine\n\n"

@@ -140,4 +140,4 @@ class Energy(Term):
 
 
 GENTLE: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration())
-"""first lift, then gently: learned from every seed that was tried, where the same weights from the start were not"""
+"""first lift, then gently (docs/decisions/53)"""

@@ -128,7 +128,7 @@ def algorithm(name: Algorithm) -> Any:
 
 
 def new_learner(training: Training, vector: Any) -> Any:
-    """With constants that learn TofuLift from every seed that was tried."""
+    """With constants that learn TofuLift (docs/decisions/53)."""
     net = {"net_arch": [64, 64]}
     shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "gamma": 0.98, "learning_rate": 5e-4}
     if training.algorithm == "sac":
