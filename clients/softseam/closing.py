@@ -19,8 +19,6 @@ _MOST = 6
 """sentences on what was not done"""
 CLAIMED = "±"
 """heading of the claims"""
-_CLAIMS = "quantities", "growing"
-"""what the table shows of a report's claims"""
 _COLOR = {"lifted": "green", "set down": "green", "finished": "green"}
 
 
@@ -35,8 +33,9 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     _print_trust(console, report["estimated_error"], claims)
     _print_damping(console, report["energy"])
     _print_not_done(console, report["not_done"])
-    console.print(_quantities(report["quantities"], *(({}, {}) if claims is None else (claims[k] for k in _CLAIMS))))
-    _print_growing(console, {} if claims is None else claims["growing"])
+    claimed, growing = ({}, {}) if claims is None else (claims["quantities"], claims["growing"])
+    console.print(_quantities(report["quantities"], claimed, growing))
+    _print_growing(console, growing)
     _print_gaps(console, report["quantities"], report["steps"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))

@@ -30,6 +30,16 @@ from softseam.recording import Recording
 learns = pytest.mark.skipif(
     find_spec("stable_baselines3") is None and not os.environ.get("CI"), reason="pip install 'softseam[learn]'"
 )
+DOCUMENT = {
+    "softseam_training": 1,
+    "task": "TofuLift",
+    "algorithm": "ppo",
+    "seed": 0,
+    "environments": 2,
+    "steps": 9,
+    "curve": [],
+}
+"""of a training that was never begun"""
 
 
 @pytest.fixture(scope="module")
@@ -109,16 +119,7 @@ def test_an_interrupted_training_is_kept(tmp_path: Path) -> None:
     ],
 )
 def test_a_spoilt_training_is_refused(spoil: Any, why: str, tmp_path: Path) -> None:
-    document = {
-        "softseam_training": 1,
-        "task": "TofuLift",
-        "algorithm": "ppo",
-        "seed": 0,
-        "environments": 2,
-        "steps": 9,
-    }
-    document |= {"done": 9, "curve": [], "settings": [], "seconds": 1.0, "version": 1}
-    (tmp_path / TRAINING).write_text(json.dumps(spoil(document)))
+    (tmp_path / TRAINING).write_text(json.dumps(spoil(DOCUMENT)))
     with pytest.raises(BadInput, match=why):
         read_training(tmp_path)
 
@@ -126,15 +127,7 @@ def test_a_spoilt_training_is_refused(spoil: Any, why: str, tmp_path: Path) -> N
 def test_a_policy_that_is_cut_short_or_missing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"holds no policy.*softseam train"):
         read_training(tmp_path)
-    document = {
-        "softseam_training": 1,
-        "task": "TofuLift",
-        "algorithm": "ppo",
-        "seed": 0,
-        "environments": 2,
-        "steps": 9,
-    }
-    (tmp_path / TRAINING).write_text(json.dumps(document | {"curve": []}))
+    (tmp_path / TRAINING).write_text(json.dumps(DOCUMENT))
     with pytest.raises(BadInput, match=f"{POLICY} is missing"):
         read_training(tmp_path)
     (tmp_path / POLICY).write_bytes(b"PK\x03\x04 cut short")

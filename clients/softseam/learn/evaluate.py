@@ -105,10 +105,10 @@ def _print(console: Console, task: str, found: dict[str, Judged], wishes: Wishes
 def _record(task: Task, settings: tuple[str, ...], act: Act, of: Judged, wishes: Wishes, console: Console) -> None:
     """The gentlest success, and the failure or else the hardest success."""
     assert wishes.record is not None
-    cost = np.where(of.success, of.stress, np.inf)
+    cost, before = np.where(of.success, of.stress, np.inf), set(wishes.record.glob("*.mcap"))
     for number in dict.fromkeys((int(np.argmin(cost)), int(np.argmax(cost)))):
         env = task.make(step=wishes.step, settings=settings, record=wishes.record)
         episode(env, act, UNSEEN + number)
         env.close()
-    for path in sorted(wishes.record.glob("episode-*.mcap"))[-2:]:
+    for path in sorted(set(wishes.record.glob("*.mcap")) - before):
         console.print(f"softseam replay {path}", soft_wrap=True, highlight=False)
