@@ -8,9 +8,9 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
+import threading
 import time
+from collections.abc import Iterator
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
@@ -87,24 +87,34 @@ def test_a_policy_is_judged_beside_rules(trained: Path, tmp_path: Path) -> None:
     assert recorded and Recording(recorded[0]).counts["StepReport"] > 5
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """A process that a shell has put into the background ignores interrupts."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @learns
 @pytest.mark.slow
-def test_an_interrupted_training_is_kept(tmp_path: Path) -> None:
-    folder = tmp_path / "policy"
-    code = (
-        "import sys, softseam.learn.train as t; t._SAVE = 100; "
-        "t.train(t.Wishes(environments=2, out=t.Path(sys.argv[1])), t.Console())"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code, str(folder)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as run:
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupted_training_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By Ctrl-C in the middle of a step of the environments."""
+    monkeypatch.setattr(training, "_SAVE", 100)
+    folder, said = tmp_path / "policy", Console(file=StringIO())
+
+    def interrupt() -> None:
         end = time.monotonic() + 240.0
-        while not (folder / TRAINING).exists():
-            assert run.poll() is None and time.monotonic() < end, run.stderr
+        while not (folder / TRAINING).exists() and time.monotonic() < end:
             time.sleep(0.05)  # nothing announces a file
-        run.send_signal(signal.SIGINT)
-        said, _ = run.communicate(timeout=60.0)
-    assert "go on with: softseam train --resume" in said
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    other = threading.Thread(target=interrupt)
+    other.start()
+    with pytest.raises(KeyboardInterrupt):
+        train(Wishes(environments=2, steps=4000, out=folder), said)
+    other.join()
+    assert isinstance(said.file, StringIO) and "go on with: softseam train --resume" in said.file.getvalue()
     assert read_training(folder).done >= 100
 
 

@@ -71,6 +71,9 @@ def _learn(training: Training, folder: Path, console: Console, resume: bool) -> 
     try:
         import torch
         from stable_baselines3.common.callbacks import BaseCallback
+
+        # before there is anything to keep: a module that an interrupt cuts short cannot be imported again
+        import softseam.learn.curve  # noqa: F401
     except ImportError as error:
         raise missing_extra(error, "training") from error
     torch.set_num_threads(1)  # networks this small are slower on two
