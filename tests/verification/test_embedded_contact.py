@@ -62,7 +62,7 @@ def squeezed(solid: Solid, cell: float, model: str = "fem") -> float:
     return float(np.abs(report.wrench[:, 0]).mean())
 
 
-@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1.0, 1.6, 0.8), (0.7, 1.2, 1.0)])
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (1.0, 1.6, 0.8)])
 def test_more_points_change_little(scale: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch) -> None:
     solid = BALL[0] * scale, BALL[1]
     force = squeezed(solid, 0.012)
@@ -70,14 +70,20 @@ def test_more_points_change_little(scale: tuple[float, float, float], monkeypatc
     assert squeezed(solid, 0.012) == pytest.approx(force, rel=0.03)
 
 
-def test_smaller_cells_converge() -> None:
+@pytest.fixture(scope="module")
+def middle() -> float:
+    """Of a ball on cells of 10 mm, in FEM [N]."""
+    return squeezed(BALL, 0.01)
+
+
+def test_smaller_cells_converge(middle: float) -> None:
     """By thinned points the force went up and down with the cells."""
-    coarse, middle, fine = (squeezed(BALL, cell) for cell in (0.015, 0.01, 0.0075))
+    coarse, fine = (squeezed(BALL, cell) for cell in (0.015, 0.0075))
     assert coarse == pytest.approx(fine, rel=0.06) and middle == pytest.approx(fine, rel=0.03)
 
 
-def test_both_models_press_alike() -> None:
-    assert squeezed(BALL, 0.01, "pbd") == pytest.approx(squeezed(BALL, 0.01), rel=0.05)
+def test_both_models_press_alike(middle: float) -> None:
+    assert squeezed(BALL, 0.01, "pbd") == pytest.approx(middle, rel=0.05)
 
 
 @pytest.mark.parametrize("model", ["fem", "pbd"])
