@@ -56,6 +56,7 @@ BAD_SCENES = {
     ),
 }
 
+FEM_CONFIG = str(Path(__file__).parents[2] / "scenes" / "templates" / "fem_config.yaml")
 BAD_CALLS = {
     "no such scene": (["run", "tofu_gras"], ["tofu_grasp"]),
     "no route": (["up", "--route", "far"], ["'far' is no route", "PART=SERVICE"]),
@@ -91,6 +92,9 @@ BAD_CALLS = {
     ),
     "schema into a folder": (["schema", "--out", "."], ["--out", "a folder"]),
     "schema into what is no folder": (["schema", "--out", "bad.yaml/schema.json"], ["bad.yaml/schema.json"]),
+    "import of a scene": (["import", "GOOD"], ["GOOD.yaml:1:1: ", "fem_config or pbd_config"]),
+    "import over a file": (["import", FEM_CONFIG, "--out", "bad.yaml"], ["--out bad.yaml", "is there already"]),
+    "import under another name": (["import", FEM_CONFIG, "--out", "run.txt"], ["--out run.txt", ".yaml"]),
     "no router": (["run", "tofu_grasp", "--connect", "tcp/127.0.0.1:1"], ["tcp/127.0.0.1:1", "softseam up"]),
     "no recording": (["replay", "none.mcap"], ["none.mcap"]),
     "chart of a mesh's own cells": (["chart", "calamari"], ["calamari.yaml:8:", "its own", "body.shape.cells=boxes"]),

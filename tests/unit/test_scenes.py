@@ -21,8 +21,8 @@ from softseam_services.tools.build import build_tools
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CELLS = ["calamari", "cantilever", "dumpling", "heavy_on_soft", "sausage", "sausage_bend", "silken_tofu"]
-CELLS += ["stiff_inclusion", "tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab"]
-PARTICLES = ["cloth_fold", "jelly", "pudding", "rope"]
+CELLS += ["stiff_inclusion", "tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab", "template_fem"]
+PARTICLES = ["cloth_fold", "jelly", "pudding", "rope", "template_pbd"]
 
 
 def maker() -> ModuleType:
