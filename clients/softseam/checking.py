@@ -30,6 +30,7 @@ from softseam_protocol.scene.spec import Vector
 if TYPE_CHECKING:
     from softseam_services.body.body import Body
     from softseam_services.body.check import Part
+    from softseam_services.body.particles import ParticleBody
     from softseam_services.server import Setup
 
 
@@ -92,7 +93,7 @@ def _check_body(
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     if isinstance(built, ParticleBody):
-        for fact, value in built.facts().items():
+        for fact, value in {**built.facts(), **_condition(setup, built)}.items():
             table.add_row(fact, value)
         table.add_row("models", _models(setup))
         table.add_row("steps", _steps(scene))
@@ -128,6 +129,20 @@ def _check_body(
         table.add_row("coarse", blocks)
     table.add_row("steps", _steps(scene))
     return table, doubts, [*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)]
+
+
+def _condition(setup: Setup, body: ParticleBody) -> dict[str, str]:
+    """How hard XPBD's springs are to sweep; nothing where there are none."""
+    from softseam_services.pbd.particles.condition import spring_condition
+    from softseam_services.pbd.particles.model import build_model
+    from softseam_services.pbd.particles.parameters import build_parameters
+
+    scene, pbd = setup.scene, setup.scene.models.pbd
+    if pbd.method != "xpbd" or not len(body.springs.rest):
+        return {}
+    substeps = build_parameters(build_model(body, pbd), body, setup.tools, pbd).substeps(scene.step)
+    number = spring_condition(body, scene.step / substeps)
+    return {"condition": f"number {number:.3g} of the springs' system, in {substeps} substeps a step"}
 
 
 def print_doubts(doubts: Sequence[str], name: str, settings: Sequence[str], console: Console) -> None:
