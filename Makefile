@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo dev chart rivals references plans atlas claims results pages figures bus pbd test lint types lock clean
+.PHONY: help demo dev chart rivals references plans atlas claims results pages figures bus pbd batch test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -53,6 +53,9 @@ bus: $(VENV)/.dev ## measure what the bus costs on this machine
 pbd: $(VENV)/.dev ## measure how fast the PBD participant is on this machine
 	@NUMBA_NRT_STATS=1 PYTHONPATH=tests $(PY) tests/benchmarks/pbd.py
 	@NUMBA_NRT_STATS=1 PYTHONPATH=tests $(PY) tests/benchmarks/particles.py
+
+batch: $(VENV)/.dev ## measure how many actions a second many pieces take on this machine
+	@PYTHONPATH=tests $(PY) tests/benchmarks/batch.py
 
 test: $(VENV)/.dev ## every gate: format, lint, types, layers, tests (fast ones first)
 	@sh .ci/gates $(PY)

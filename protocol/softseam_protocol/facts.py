@@ -12,7 +12,7 @@ _PACKAGES = ("softseam", "numpy", "numba", "scipy", "protobuf", "mcap", "eclipse
 
 def facts() -> dict[str, str]:
     """Versions and machine of this process."""
-    found = {"python": platform.python_version(), "machine": processor(), "cores": str(_cores())}
+    found = {"python": platform.python_version(), "machine": processor(), "cores": str(cores())}
     for package in _PACKAGES:
         try:
             found[package] = version(package)
@@ -23,7 +23,7 @@ def facts() -> dict[str, str]:
 
 def machine() -> str:
     """Processor and the cores that this process may use, e.g. 'AMD EPYC 9B45, 2 cores'."""
-    n_cores = _cores()
+    n_cores = cores()
     return f"{processor()}, {n_cores} core{'s' if n_cores > 1 else ''}"
 
 
@@ -36,5 +36,6 @@ def processor() -> str:
     return next(named, kind)
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -22,13 +22,18 @@ from numba.core.registry import CPUDispatcher
 from softseam_coupling.kept_kernels import keep
 
 
-def njit(*, cache: bool, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """`numba.njit` with the same options; what the decorated function calls is compiled with it if decorated alike."""
+def njit(*, cache: bool, apart: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """`numba.njit` with the same options; what the decorated function calls is compiled with it if decorated alike.
+
+    apart: no two of its arrays overlap, as the compiler may then take for granted; and a kernel that Python calls is
+    optimised twice. Where all that a loop over lanes does is call a deep tree of kernels with large tuples, it needs
+    both to see that it can use vector instructions.
+    """
 
     def decorate(function: Callable[..., Any]) -> Any:
         if vars(numba.config)["DISABLE_JIT"]:
             return function
-        kernel = _Kernel(function, targetoptions=options | {"nopython": True, "boundscheck": None})
+        kernel = _Kernel(function, options | {"nopython": True, "boundscheck": None}, apart)
         if cache:
             keep(kernel)
         return kernel
@@ -39,14 +44,9 @@ def njit(*, cache: bool, **options: Any) -> Callable[[Callable[..., Any]], Any]:
 class _Kernel(CPUDispatcher):
     """What Python sees of a kernel: called, it compiles a whole; kernels that call it get a part."""
 
-    def __init__(
-        self,
-        py_func: Callable[..., Any],
-        locals: dict[str, Any] | None = None,
-        targetoptions: dict[str, Any] | None = None,
-    ) -> None:
-        super().__init__(py_func, locals, targetoptions, _WholeCompiler)
-        self._part = _Part(py_func, locals, targetoptions, _PartCompiler)
+    def __init__(self, py_func: Callable[..., Any], targetoptions: dict[str, Any], apart: bool) -> None:
+        super().__init__(py_func, None, targetoptions, _WholeCompilerApart if apart else _WholeCompiler)
+        self._part = _Part(py_func, None, targetoptions, _PartCompilerApart if apart else _PartCompiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         return self._part.get_call_template(args, kws)
@@ -88,12 +88,31 @@ class _PartCompiler(compiler.Compiler):
 class _WholeCompiler(compiler.Compiler):
     """Numba's compiler without the wrapper for C, which nobody calls."""
 
+    @property
+    def library(self) -> type[_WholeLibrary]:
+        """Of code."""
+        return _WholeLibrary
+
     def define_pipelines(self) -> Any:
         state = self.state
         state.flags.no_cfunc_wrapper = True
-        state.library = _WholeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)  # type: ignore[no-untyped-call]
+        state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return super().define_pipelines()  # type: ignore[no-untyped-call]
+
+
+class _PartCompilerApart(_PartCompiler):
+    def define_pipelines(self) -> Any:
+        self.state.flags.noalias = True
+        return super().define_pipelines()
+
+
+class _WholeCompilerApart(_WholeCompiler):
+    library = property(lambda self: _TwiceLibrary)
+
+    def define_pipelines(self) -> Any:
+        self.state.flags.noalias = True
+        return super().define_pipelines()
 
 
 class _PartLibrary(JITCodeLibrary):
@@ -124,6 +143,12 @@ class _WholeLibrary(JITCodeLibrary):
         _link(self._final_module, reached)
         self._linking_libraries = []
         super().finalize()  # type: ignore[no-untyped-call]
+
+
+class _TwiceLibrary(_WholeLibrary):
+    def _optimize_final_module(self) -> None:
+        super()._optimize_final_module()  # type: ignore[no-untyped-call]
+        super()._optimize_final_module()  # type: ignore[no-untyped-call]
 
 
 def _link(module: Any, libraries: Iterable[Any]) -> None:

@@ -60,7 +60,7 @@ def build_forms(x: Floats, material: Material, hourglass: str, weight: Floats | 
         spread = np.abs(gram).sum(axis=2)
     offset = np.einsum("mi,nip->nmp", MODES, x)
     frame = np.einsum("ia,nip->nap", SIGNS, x) / 8.0
-    d, o = bending_factors(material, hourglass)
+    d, o = bending_factors(material.young / (2.0 * material.mu) - 1.0, hourglass)
     planes, twist = hourglass_planes(frame, material.young, material.mu, d, o)
     form = np.empty((len(x), N_FORM))
     form[:, MU], form[:, LAM] = material.mu, material.lambda_

@@ -261,9 +261,9 @@ def write_row(ws, lane, start, c, row):
 
 
 @lane_kernel
-def residual(ws, lane, c, wanted):
-    """Row c of P - Lambda_P and component c of T - Lambda_m (7 values)."""
-    p0, p1, p2, t0, t1, t2, t3 = read_row(ws, lane, STRESS, c)
+def residual(stress, at, c, wanted):
+    """Row c of P - Lambda_P and component c of T - Lambda_m (7 values); a lane's Lambda begins at stress[at]."""
+    p0, p1, p2, t0, t1, t2, t3 = read_row(stress, at, 0, c)
     w = wanted
     return w[0] - p0, w[1] - p1, w[2] - p2, w[3] - t0, w[4] - t1, w[5] - t2, w[6] - t3
 
@@ -299,10 +299,10 @@ def spread(ws, lane, c, k, g, change):
 
 
 @lane_kernel
-def answer(ws, lane, c, k, g, change):
+def answer(ws, lane, stress, at, c, k, g, change):
     """Lambda += dL and the motion that follows, for row and component c (7 values)."""
-    p0, p1, p2, t0, t1, t2, t3 = read_row(ws, lane, STRESS, c)
+    p0, p1, p2, t0, t1, t2, t3 = read_row(stress, at, 0, c)
     d = change
     total = p0 + d[0], p1 + d[1], p2 + d[2], t0 + d[3], t1 + d[4], t2 + d[5], t3 + d[6]
-    write_row(ws, lane, STRESS, c, total)
+    write_row(stress, at, 0, c, total)
     spread(ws, lane, c, k, g, change)

@@ -150,6 +150,24 @@ def _faced_gap(row, lane, a, b, c, x, y, z):
     return gap, sx if faces else nx, sy if faces else ny, sz if faces else nz
 
 
+@lane_kernel
+def _face_side(row, lane, a, b, c, x, y, z, fx, fy, fz):
+    """FACED of one point at x, y, z with the force f, both in the frame of a box of half edges a, b, c."""
+    u, v, w = abs(x) - a, abs(y) - b, abs(z) - c
+    inside = u < 0.0 and v < 0.0 and w < 0.0
+    pushed = inside and fx * fx + fy * fy + fz * fz > 0.0
+    x, y, z = fx if pushed else x, fy if pushed else y, fz if pushed else z
+    beyond = (1.0 if u > 0.0 else 0.0) + (1.0 if v > 0.0 else 0.0) + (1.0 if w > 0.0 else 0.0)
+    u, v, w = abs(fx) if pushed else u, abs(fy) if pushed else v, abs(fz) if pushed else w
+    one = 1.0 if beyond <= 1.0 else 0.0
+    first = u >= v and u >= w
+    second = not first and v >= w
+    third = not first and not second
+    row[lane + EIGHT * FACED] = (one if x > 0.0 else -one) if first else 0.0
+    row[lane + EIGHT * (FACED + 1)] = (one if y > 0.0 else -one) if second else 0.0
+    row[lane + EIGHT * (FACED + 2)] = (one if z > 0.0 else -one) if third else 0.0
+
+
 @batch_kernel
 def face_sides(row, a, b, c, place, turn):
     """FACED of eight points: the side of a box that a point outside is beyond, none past an edge; of one inside the
@@ -160,19 +178,7 @@ def face_sides(row, a, b, c, place, turn):
         x, y, z = rotate_back(turn, x - px, y - py, z - pz)
         fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
         fx, fy, fz = rotate_back(turn, fx, fy, fz)
-        u, v, w = abs(x) - a, abs(y) - b, abs(z) - c
-        inside = u < 0.0 and v < 0.0 and w < 0.0
-        pushed = inside and fx * fx + fy * fy + fz * fz > 0.0
-        x, y, z = fx if pushed else x, fy if pushed else y, fz if pushed else z
-        beyond = (1.0 if u > 0.0 else 0.0) + (1.0 if v > 0.0 else 0.0) + (1.0 if w > 0.0 else 0.0)
-        u, v, w = abs(fx) if pushed else u, abs(fy) if pushed else v, abs(fz) if pushed else w
-        one = 1.0 if beyond <= 1.0 else 0.0
-        first = u >= v and u >= w
-        second = not first and v >= w
-        third = not first and not second
-        row[lane + EIGHT * FACED] = (one if x > 0.0 else -one) if first else 0.0
-        row[lane + EIGHT * (FACED + 1)] = (one if y > 0.0 else -one) if second else 0.0
-        row[lane + EIGHT * (FACED + 2)] = (one if z > 0.0 else -one) if third else 0.0
+        _face_side(row, lane, a, b, c, x, y, z, fx, fy, fz)
 
 
 @batch_kernel
@@ -249,28 +255,34 @@ def _pressed(row, lane):
     return max(0.0, p + row[lane + EIGHT * (FORCE + 2)] * row[lane + EIGHT * (GAP + 3)])
 
 
+@lane_kernel
+def _solve_softly(row, lane, mu, motion, hh, newer):
+    """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1)."""
+    nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
+    soft = row[lane + EIGHT * SOFT]
+    old_x, old_y = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)]
+    old_z = row[lane + EIGHT * (FORCE + 2)]
+    old_n = _pressed(row, lane)
+    # alpha (t_old - t_0): so much nearer is where the point sticks with what it holds; it is no slip.
+    lag_x = soft * (old_x - row[lane + EIGHT * HELD])
+    lag_y = soft * (old_y - row[lane + EIGHT * (HELD + 1)])
+    lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+    nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
+    _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, newer)
+    lag_n = lag_x * nx + lag_y * ny + lag_z * nz
+    row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
+    row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
+    row[lane + EIGHT * (SLIPPED + 2)] -= lag_z - lag_n * nz
+    hold = row[lane + EIGHT * HOLD]
+    row[lane + EIGHT * HOLD] = hold if soft <= row[lane + EIGHT * GIVE] else 0.0
+
+
 @batch_kernel
 def solve_softly(row, mu, motion, hh, newer):
     """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
     for lane in range(EIGHT):
-        nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
-        soft = row[lane + EIGHT * SOFT]
-        old_x, old_y = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)]
-        old_z = row[lane + EIGHT * (FORCE + 2)]
-        old_n = _pressed(row, lane)
-        # alpha (t_old - t_0): so much nearer is where the point sticks with what it holds; it is no slip.
-        lag_x = soft * (old_x - row[lane + EIGHT * HELD])
-        lag_y = soft * (old_y - row[lane + EIGHT * (HELD + 1)])
-        lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
-        xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
-        nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
-        _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, newer)
-        lag_n = lag_x * nx + lag_y * ny + lag_z * nz
-        row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
-        row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
-        row[lane + EIGHT * (SLIPPED + 2)] -= lag_z - lag_n * nz
-        hold = row[lane + EIGHT * HOLD]
-        row[lane + EIGHT * HOLD] = hold if soft <= row[lane + EIGHT * GIVE] else 0.0
+        _solve_softly(row, lane, mu, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")

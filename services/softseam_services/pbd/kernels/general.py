@@ -18,6 +18,7 @@ from .block import (
     ENERGY,
     RATIO,
     SOFTNESS,
+    STRESS,
     VOLUME,
     WANTED,
     G,
@@ -89,14 +90,15 @@ def project_lanes_general(ws, constants, law, kappa, hh):
     for lane in range(LANES):
         k = of_lane(ws, lane, hoisted)
         V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
+        at = lane + LANES * STRESS
         f, q = shape(ws, lane, k)
         _fill(f, F)
         point.stress(law, parameters, F, P)
         p = _nine(P)
         t = hourglass(k, turned_back(f, q))
-        r0 = residual(ws, lane, 0, stress_row(0, f, p, q, t, 0.0, 1.0, V))
-        r1 = residual(ws, lane, 1, stress_row(1, f, p, q, t, 0.0, 1.0, V))
-        r2 = residual(ws, lane, 2, stress_row(2, f, p, q, t, 0.0, 1.0, V))
+        r0 = residual(ws, at, 0, stress_row(0, f, p, q, t, 0.0, 1.0, V))
+        r1 = residual(ws, at, 1, stress_row(1, f, p, q, t, 0.0, 1.0, V))
+        r2 = residual(ws, at, 2, stress_row(2, f, p, q, t, 0.0, 1.0, V))
         r[0], r[1], r[2] = r0[0], r0[1], r0[2]
         r[3], r[4], r[5] = r1[0], r1[1], r1[2]
         r[6], r[7], r[8] = r2[0], r2[1], r2[2]
@@ -109,9 +111,9 @@ def project_lanes_general(ws, constants, law, kappa, hh):
         n0, n1 = 1.0 / (1.0 + g * k[BOUND]), 1.0 / (1.0 + g * k[BOUND + 1])
         n2, n3 = 1.0 / (1.0 + g * k[BOUND + 2]), 1.0 / (1.0 + g * k[BOUND + 3])
         move = node_softness(ws, lane, hh)
-        answer(ws, lane, 0, k, move, (r[0], r[1], r[2], n0 * r0[3], n1 * r0[4], n2 * r0[5], n3 * r0[6]))
-        answer(ws, lane, 1, k, move, (r[3], r[4], r[5], n0 * r1[3], n1 * r1[4], n2 * r1[5], n3 * r1[6]))
-        answer(ws, lane, 2, k, move, (r[6], r[7], r[8], n0 * r2[3], n1 * r2[4], n2 * r2[5], n3 * r2[6]))
+        answer(ws, lane, ws, at, 0, k, move, (r[0], r[1], r[2], n0 * r0[3], n1 * r0[4], n2 * r0[5], n3 * r0[6]))
+        answer(ws, lane, ws, at, 1, k, move, (r[3], r[4], r[5], n0 * r1[3], n1 * r1[4], n2 * r1[5], n3 * r1[6]))
+        answer(ws, lane, ws, at, 2, k, move, (r[6], r[7], r[8], n0 * r2[3], n1 * r2[4], n2 * r2[5], n3 * r2[6]))
 
 
 @batch_kernel

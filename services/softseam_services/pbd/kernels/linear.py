@@ -9,6 +9,7 @@ from .block import (
     MU,
     RATIO,
     SOFTNESS,
+    STRESS,
     VOLUME,
     WANTED,
     G,
@@ -63,9 +64,10 @@ def project_lanes_linear(ws, constants, kappa, hh):
     for lane in range(LANES):
         k = of_lane(ws, lane, hoisted)
         V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
+        at = lane + LANES * STRESS
         f, q = shape(ws, lane, k)
         w0, w1, w2 = _rows(k, f, q, V)
-        r0, r1, r2 = residual(ws, lane, 0, w0), residual(ws, lane, 1, w1), residual(ws, lane, 2, w2)
+        r0, r1, r2 = residual(ws, at, 0, w0), residual(ws, at, 1, w1), residual(ws, at, 2, w2)
         mu, bulk = V * k[MU], V * k[LAM]
         g0, g1, g2 = g * k[G], g * k[G + 1], g * k[G + 2]
         d0, d1, d2 = 1.0 / (1.0 + 2.0 * mu * g0), 1.0 / (1.0 + 2.0 * mu * g1), 1.0 / (1.0 + 2.0 * mu * g2)
@@ -79,11 +81,11 @@ def project_lanes_linear(ws, constants, kappa, hh):
         n2, n3 = 1.0 / (1.0 + g * k[BOUND + 2]), 1.0 / (1.0 + g * k[BOUND + 3])
         move = node_softness(ws, lane, hh)
         p = d0 * (r0[0] - z), r0[1] - z01, r0[2] - z02
-        answer(ws, lane, 0, k, move, (p[0], p[1], p[2], n0 * r0[3], n1 * r0[4], n2 * r0[5], n3 * r0[6]))
+        answer(ws, lane, ws, at, 0, k, move, (p[0], p[1], p[2], n0 * r0[3], n1 * r0[4], n2 * r0[5], n3 * r0[6]))
         p = r1[0] - z01, d1 * (r1[1] - z), r1[2] - z12
-        answer(ws, lane, 1, k, move, (p[0], p[1], p[2], n0 * r1[3], n1 * r1[4], n2 * r1[5], n3 * r1[6]))
+        answer(ws, lane, ws, at, 1, k, move, (p[0], p[1], p[2], n0 * r1[3], n1 * r1[4], n2 * r1[5], n3 * r1[6]))
         p = r2[0] - z02, r2[1] - z12, d2 * (r2[2] - z)
-        answer(ws, lane, 2, k, move, (p[0], p[1], p[2], n0 * r2[3], n1 * r2[4], n2 * r2[5], n3 * r2[6]))
+        answer(ws, lane, ws, at, 2, k, move, (p[0], p[1], p[2], n0 * r2[3], n1 * r2[4], n2 * r2[5], n3 * r2[6]))
 
 
 @batch_kernel

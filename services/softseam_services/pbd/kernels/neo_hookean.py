@@ -13,6 +13,7 @@ from .block import (
     MU,
     RATIO,
     SOFTNESS,
+    STRESS,
     VOLUME,
     WANTED,
     G,
@@ -103,54 +104,62 @@ def _change(a, c, r, z, d, n):
     )
 
 
+@lane_kernel
+def project_lane(ws, lane, stress, at, k, V, g, move):
+    """Solve one block once: Lambda += dLambda of eq. (4) and (5), and its nodes, the first rows of ws, move.
+
+    Lambda begins at stress[at]; k are the block's constants, V its volume, g = kappa h^2 8 max w_i, move = h^2 w_i
+    """
+    mu, lam = k[MU], k[LAM]
+    f, q = shape(ws, lane, k)
+    c, J = cofactors(f)
+    _, s, ds = volumetric(J, mu, lam)
+    t = hourglass(k, turned_back(f, q))
+    r0 = residual(stress, at, 0, stress_row(0, f, c, q, t, mu, s, V))
+    r1 = residual(stress, at, 1, stress_row(1, f, c, q, t, mu, s, V))
+    r2 = residual(stress, at, 2, stress_row(2, f, c, q, t, mu, s, V))
+    square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
+    square += f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
+    bound = max(1.0, square * (1.0 / 3.0))
+    stiffness = V * (mu + abs(s) * np.sqrt(bound))
+    g0, g1, g2 = g * k[G], g * k[G + 1], g * k[G + 2]
+    # One division for three numbers, and for four: a vector's division takes as long as ten products.
+    v0, v1, v2 = 1.0 + stiffness * g0, 1.0 + stiffness * g1, 1.0 + stiffness * g2
+    over = 1.0 / (v0 * v1 * v2)
+    d = over * (v1 * v2), over * (v0 * v2), over * (v0 * v1)
+    e0, e1, e2 = g0 * d[0], g1 * d[1], g2 * d[2]
+    along = (
+        e0 * (c[0] * r0[0] + c[3] * r1[0] + c[6] * r2[0])
+        + e1 * (c[1] * r0[1] + c[4] * r1[1] + c[7] * r2[1])
+        + e2 * (c[2] * r0[2] + c[5] * r1[2] + c[8] * r2[2])
+    )
+    length = (
+        e0 * (c[0] * c[0] + c[3] * c[3] + c[6] * c[6])
+        + e1 * (c[1] * c[1] + c[4] * c[4] + c[7] * c[7])
+        + e2 * (c[2] * c[2] + c[5] * c[5] + c[8] * c[8])
+    )
+    # Past J = exp(1 + mu/lambda) psi_J is concave; the local solve stays definite without its negative curvature.
+    bulk = V * max(ds, 0.0)
+    z = bulk * along / (1.0 + bulk * length)
+    g = g * V * bound
+    v0, v1, v2, v3 = 1.0 + g * k[BOUND], 1.0 + g * k[BOUND + 1], 1.0 + g * k[BOUND + 2], 1.0 + g * k[BOUND + 3]
+    v01, v23 = v0 * v1, v2 * v3
+    over = 1.0 / (v01 * v23)
+    over01, over23 = over * v23, over * v01
+    n = over01 * v1, over01 * v0, over23 * v3, over23 * v2
+    answer(ws, lane, stress, at, 0, k, move, _change(0, c, r0, z, d, n))
+    answer(ws, lane, stress, at, 1, k, move, _change(1, c, r1, z, d, n))
+    answer(ws, lane, stress, at, 2, k, move, _change(2, c, r2, z, d, n))
+
+
 @batch_kernel
 def project_lanes(ws, constants, kappa, hh):
-    """Solve four blocks once: Lambda += dLambda of eq. (4) and (5), and their nodes move."""
+    """Solve four blocks once."""
     hoisted = hoist(ws, constants)
-    mu, lam = hoisted[MU], hoisted[LAM]
     for lane in range(LANES):
-        k = of_lane(ws, lane, hoisted)
-        V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
-        f, q = shape(ws, lane, k)
-        c, J = cofactors(f)
-        _, s, ds = volumetric(J, mu, lam)
-        t = hourglass(k, turned_back(f, q))
-        r0 = residual(ws, lane, 0, stress_row(0, f, c, q, t, mu, s, V))
-        r1 = residual(ws, lane, 1, stress_row(1, f, c, q, t, mu, s, V))
-        r2 = residual(ws, lane, 2, stress_row(2, f, c, q, t, mu, s, V))
-        square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
-        square += f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
-        bound = max(1.0, square * (1.0 / 3.0))
-        stiffness = V * (mu + abs(s) * np.sqrt(bound))
-        g0, g1, g2 = g * k[G], g * k[G + 1], g * k[G + 2]
-        # One division for three numbers, and for four: a vector's division takes as long as ten products.
-        v0, v1, v2 = 1.0 + stiffness * g0, 1.0 + stiffness * g1, 1.0 + stiffness * g2
-        over = 1.0 / (v0 * v1 * v2)
-        d = over * (v1 * v2), over * (v0 * v2), over * (v0 * v1)
-        e0, e1, e2 = g0 * d[0], g1 * d[1], g2 * d[2]
-        along = (
-            e0 * (c[0] * r0[0] + c[3] * r1[0] + c[6] * r2[0])
-            + e1 * (c[1] * r0[1] + c[4] * r1[1] + c[7] * r2[1])
-            + e2 * (c[2] * r0[2] + c[5] * r1[2] + c[8] * r2[2])
-        )
-        length = (
-            e0 * (c[0] * c[0] + c[3] * c[3] + c[6] * c[6])
-            + e1 * (c[1] * c[1] + c[4] * c[4] + c[7] * c[7])
-            + e2 * (c[2] * c[2] + c[5] * c[5] + c[8] * c[8])
-        )
-        # Past J = exp(1 + mu/lambda) psi_J is concave; the local solve stays definite without its negative curvature.
-        bulk = V * max(ds, 0.0)
-        z = bulk * along / (1.0 + bulk * length)
-        g = g * V * bound
-        v0, v1, v2, v3 = 1.0 + g * k[BOUND], 1.0 + g * k[BOUND + 1], 1.0 + g * k[BOUND + 2], 1.0 + g * k[BOUND + 3]
-        v01, v23 = v0 * v1, v2 * v3
-        over = 1.0 / (v01 * v23)
-        over01, over23 = over * v23, over * v01
-        n = over01 * v1, over01 * v0, over23 * v3, over23 * v2
+        k, g = of_lane(ws, lane, hoisted), kappa * hh * ws[lane + LANES * SOFTNESS]
         move = node_softness(ws, lane, hh)
-        answer(ws, lane, 0, k, move, _change(0, c, r0, z, d, n))
-        answer(ws, lane, 1, k, move, _change(1, c, r1, z, d, n))
-        answer(ws, lane, 2, k, move, _change(2, c, r2, z, d, n))
+        project_lane(ws, lane, ws, lane + LANES * STRESS, k, ws[lane + LANES * VOLUME], g, move)
 
 
 @batch_kernel
@@ -187,20 +196,30 @@ def energy_lanes(ws, constants):
         ws[lane + LANES * ENERGY] = ws[lane + LANES * VOLUME] * energy
 
 
+@lane_kernel
+def cauchy(f, mu, lam):
+    """sigma = mu/J F F^T + s I of F (9 values): xx yy zz yz xz xy [Pa]."""
+    _, J = cofactors(f)
+    _, s, _ = volumetric(J, mu, lam)
+    scale = mu / J
+    return (
+        scale * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) + s,
+        scale * (f[3] * f[3] + f[4] * f[4] + f[5] * f[5]) + s,
+        scale * (f[6] * f[6] + f[7] * f[7] + f[8] * f[8]) + s,
+        scale * (f[3] * f[6] + f[4] * f[7] + f[5] * f[8]),
+        scale * (f[0] * f[6] + f[1] * f[7] + f[2] * f[8]),
+        scale * (f[0] * f[3] + f[1] * f[4] + f[2] * f[5]),
+    )
+
+
 @batch_kernel
 def cauchy_lanes(ws, constants):
-    """The first six rows of WANTED: sigma = mu/J F F^T + s I at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
+    """The first six rows of WANTED: `cauchy` at the centres of four blocks."""
     hoisted = hoist(ws, constants)
     mu, lam = hoisted[MU], hoisted[LAM]
     for lane in range(LANES):
-        k = of_lane(ws, lane, hoisted)
-        f, _ = shape(ws, lane, k)
-        _, J = cofactors(f)
-        _, s, _ = volumetric(J, mu, lam)
-        scale = mu / J
-        ws[lane + LANES * WANTED] = scale * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) + s
-        ws[lane + LANES * (WANTED + 1)] = scale * (f[3] * f[3] + f[4] * f[4] + f[5] * f[5]) + s
-        ws[lane + LANES * (WANTED + 2)] = scale * (f[6] * f[6] + f[7] * f[7] + f[8] * f[8]) + s
-        ws[lane + LANES * (WANTED + 3)] = scale * (f[3] * f[6] + f[4] * f[7] + f[5] * f[8])
-        ws[lane + LANES * (WANTED + 4)] = scale * (f[0] * f[6] + f[1] * f[7] + f[2] * f[8])
-        ws[lane + LANES * (WANTED + 5)] = scale * (f[0] * f[3] + f[1] * f[4] + f[2] * f[5])
+        f, _ = shape(ws, lane, of_lane(ws, lane, hoisted))
+        sigma = cauchy(f, mu, lam)
+        ws[lane + LANES * WANTED], ws[lane + LANES * (WANTED + 1)] = sigma[0], sigma[1]
+        ws[lane + LANES * (WANTED + 2)], ws[lane + LANES * (WANTED + 3)] = sigma[2], sigma[3]
+        ws[lane + LANES * (WANTED + 4)], ws[lane + LANES * (WANTED + 5)] = sigma[4], sigma[5]

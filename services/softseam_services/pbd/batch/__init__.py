@@ -1,0 +1,1 @@
+"""Many pieces of one structure side by side: a lane each."""

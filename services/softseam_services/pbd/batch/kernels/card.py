@@ -1,0 +1,390 @@
+"""The step of `group` for a graphics card: the same lanes, in CUDA.
+
+One thread block a group of 32 pieces; its warps share out the blocks of a colour, the nodes and the pairs, and their
+threads are the pieces.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba.cuda
+import numpy as np
+from numba import float32, int32
+
+from softseam_services.jit.retarget import Retarget
+from softseam_services.pbd.batch.layout import (
+    CONSTANTS,
+    FACED,
+    FORCE,
+    GIVE,
+    HOLDS,
+    LEAST_J,
+    MEAN,
+    MIDDLE,
+    N_OF_BLOCK,
+    N_OF_NODE,
+    N_OF_PAIR,
+    N_OF_TOOL,
+    N_OUT,
+    N_OUT_OF_TOOL,
+    NEAR,
+    OLD,
+    POSITION,
+    SINCE,
+    SLIP,
+    SLIPPED,
+    SOFT,
+    SOFTNESS,
+    STEADY,
+    STRAIN,
+    STRESS2,
+    VOLUME,
+    WAY,
+    A,
+    V,
+    W,
+    X,
+)
+from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
+from softseam_services.pbd.kernels.contact import NO_MEMORY
+from softseam_services.pbd.kernels.form import FORM
+from softseam_services.pbd.kernels.pairs import ALLOWED as ROW_ALLOWED
+from softseam_services.pbd.kernels.pairs import BEFORE
+from softseam_services.pbd.kernels.pairs import FACED as ROW_FACED
+from softseam_services.pbd.kernels.pairs import FORCE as ROW_FORCE
+from softseam_services.pbd.kernels.pairs import GIVE as ROW_GIVE
+from softseam_services.pbd.kernels.pairs import HOLD as ROW_HOLD
+from softseam_services.pbd.kernels.pairs import SLIPPED as ROW_SLIPPED
+from softseam_services.pbd.kernels.pairs import STEADY as ROW_STEADY
+from softseam_services.shapes.branches import BOX
+
+from . import lane as lanes
+from .group import N_ROWS_OF_BLOCK, N_ROWS_OF_PAIR
+
+cuda: Any = numba.cuda
+LANES = 32
+"""pieces of a group"""
+WARPS = 16
+"""of a thread block"""
+MOST_TOOLS = 8
+_AT = 24
+"""row of the workspace from which on a block's own numbers lie"""
+_ALL = 0xFFFFFFFF
+
+
+def _compile(function: Any) -> Any:
+    return cuda.jit(device=True, fastmath=False, inline=False)(function)
+
+
+@cuda.jit(device=True)
+def logarithm(x: Any) -> Any:
+    """ln x."""
+    return math.log(x)
+
+
+_retarget = Retarget(
+    np.float32, "of_card", _compile, {"LANES": 1, "EIGHT": 1, "WIDE": LANES}, {"logarithm": logarithm, "np": math}
+)
+begin_on_box = _retarget(lanes.begin_on_box)
+box_gap_of = _retarget(lanes.box_gap_of)
+counted = _retarget(lanes.counted)
+finish_node = _retarget(lanes.finish_node)
+largest_of_eight = _retarget(lanes.largest_of_eight)
+lends = _retarget(lanes.lends)
+look_at_block = _retarget(lanes.look_at_block)
+plane_gap_of = _retarget(lanes.plane_gap_of)
+predict_node = _retarget(lanes.predict_node)
+solve_block = _retarget(lanes.solve_block)
+solve_pair = _retarget(lanes.solve_pair)
+spread_stress = _retarget(lanes.spread_stress)
+
+
+@cuda.jit(device=True)
+def _load(ws, row, s, at, count):
+    for r in range(count):
+        ws[row + r] = s[at + LANES * r]
+
+
+@cuda.jit(device=True)
+def _store(ws, row, s, at, count):
+    for r in range(count):
+        s[at + LANES * r] = ws[row + r]
+
+
+@cuda.jit(device=True)
+def _load_nodes(ws, s, nodes, block, first, start):
+    for i in range(8):
+        at = first + LANES * (N_OF_NODE * nodes[block, i] + start)
+        for c in range(3):
+            ws[3 * i + c] = s[at + LANES * c]
+
+
+@cuda.jit(device=True)
+def _store_nodes(ws, s, nodes, block, first, start):
+    for i in range(8):
+        at = first + LANES * (N_OF_NODE * nodes[block, i] + start)
+        for c in range(3):
+            s[at + LANES * c] = ws[3 * i + c]
+
+
+@cuda.jit(device=True)
+def _contacts(s, row, tools, first_node, first_pair, points, kind, shape, flags, near, hh, softens, warp):
+    n_tools, part = len(kind), lends(hh)
+    newer_box = part if near < float32(1.5) else float32(NO_MEMORY)
+    if softens:
+        for point in range(warp, len(points), WARPS):
+            s[first_node + LANES * (N_OF_NODE * points[point] + HOLDS)] = float32(0.0)
+        cuda.syncthreads()
+    for tool in range(n_tools):
+        a, b, c = shape[tool, 0], shape[tool, 1], shape[tool, 2]
+        _load(row, lanes.TOOL, s, tools + LANES * N_OF_TOOL * tool, N_OF_TOOL)
+        for point in range(warp, len(points), WARPS):
+            if flags[tool, point] == 0:
+                continue
+            node = first_node + LANES * N_OF_NODE * points[point]
+            pair = first_pair + LANES * N_OF_PAIR * (n_tools * point + tool)
+            _load(row, 0, s, node + LANES * X, 4)
+            _load(row, BEFORE, s, node + LANES * OLD, 3)
+            _load(row, ROW_FORCE, s, pair + LANES * FORCE, 3)
+            _load(row, ROW_STEADY, s, pair + LANES * STEADY, 2)
+            _load(row, ROW_GIVE, s, pair + LANES * GIVE, 2)
+            if kind[tool] == BOX:
+                _load(row, ROW_FACED, s, pair + LANES * FACED, 3)
+                solve_pair(row, 0, box_gap_of(row, 0, a, b, c), hh, newer_box)
+            else:
+                solve_pair(row, 0, plane_gap_of(row, 0, a, b, c), hh, part)
+            _store(row, 0, s, node + LANES * X, 3)
+            _store(row, ROW_FORCE, s, pair + LANES * FORCE, 3)
+            _store(row, ROW_STEADY, s, pair + LANES * STEADY, 2)
+            _store(row, ROW_SLIPPED, s, pair + LANES * SLIPPED, 3)
+            if softens:
+                holds = s[node + LANES * HOLDS] + row[ROW_HOLD]
+                s[node + LANES * HOLDS] = holds
+                s[node + LANES * SOFT] = counted(holds, row[3])
+        cuda.syncthreads()
+
+
+@cuda.jit(launch_bounds=LANES * WARPS)
+def advance(
+    state,
+    layout,
+    nodes,
+    colours,
+    n,
+    points,
+    kind,
+    shape,
+    gravity,
+    kappa,
+    keep,
+    h,
+    n_substeps,
+    dt,
+    share,
+    margin,
+    flags_of,
+):
+    """`group.advance_group` of all groups: state (groups * rows * LANES,); colours (c + 1,) where their blocks begin;
+    flags_of (groups, t, p) room."""
+    group, lane, warp = cuda.blockIdx.x, cuda.threadIdx.x % LANES, cuda.threadIdx.x // LANES
+    s, flags = state, flags_of[group]
+    tools, at_nodes, at_blocks, at_pairs, at_out, rows = layout
+    base = group * rows * LANES + lane
+    first_node, first_block, first_pair = base + LANES * at_nodes, base + LANES * at_blocks, base + LANES * at_pairs
+    tools, out = base + LANES * tools, base + LANES * at_out
+    n_tools = len(kind)
+    ws = cuda.local.array(N_ROWS_OF_BLOCK, float32)
+    row = cuda.local.array(N_ROWS_OF_PAIR, float32)
+    most = cuda.shared.array((WARPS, LANES), float32)
+    met = cuda.shared.array((MOST_TOOLS, LANES), int32)
+    zero, one = float32(0.0), float32(1.0)
+    hh, per_h = h * h, one / h
+    push = gravity[0], gravity[1], gravity[2]
+    _load(ws, FORM, s, base + LANES * CONSTANTS, 30)
+    ws[BLOCK_VOLUME] = s[base + LANES * VOLUME]
+    row[ROW_ALLOWED] = zero
+    # accelerations by what the blocks' stress and the contacts' forces are
+    fastest = zero
+    for i in range(warp, n, WARPS):
+        node = first_node + LANES * N_OF_NODE * i
+        square = zero
+        for c in range(3):
+            s[node + LANES * (A + c)] = zero
+            v = s[node + LANES * (V + c)]
+            square += v * v
+        fastest = max(fastest, square)
+        s[node + LANES * SOFT] = float32(8.0) * s[node + LANES * W]
+    most[warp, lane] = fastest
+    if warp < n_tools:
+        met[warp, lane] = 0
+    cuda.syncthreads()
+    for colour in range(len(colours) - 1):
+        for block in range(colours[colour] + warp, colours[colour + 1], WARPS):
+            _load(ws, _AT, s, first_block + LANES * N_OF_BLOCK * block, N_OF_BLOCK)
+            _load_nodes(ws, s, nodes, block, first_node, A)
+            spread_stress(ws, 0, ws, _AT)
+            _store_nodes(ws, s, nodes, block, first_node, A)
+        cuda.syncthreads()
+    for point in range(warp, len(points), WARPS):
+        node = first_node + LANES * N_OF_NODE * points[point]
+        for tool in range(n_tools):
+            pair = first_pair + LANES * N_OF_PAIR * (n_tools * point + tool)
+            for c in range(3):
+                s[node + LANES * (A + c)] += s[pair + LANES * (FORCE + c)]
+    cuda.syncthreads()
+    for i in range(warp, n, WARPS):
+        node = first_node + LANES * N_OF_NODE * i
+        for c in range(3):
+            s[node + LANES * (A + c)] *= s[node + LANES * W]
+    # pairs that may touch
+    quickest = zero
+    for tool in range(n_tools):
+        square = zero
+        for c in range(3):
+            way = s[tools + LANES * (N_OF_TOOL * tool + WAY + c)]
+            square += way * way
+        quickest = max(quickest, square)
+    for other in range(WARPS):
+        fastest = max(fastest, most[other, lane])
+    reach = margin + float32(2.0) * dt * (math.sqrt(fastest) + per_h * math.sqrt(quickest))
+    for tool in range(n_tools):
+        a, b, c = shape[tool, 0], shape[tool, 1], shape[tool, 2]
+        _load(row, lanes.TOOL, s, tools + LANES * N_OF_TOOL * tool, N_OF_TOOL)
+        for point in range(warp, len(points), WARPS):
+            node = first_node + LANES * N_OF_NODE * points[point]
+            pair = first_pair + LANES * N_OF_PAIR * (n_tools * point + tool)
+            _load(row, 0, s, node + LANES * X, 4)
+            row[ROW_FACED], row[ROW_FACED + 1], row[ROW_FACED + 2] = zero, zero, zero
+            if kind[tool] == BOX:
+                gap = box_gap_of(row, 0, a, b, c)[0]
+            else:
+                gap = plane_gap_of(row, 0, a, b, c)[0]
+            x, y = s[pair + LANES * FORCE], s[pair + LANES * (FORCE + 1)]
+            z = s[pair + LANES * (FORCE + 2)]
+            meets = gap < reach or x * x + y * y + z * z > zero
+            give = hh * row[3] if meets else zero
+            s[pair + LANES * GIVE] = give
+            s[pair + LANES * (GIVE + 1)] = one / give if give > zero else zero
+            if meets:
+                met[tool, lane] = 1
+            else:
+                s[pair + LANES * STEADY] = zero
+                s[pair + LANES * (STEADY + 1)] = zero
+            for entry in range(3):
+                s[pair + LANES * (MEAN + entry)] = zero
+            some = cuda.any_sync(_ALL, meets)
+            if lane == 0:
+                flags[tool, point] = 1 if some else 0
+    cuda.syncthreads()
+    near = zero
+    for tool in range(n_tools):
+        near += float32(met[tool, lane])
+    if warp == 0:
+        s[base + LANES * NEAR] = near
+    for _ in range(n_substeps):
+        for tool in range(n_tools):
+            if kind[tool] == BOX:
+                a, b, c = shape[tool, 0], shape[tool, 1], shape[tool, 2]
+                _load(row, lanes.TOOL, s, tools + LANES * N_OF_TOOL * tool, N_OF_TOOL)
+                for point in range(warp, len(points), WARPS):
+                    if flags[tool, point] == 0:
+                        continue
+                    pair = first_pair + LANES * N_OF_PAIR * (n_tools * point + tool)
+                    _load(row, BEFORE, s, first_node + LANES * (N_OF_NODE * points[point] + X), 3)
+                    _load(row, ROW_FORCE, s, pair + LANES * FORCE, 3)
+                    begin_on_box(row, 0, a, b, c)
+                    _store(row, ROW_FACED, s, pair + LANES * FACED, 3)
+        cuda.syncthreads()
+        if warp < n_tools:
+            at = tools + LANES * N_OF_TOOL * warp
+            for c in range(3):
+                s[at + LANES * (POSITION + c)] += s[at + LANES * (WAY + c)]
+        for i in range(warp, n, WARPS):
+            predict_node(s, first_node + LANES * N_OF_NODE * i, push, keep, h)
+        cuda.syncthreads()
+        _contacts(s, row, tools, first_node, first_pair, points, kind, shape, flags, near, hh, True, warp)
+        for colour in range(len(colours) - 1):
+            for block in range(colours[colour] + warp, colours[colour + 1], WARPS):
+                at = first_block + LANES * N_OF_BLOCK * block
+                for i in range(8):
+                    ws[i] = s[first_node + LANES * (N_OF_NODE * nodes[block, i] + SOFT)]
+                softness = largest_of_eight(ws, 0)
+                _load(ws, _AT, s, at, N_OF_BLOCK - 1)
+                ws[_AT + SOFTNESS] = softness
+                _load_nodes(ws, s, nodes, block, first_node, X)
+                solve_block(ws, 0, ws, _AT, kappa, hh)
+                _store(ws, _AT, s, at, 21)
+                _store_nodes(ws, s, nodes, block, first_node, X)
+            cuda.syncthreads()
+        _contacts(s, row, tools, first_node, first_pair, points, kind, shape, flags, near, hh, False, warp)
+        for i in range(warp, n, WARPS):
+            finish_node(s, first_node + LANES * N_OF_NODE * i, per_h)
+        for tool in range(n_tools):
+            for point in range(warp, len(points), WARPS):
+                if flags[tool, point] == 0:
+                    continue
+                pair = first_pair + LANES * N_OF_PAIR * (n_tools * point + tool)
+                x, y = s[pair + LANES * FORCE], s[pair + LANES * (FORCE + 1)]
+                z = s[pair + LANES * (FORCE + 2)]
+                touches = x * x + y * y + z * z > zero
+                s[pair + LANES * MEAN] += share * x
+                s[pair + LANES * (MEAN + 1)] += share * y
+                s[pair + LANES * (MEAN + 2)] += share * z
+                for entry in range(3):
+                    slip = s[pair + LANES * (SINCE + entry)] + s[pair + LANES * (SLIPPED + entry)]
+                    s[pair + LANES * (SINCE + entry)] = slip if touches else zero
+        cuda.syncthreads()
+    # what comes out: by one warp, in one order
+    stress, energy, least = zero, zero, float32(9.0)
+    for block in range(warp, len(nodes), WARPS):
+        _load_nodes(ws, s, nodes, block, first_node, X)
+        square, of_block, J = look_at_block(ws, 0)
+        stress, energy, least = max(stress, square), energy + of_block, min(least, J)
+    most[warp, lane] = stress
+    cuda.syncthreads()
+    for other in range(WARPS):
+        stress = max(stress, most[other, lane])
+    cuda.syncthreads()
+    most[warp, lane] = least
+    cuda.syncthreads()
+    for other in range(WARPS):
+        least = min(least, most[other, lane])
+    cuda.syncthreads()
+    most[warp, lane] = energy
+    cuda.syncthreads()
+    if warp > 0:
+        return
+    energy = zero
+    for other in range(WARPS):
+        energy += most[other, lane]
+    total, mx, my, mz = zero, zero, zero, zero
+    for i in range(n):
+        node = first_node + LANES * N_OF_NODE * i
+        w = s[node + LANES * W]
+        mass = one / w if w > zero else zero
+        total += mass
+        mx += mass * s[node]
+        my += mass * s[node + LANES]
+        mz += mass * s[node + LANES * 2]
+    s[out + LANES * MIDDLE] = mx / total
+    s[out + LANES * (MIDDLE + 1)] = my / total
+    s[out + LANES * (MIDDLE + 2)] = mz / total
+    s[out + LANES * STRESS2], s[out + LANES * STRAIN], s[out + LANES * LEAST_J] = stress, energy, least
+    farthest = zero
+    for tool in range(n_tools):
+        fx, fy, fz, count = zero, zero, zero, zero
+        for point in range(len(points)):
+            if flags[tool, point] == 0:
+                continue
+            pair = first_pair + LANES * N_OF_PAIR * (n_tools * point + tool)
+            x, y, z = s[pair + LANES * MEAN], s[pair + LANES * (MEAN + 1)], s[pair + LANES * (MEAN + 2)]
+            fx, fy, fz = fx - x, fy - y, fz - z
+            count += one if x * x + y * y + z * z > zero else zero
+            if kind[tool] == BOX:
+                x, y, z = s[pair + LANES * SINCE], s[pair + LANES * (SINCE + 1)], s[pair + LANES * (SINCE + 2)]
+                farthest = max(farthest, x * x + y * y + z * z)
+        of_tool = out + LANES * (N_OUT + N_OUT_OF_TOOL * tool)
+        s[of_tool], s[of_tool + LANES], s[of_tool + 2 * LANES], s[of_tool + 3 * LANES] = fx, fy, fz, count
+    s[out + LANES * SLIP] = farthest

@@ -1,0 +1,219 @@
+"""A step of one group of pieces, all its lanes together, on a processor."""
+
+from __future__ import annotations
+
+from softseam_services.pbd.batch.layout import (
+    CONSTANTS,
+    FORCE,
+    LEAST_J,
+    MEAN,
+    MIDDLE,
+    N_OF_BLOCK,
+    N_OF_NODE,
+    N_OF_PAIR,
+    N_OUT,
+    N_OUT_OF_TOOL,
+    SINCE,
+    SLIP,
+    SOFT,
+    SOFTNESS,
+    STRAIN,
+    STRESS2,
+    VOLUME,
+    WEIGHTS,
+    A,
+    W,
+    X,
+)
+from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
+from softseam_services.pbd.kernels.block import WANTED
+from softseam_services.pbd.kernels.form import FORM
+from softseam_services.pbd.kernels.lanes import LANES, batch_kernel
+from softseam_services.shapes.branches import BOX
+
+from .blocks import N_ROWS_OF_BLOCK, find_held, soften_blocks, spread_stresses, sweep_blocks
+from .contacts import N_ROWS_OF_PAIR, account, begin_contacts, find_near, solve_contacts
+from .lane import (
+    WIDE,
+    finish_node,
+    first_of,
+    largest_of_eight,
+    look_at_block,
+    predict_node,
+)
+from .rows import load_block, load_rows, store_block, store_rows
+
+__all__ = ["N_ROWS_OF_BLOCK", "N_ROWS_OF_PAIR", "advance_groups"]
+
+
+@batch_kernel
+def carry(s, ws, layout, nodes, n, points, n_tools):
+    """Accelerations by the blocks' stress and the contacts' forces, once a step: `kernels.substep.carried`."""
+    at_nodes, at_blocks, at_pairs = layout.nodes, layout.blocks, layout.pairs
+    for i in range(n):
+        node = first_of(at_nodes + N_OF_NODE * i)
+        for lane in range(WIDE):
+            for c in range(3):
+                s[node + WIDE * (A + c) + lane] = 0.0
+            s[node + WIDE * SOFT + lane] = 8.0 * s[node + WIDE * W + lane]
+    for block in range(len(nodes)):
+        at = at_blocks + N_OF_BLOCK * block
+        load_rows(ws, 0, s, at + WEIGHTS, 8)
+        for lane in range(LANES):
+            ws[lane + LANES * WANTED] = 8.0 * largest_of_eight(ws, lane)
+        store_rows(ws, WANTED, s, at + SOFTNESS, 1)
+        load_block(ws, s, nodes, block, at_nodes, A)
+        spread_stresses(ws, s, at)
+        store_block(ws, s, nodes, block, at_nodes, A)
+    for point in range(len(points)):
+        node = first_of(at_nodes + N_OF_NODE * points[point])
+        for tool in range(n_tools):
+            pair = first_of(at_pairs + N_OF_PAIR * (n_tools * point + tool))
+            for c in range(3):
+                for lane in range(WIDE):
+                    s[node + WIDE * (A + c) + lane] += s[pair + WIDE * (FORCE + c) + lane]
+    for i in range(n):
+        node = first_of(at_nodes + N_OF_NODE * i)
+        for lane in range(WIDE):
+            for c in range(3):
+                s[node + WIDE * (A + c) + lane] *= s[node + WIDE * W + lane]
+
+
+@batch_kernel
+def summarise(s, ws, layout, nodes, n, points, kind, active):
+    """What comes out of a step."""
+    n_tools, out = len(kind), first_of(layout.out)
+    for entry in range(N_OUT + N_OUT_OF_TOOL * n_tools):
+        for lane in range(WIDE):
+            s[out + WIDE * entry + lane] = 0.0
+    for lane in range(LANES):
+        ws[lane + LANES * WANTED], ws[lane + LANES * (WANTED + 1)], ws[lane + LANES * (WANTED + 2)] = 0.0, 0.0, 9.0
+        for entry in range(3, 7):
+            ws[lane + LANES * (WANTED + entry)] = 0.0
+    for i in range(n):
+        load_rows(ws, 0, s, layout.nodes + N_OF_NODE * i + X, 4)
+        for lane in range(LANES):
+            w = ws[lane + 3 * LANES]
+            mass = 1.0 / w if w > 0.0 else 0.0
+            ws[lane + LANES * (WANTED + 3)] += mass
+            ws[lane + LANES * (WANTED + 4)] += mass * ws[lane]
+            ws[lane + LANES * (WANTED + 5)] += mass * ws[lane + LANES]
+            ws[lane + LANES * (WANTED + 6)] += mass * ws[lane + 2 * LANES]
+    for block in range(len(nodes)):
+        load_block(ws, s, nodes, block, layout.nodes, X)
+        for lane in range(LANES):
+            square, energy, J = look_at_block(ws, lane)
+            ws[lane + LANES * WANTED] = max(ws[lane + LANES * WANTED], square)
+            ws[lane + LANES * (WANTED + 1)] += energy
+            ws[lane + LANES * (WANTED + 2)] = min(ws[lane + LANES * (WANTED + 2)], J)
+    for lane in range(LANES):
+        for entry in range(3):
+            ws[lane + LANES * (WANTED + 4 + entry)] /= ws[lane + LANES * (WANTED + 3)]
+    store_rows(ws, WANTED + 4, s, layout.out + MIDDLE, 3)
+    store_rows(ws, WANTED, s, layout.out + STRESS2, 1)
+    store_rows(ws, WANTED + 1, s, layout.out + STRAIN, 1)
+    store_rows(ws, WANTED + 2, s, layout.out + LEAST_J, 1)
+    for tool in range(n_tools):
+        of_tool = out + WIDE * (N_OUT + N_OUT_OF_TOOL * tool)
+        for number in range(1, active[tool, 0] + 1):
+            pair = first_of(layout.pairs + N_OF_PAIR * (n_tools * active[tool, number] + tool))
+            for lane in range(WIDE):
+                x, y = s[pair + WIDE * MEAN + lane], s[pair + WIDE * (MEAN + 1) + lane]
+                z = s[pair + WIDE * (MEAN + 2) + lane]
+                s[of_tool + lane] -= x
+                s[of_tool + WIDE + lane] -= y
+                s[of_tool + 2 * WIDE + lane] -= z
+                s[of_tool + 3 * WIDE + lane] += 1.0 if x * x + y * y + z * z > 0.0 else 0.0
+                if kind[tool] == BOX:
+                    x, y = s[pair + WIDE * SINCE + lane], s[pair + WIDE * (SINCE + 1) + lane]
+                    z = s[pair + WIDE * (SINCE + 2) + lane]
+                    s[out + WIDE * SLIP + lane] = max(s[out + WIDE * SLIP + lane], x * x + y * y + z * z)
+
+
+@batch_kernel
+def advance_group(
+    s,
+    ws,
+    row,
+    layout,
+    nodes,
+    n,
+    points,
+    kind,
+    shape,
+    gravity,
+    kappa,
+    keep,
+    h,
+    n_substeps,
+    dt,
+    share,
+    margin,
+    active,
+    held,
+):
+    """A step of n_substeps of h [s] of one group.
+
+    s       rows of the group, flat (layout.rows * WIDE,), updated in place
+    ws, row (N_ROWS_OF_BLOCK * LANES,), (N_ROWS_OF_PAIR * LANES,) workspaces, zero before and after where not written
+    nodes   (b, 8) of the blocks, in the order in which they are solved
+    n       number of nodes; points (p,) those of the surface
+    kind, shape  (t,), (t, 3) of tools: boxes by their half edges, planes by their normals
+    dt, share  n_substeps h and 1/n_substeps
+    active, held  (t, 1 + p), (1 + b,) room
+    """
+    hh, n_tools = h * h, len(kind)
+    load_rows(ws, FORM, s, CONSTANTS, 30)
+    load_rows(ws, BLOCK_VOLUME, s, VOLUME, 1)
+    push, per_h = (gravity[0], gravity[1], gravity[2]), 1.0 / h
+    carry(s, ws, layout, nodes, n, points, n_tools)
+    find_near(s, row, layout, n, points, kind, shape, hh, dt, margin, active)
+    find_held(nodes, points, active, held)
+    for _ in range(n_substeps):
+        begin_contacts(s, row, layout, points, kind, shape, active)
+        for i in range(n):
+            node = first_of(layout.nodes + N_OF_NODE * i)
+            for lane in range(WIDE):
+                predict_node(s, node + lane, push, keep, h)
+        solve_contacts(s, row, layout, points, kind, shape, active, hh, True)
+        soften_blocks(s, ws, layout, nodes, held)
+        sweep_blocks(s, ws, layout, nodes, kappa, hh)
+        solve_contacts(s, row, layout, points, kind, shape, active, hh, False)
+        for i in range(n):
+            node = first_of(layout.nodes + N_OF_NODE * i)
+            for lane in range(WIDE):
+                finish_node(s, node + lane, per_h)
+        account(s, layout, n_tools, active, share)
+    summarise(s, ws, layout, nodes, n, points, kind, active)
+
+
+@batch_kernel
+def advance_groups(
+    state,
+    first,
+    end,
+    ws,
+    row,
+    layout,
+    nodes,
+    n,
+    points,
+    kind,
+    shape,
+    gravity,
+    kappa,
+    keep,
+    h,
+    n_substeps,
+    dt,
+    share,
+    margin,
+    active,
+    held,
+):
+    """`advance_group` of the groups first .. end - 1 of state (groups, rows * WIDE)."""
+    for group in range(first, end):
+        advance_group(
+            *(state[group], ws, row, layout, nodes, n, points, kind, shape, gravity, kappa, keep, h, n_substeps, dt),
+            *(share, margin, active, held),
+        )
