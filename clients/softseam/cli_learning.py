@@ -11,12 +11,13 @@ from rich.console import Console
 from softseam.cli_options import Settings
 
 Algorithm = Literal["ppo", "sac"]
+LiftModel = Literal["xpbd", "fem"]
 
 TRAIN = (
     "[bold]What it does[/bold]\n\n"
-    "Learns with stable-baselines3, by FEM in this process, and leaves policy.zip, training.json and curve.png in "
-    "the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. The 300,000 steps of TofuLift take "
-    "half an hour.\n\n"
+    "Learns with stable-baselines3, from many pieces at once, by XPBD in this process, and leaves policy.zip, "
+    "training.json and curve.png in the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. "
+    "softseam evaluate judges it by FEM.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam train TofuLift\n\n"
     "softseam train TofuLift --algo sac --steps 50000 --seed 1 --out out/mine\n\n"
@@ -34,7 +35,10 @@ def train(
     algo: Annotated[Algorithm, typer.Option(help="How.")] = "ppo",
     steps: Annotated[int | None, typer.Option(metavar="N", help="Actions in all; default: the task's.")] = None,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the pieces and of the learner.")] = 0,
-    environments: Annotated[int, typer.Option(metavar="N", help="Pieces at a time.")] = 16,
+    model: Annotated[
+        LiftModel, typer.Option(help="That simulates the pieces: a batch of XPBD, or FEM, slower.")
+    ] = "xpbd",
+    environments: Annotated[int, typer.Option(metavar="N", help="Pieces at a time.")] = 64,
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where it goes; default: out/TASK-ALGO-SEED.")
     ] = None,
@@ -45,7 +49,7 @@ def train(
     from softseam.learn.train import Wishes
     from softseam.learn.train import train as learn
 
-    learn(Wishes(task, algo, steps, seed, environments, out, resume, tuple(settings or ())), Console())
+    learn(Wishes(task, algo, steps, seed, model, environments, out, resume, tuple(settings or ())), Console())
 
 
 def evaluate(

@@ -24,7 +24,7 @@ from softseam.gym.reward import (
     Touch,
     Way,
 )
-from softseam.gym.tofu_lift import SEEN
+from softseam.gym.sight import SEEN
 
 Rule = Callable[[dict[str, Any]], list[float]]
 FULL: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))

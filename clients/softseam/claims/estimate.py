@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from types import TracebackType
@@ -13,6 +12,7 @@ from softseam.claims.claim import FACTOR, FACTOR_FINER, claims, growing
 from softseam.claims.sibling import LARGEST_SHARE, NoSibling, Sibling, sibling_of
 from softseam.errors import SoftseamError
 from softseam.session import Session
+from softseam_protocol.facts import cores
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene
 
@@ -74,7 +74,7 @@ class Estimate:
             from softseam.embedded import compile_first
 
             compile_first(self._sibling.scene)
-            self._waits = _cores() < 2
+            self._waits = cores() < 2
             if not self._waits:
                 self._beside.begin(self._bundle)
 
@@ -152,8 +152,3 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
 
 def _nothing(text: str) -> dict[str, Any]:
     return {"settled": None, "text": text, "factor": None, "sibling": None, "quantities": {}, "growing": {}}
-
-
-def _cores() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

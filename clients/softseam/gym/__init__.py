@@ -15,10 +15,15 @@ try:
 except ModuleNotFoundError as error:
     raise missing_extra(error, "softseam.gym") from error
 
+from softseam.gym.batch_env import BatchEnv
 from softseam.gym.randomise import Randomise
 from softseam.gym.scene_env import SceneEnv
 from softseam.gym.tofu_lift import TofuLift
 
-__all__ = ["Randomise", "SceneEnv", "TofuLift"]
+__all__ = ["BatchEnv", "Randomise", "SceneEnv", "TofuLift"]
 
-gymnasium.register(id="softseam/TofuLift-v0", entry_point="softseam.gym.tofu_lift:TofuLift")
+gymnasium.register(
+    id="softseam/TofuLift-v0",
+    entry_point="softseam.gym.tofu_lift:TofuLift",
+    vector_entry_point="softseam.gym.batch_env:BatchEnv",
+)

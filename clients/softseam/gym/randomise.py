@@ -18,6 +18,31 @@ from softseam_protocol.scene.scene import Scene
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """What one piece differs in."""
+
+    young: float
+    """[Pa]"""
+    density: float
+    """[kg/m^3]"""
+    poisson: float
+    size: tuple[float, float, float] | None
+    """of a block [m]; None where it is the scene's"""
+    friction: dict[str, float]
+    """of the tools, by name"""
+    turn: float
+    """of the tools that grip, about the vertical [rad]"""
+    offset: tuple[float, float]
+    """of them, along x and y [m]"""
+
+    def place(self, position: Sequence[float]) -> tuple[float, float, float]:
+        """Where a tool that grips begins whose place is this one without turn and offset [m]."""
+        x, y, z = position
+        cos, sin = math.cos(self.turn), math.sin(self.turn)
+        return cos * x - sin * y + self.offset[0], sin * x + cos * y + self.offset[1], z
+
+
+@dataclass(frozen=True)
 class Randomise:
     """Spreads: 0.3 is up to 30 % less or more than what the scene says, evenly; 0 is as it says."""
 
@@ -53,32 +78,48 @@ class Randomise:
         poisson = scene.body.material.poisson if isinstance(scene.body, BodySpec) else 0.0
         return cls(**{f.name: 0.0 for f in fields(cls) if f.name != "poisson"}, poisson=(poisson, poisson))
 
-    def settings(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> tuple[str, ...]:
-        """Of one piece of a scene of a block or a mesh, between pads, as `softseam run --set` takes them."""
+    def draw(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> Drawn:
+        """One piece of a scene of a block or a mesh, between pads."""
         others = [name for name in scene.tools if name not in pads]
         part = random.uniform(-1.0, 1.0, 10 + len(others))  # of each spread
         body = scene.body
         assert isinstance(body, BodySpec)
         low, high = self.poisson
-        found = [
-            f"body.material.young={body.material.young * (1.0 + self.young * part[0]):.6g}",
-            f"body.material.density={body.material.density * (1.0 + self.density * part[1]):.6g}",
-            f"body.material.poisson={0.5 * (low + high + part[2] * (high - low)):.6g}",
-        ]
-        if isinstance(body.shape, BlockShape) and self.size > 0.0:
-            edges = [edge * (1.0 + self.size * each) for edge, each in zip(body.shape.size, part[3:6], strict=True)]
-            found.append(f"body.shape.size={_list(edges)}")
-            if isinstance(body.cell, tuple):
-                cells = [cell * new / old for cell, new, old in zip(body.cell, edges, body.shape.size, strict=True)]
-                found.append(f"body.cell={_list(cells)}")
+        friction = {}
         for name, each in [*((pad, part[6]) for pad in pads), *zip(others, part[10:], strict=True)]:
-            found.append(f"tools.{name}.friction={scene.tools[name].friction * (1.0 + self.friction * each):.6g}")
-        turn = math.radians(self.yaw) * part[7]
-        cos, sin = math.cos(turn), math.sin(turn)
+            friction[name] = scene.tools[name].friction * (1.0 + self.friction * each)
+        size = None
+        if isinstance(body.shape, BlockShape) and self.size > 0.0:
+            x, y, z = (edge * (1.0 + self.size * each) for edge, each in zip(body.shape.size, part[3:6], strict=True))
+            size = (x, y, z)
+        return Drawn(
+            young=body.material.young * (1.0 + self.young * part[0]),
+            density=body.material.density * (1.0 + self.density * part[1]),
+            poisson=0.5 * (low + high + part[2] * (high - low)),
+            size=size,
+            friction=friction,
+            turn=math.radians(self.yaw) * part[7],
+            offset=(self.offset * part[8], self.offset * part[9]),
+        )
+
+    def settings(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> tuple[str, ...]:
+        """Of one piece, as `softseam run --set` takes them."""
+        drawn, body = self.draw(scene, pads, random), scene.body
+        assert isinstance(body, BodySpec)
+        found = [
+            f"body.material.young={drawn.young:.6g}",
+            f"body.material.density={drawn.density:.6g}",
+            f"body.material.poisson={drawn.poisson:.6g}",
+        ]
+        if isinstance(body.shape, BlockShape) and drawn.size is not None:
+            found.append(f"body.shape.size={_list(drawn.size)}")
+            if isinstance(body.cell, tuple):
+                ratio = zip(body.cell, drawn.size, body.shape.size, strict=True)
+                found.append(f"body.cell={_list([cell * new / old for cell, new, old in ratio])}")
+        found += [f"tools.{name}.friction={value:.6g}" for name, value in drawn.friction.items()]
         for pad in pads:
-            x, y, z = scene.tools[pad].position  # type: ignore[union-attr]
-            at = cos * x - sin * y + self.offset * part[8], sin * x + cos * y + self.offset * part[9], z
-            found += [f"tools.{pad}.position={_list(at)}", f"tools.{pad}.rotation={_list((0.0, 0.0, turn))}"]
+            at = drawn.place(scene.tools[pad].position)  # type: ignore[union-attr]
+            found += [f"tools.{pad}.position={_list(at)}", f"tools.{pad}.rotation={_list((0.0, 0.0, drawn.turn))}"]
         return tuple(found)
 
 

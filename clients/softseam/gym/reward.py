@@ -8,27 +8,30 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from softseam.errors import BadInput
 
 
 @dataclass(frozen=True)
 class Grip:
-    """How a body stands between two pads, at the end of a step."""
+    """How a body stands between two pads, at the end of a step; of k bodies, each number is an array (k,)."""
 
-    lift: float
+    lift: Any
     """of its centre of mass [m]"""
-    air: float
+    air: Any
     """between pads and body, both sides together; 0 when they touch [m]"""
-    force: float
+    force: Any
     """that the weaker pad presses with [N]"""
-    slip: float
+    slip: Any
     """farthest that a touching point has slid along a pad, so far [m]"""
-    compression: float
+    compression: Any
     """largest so far [1]"""
-    stress: float
+    stress: Any
     """largest von Mises stress of any octant so far [Pa]"""
-    energy: float
+    energy: Any
     """strain energy [J]"""
 
 
@@ -58,10 +61,10 @@ class Term(ABC):
     weight: float | Ramp
 
     @abstractmethod
-    def potential(self, grip: Grip) -> float:
+    def potential(self, grip: Grip) -> Any:
         """Of order 1; more is better."""
 
-    def of(self, before: Grip, after: Grip, steps: float) -> float:
+    def of(self, before: Grip, after: Grip, steps: float) -> Any:
         """What a step is rewarded with, after so many steps of training."""
         weight = self.weight.at(steps) if isinstance(self.weight, Ramp) else self.weight
         return weight * (self.potential(after) - self.potential(before)) if weight else 0.0
@@ -75,8 +78,8 @@ class Lift(Term):
     height: float = 0.03
     """[m]"""
 
-    def potential(self, grip: Grip) -> float:
-        return min(grip.lift / self.height, 1.0)
+    def potential(self, grip: Grip) -> Any:
+        return np.minimum(grip.lift / self.height, 1.0)
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ class Way(Term):
 
     weight: float | Ramp = 0.3
 
-    def potential(self, grip: Grip) -> float:
+    def potential(self, grip: Grip) -> Any:
         return -grip.air / 0.02
 
 
@@ -95,7 +98,7 @@ class Touch(Term):
 
     weight: float | Ramp = 0.3
 
-    def potential(self, grip: Grip) -> float:
+    def potential(self, grip: Grip) -> Any:
         return grip.force / (grip.force + 0.3)
 
 
@@ -105,7 +108,7 @@ class StressConcentration(Term):
 
     weight: float | Ramp = Ramp(30e3, 150e3, 0.5)
 
-    def potential(self, grip: Grip) -> float:
+    def potential(self, grip: Grip) -> Any:
         return -grip.stress / 3e3
 
 
@@ -115,7 +118,7 @@ class Deformation(Term):
 
     weight: float | Ramp = 0.1
 
-    def potential(self, grip: Grip) -> float:
+    def potential(self, grip: Grip) -> Any:
         return -grip.compression / 0.1
 
 
@@ -125,7 +128,7 @@ class GraspStability(Term):
 
     weight: float | Ramp = 0.1
 
-    def potential(self, grip: Grip) -> float:
+    def potential(self, grip: Grip) -> Any:
         return -grip.slip / 5e-3
 
 
@@ -135,7 +138,7 @@ class Energy(Term):
 
     weight: float | Ramp = 0.01
 
-    def potential(self, grip: Grip) -> float:
+    def potential(self, grip: Grip) -> Any:
         return -grip.energy / 1e-3
 
 

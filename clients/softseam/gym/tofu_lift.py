@@ -13,49 +13,16 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from softseam.errors import BadInput
+from softseam.gym.lift_scene import ACT, CRUSHED, HEIGHT, PADS, STEPS, LiftModel, settings_of
 from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
 from softseam.gym.scene_env import Numbers, SceneEnv
+from softseam.gym.sight import BOUND, SEEN, Sight
 from softseam.observation import Observation
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import BoxTool
 
 Floats = NDArray[np.float64]
-
-HEIGHT = 0.03
-"""to lift the tofu by, which ends an episode [m]"""
-CRUSHED = 0.5
-"""compression that ends it, too; FEM in a rigid box is right up to 0.6"""
-STEPS = 80
-"""of an episode at most"""
-ACT = 0.04
-"""time between two actions [s]"""
-_CLOSING = 0.02
-_FORCE = 0.3
-"""from which on a force is seen by its logarithm [N]"""
-_PADS = ("left", "right")
-_BOUND = 10.0
-"""largest number seen"""
-
-SEEN = (
-    "closed",
-    "risen",
-    "force of the left pad",
-    "force of the right pad",
-    "pull",
-    "pull over force",
-    "height of the marker",
-    "its speed upwards",
-    "its way sideways",
-    "slip of the marker",
-    "left pad in contact",
-    "right pad in contact",
-    "change of force",
-    "last closing",
-    "last rising",
-    "time",
-)
-"""what an agent sees, in this order, all of order 1"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +41,7 @@ class _Piece:
     """between pads and piece, both sides together [m]"""
 
     @classmethod
-    def of(cls, scene: Scene, observation: Observation) -> _Piece:
+    def of(cls, scene: Scene, model: LiftModel, observation: Observation) -> _Piece:
         surface, pad = observation.surface, scene.tools["left"]
         assert isinstance(pad, BoxTool)
         turn = pad.rotation[2]
@@ -82,12 +49,15 @@ class _Piece:
         low, high = surface.min(axis=0), surface.max(axis=0)
         top = np.array([*(0.5 * (low + high))[:2], high[2]])
         marker = int(np.argmin(np.linalg.norm(surface - top, axis=1)))
+        on_face = int((surface[:, 0] < low[0] + 1e-3 * (high[0] - low[0])).sum())
+        if model == "xpbd":  # of whole cells only the corners touch
+            on_face = ((math.isqrt(on_face) + 1) // 2) ** 2
         apart = observation.tools["right"].position - observation.tools["left"].position
         return cls(
             along,
             marker,
             surface[marker].copy(),
-            int((surface[:, 0] < low[0] + 1e-3 * (high[0] - low[0])).sum()),
+            on_face,
             float(apart[:2] @ along) - pad.size[0] - float(np.ptp(surface[:, :2] @ along)),
         )
 
@@ -105,6 +75,7 @@ class TofuLift(SceneEnv):
 
     reward        terms that are rewarded beside; see `softseam.gym.reward`
     randomise     how pieces differ; None: not at all
+    model         FEM, or XPBD as `BatchEnv` has it
     step          of the simulation: a whole part of 0.04 s. Learn at 0.04, judge at 0.01 [s]
     environments  that learn together: weights that grow with training count the steps of all of them
     """
@@ -114,6 +85,7 @@ class TofuLift(SceneEnv):
         *,
         reward: Sequence[Term] = GENTLE,
         randomise: Randomise | None = Randomise(),  # noqa: B008 - it is frozen
+        model: LiftModel = "fem",
         step: float = ACT,
         environments: int = 1,
         settings: Sequence[str] = (),
@@ -126,33 +98,37 @@ class TofuLift(SceneEnv):
             raise BadInput(f"step={step!r}: give a whole part of {ACT} s, such as 0.01")
         if environments < 1:
             raise BadInput(f"environments={environments!r}: give 1 or more")
-        # FEM on 2x2x2 cells of 27 nodes: within 5 % of the truth (docs/results/chart.md), the fastest that is
-        own = [f"step={step!r}", "body.cell=[0.025, 0.025, 0.025]", f"duration={STEPS * ACT!r}"]
-        own += ["quantities=[grip_force, lift_height, slip, peak_von_mises, compression]"]
-        for name, side in zip(_PADS, (-1.0, 1.0), strict=True):
-            # larger than any piece, so that no point slips off an edge, and clear of the largest
-            own += [f"tools.{name}.size=[0.01, 0.09, 0.09]", f"tools.{name}.position=[{0.048 * side}, 0, 0.046]"]
+        if model not in ("fem", "xpbd") or (model == "xpbd" and repeat > 1):
+            raise BadInput(f"model={model!r}, step={step!r}: there are fem, and xpbd with steps of {ACT} s")
         super().__init__(
-            "tofu_grasp", model="fem", settings=(*own, *settings), connect=connect, repeat=repeat, record=record
+            "tofu_grasp",
+            model="pbd" if model == "xpbd" else model,
+            settings=(*settings_of(model, step), *settings),
+            connect=connect,
+            repeat=repeat,
+            record=record,
         )
-        self._terms, self._environments = tuple(reward), environments
+        self._terms, self._environments, self._lift_model = tuple(reward), environments, model
         self._randomise = Randomise.nothing(self.scene) if randomise is None else randomise
         self.steps = 0
         """of training, in this environment; set it to go on where another one stopped"""
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = Box(-_BOUND, _BOUND, (len(SEEN),), np.float32)
+        self.observation_space = Box(-BOUND, BOUND, (len(SEEN),), np.float32)
 
     def vary(self, random: np.random.Generator) -> Sequence[str]:
-        return self._randomise.settings(self.scene, _PADS, random)
+        return self._randomise.settings(self.scene, PADS, random)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Numbers, dict[str, Any]]:
-        self._closed = self._risen = self._force = self._height = 0.0
+        self._closed = self._risen = 0.0
+        self._sight: Sight | None = None
         self._last, self._count = np.zeros(2), 0
         self._grip: Grip | None = None
         self._piece: _Piece | None = None
-        return super().reset(seed=seed, options=options)
+        found = super().reset(seed=seed, options=options)
+        self._grip = self._grip_of(self.session.last)
+        return found
 
     def act(self, action: Any) -> Mapping[str, ArrayLike]:
         close, rise = self.speed * action.astype(np.float64)
@@ -165,39 +141,28 @@ class TofuLift(SceneEnv):
 
     def see(self, observation: Observation) -> Numbers:
         if self._piece is None:
-            self._piece = _Piece.of(self.session.scene, observation)
+            self._piece = _Piece.of(self.session.scene, self._lift_model, observation)
         piece, (force, pull) = self._piece, self._forces(observation)
         marker = observation.surface[piece.marker] - piece.marker_start
         touching = [
             float((observation.contact_tool == observation.tool_names.index(pad)).sum()) / piece.points_of_face
-            for pad in _PADS
+            for pad in PADS
         ]
-        weaker = float(force.min())
-        rate = (marker[2] - self._height) / ACT if self._count else 0.0
-        seen = [
-            self._closed / _CLOSING,
-            self._risen / HEIGHT,
-            *_logarithm(force),
-            float(_logarithm(pull)),
-            pull / (force.sum() + _FORCE),
-            marker[2] / HEIGHT,
-            rate / self.speed,
-            float(marker[:2] @ piece.along) / 5e-3,
-            (self._risen - marker[2]) / 5e-3,
-            *touching,
-            float(_logarithm(weaker) - _logarithm(self._force)),
-            *self._last,
-            self._count / STEPS,
-        ]
-        self._force, self._height = weaker, float(marker[2])
-        return np.asarray(np.clip(seen, -_BOUND, _BOUND), np.float32)
+        along = float(marker[:2] @ piece.along)
+        sight = Sight(
+            *(self._closed, self._risen, *force, pull, float(marker[2]), along, *touching),
+            *(*self._last, self._count / STEPS),
+        )
+        before, self._sight = self._sight, sight
+        return sight.numbers(before, ACT, self.speed, HEIGHT)
 
     def reward(self, before: Observation, after: Observation) -> float:
-        grip = self._grip_of(after)
-        then, self._grip = self._grip or self._grip_of(before), grip
+        grip, then = self._grip_of(after), self._grip
+        assert then is not None
+        self._grip = grip
         self.steps += 1
         steps = self.steps * self._environments
-        return sum(term.of(then, grip, steps) for term in self._terms) - 2e-3 + self._ending(after)
+        return float(sum(term.of(then, grip, steps) for term in self._terms)) - 2e-3 + self._ending(after)
 
     def ended(self, observation: Observation) -> bool:
         return self._ending(observation) != 0.0
@@ -216,7 +181,7 @@ class TofuLift(SceneEnv):
     def _forces(self, observation: Observation) -> tuple[Floats, float]:
         """With which the left and the right pad press (2,), and the body's weight on both [N]."""
         assert self._piece is not None
-        left, right = (observation.wrench[pad] for pad in _PADS)
+        left, right = (observation.wrench[pad] for pad in PADS)
         along = np.array([-(left[:2] @ self._piece.along), right[:2] @ self._piece.along])
         return np.maximum(along, 0.0), float(-left[2] - right[2])
 
@@ -239,8 +204,3 @@ class TofuLift(SceneEnv):
         if observation.quantities.get("compression", 0.0) >= CRUSHED:
             return -1.0
         return float(observation.lift_height >= HEIGHT)
-
-
-def _logarithm(force: Any) -> Any:
-    """Of a force [N], with its sign: linear below 0.3 N."""
-    return np.sign(force) * np.log1p(np.abs(force) / _FORCE)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from softseam.errors import BadInput
+from softseam.gym.lift_scene import LiftModel
 from softseam.learn.tasks import TASKS, VERSION
 from softseam.report import write_json
 
@@ -32,6 +33,8 @@ class Training:
     """taken"""
     curve: tuple[tuple[int, float, float, float], ...] = ()
     """after so many steps: return, part that succeeded and mean of the largest stress [Pa] of the last 100 episodes"""
+    model: LiftModel = "fem"
+    """that it learned in"""
     settings: tuple[str, ...] = ()
     seconds: float = 0.0
     """wall time that it took"""

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from softseam.gym.batch_env import BatchEnv
 from softseam.gym.tofu_lift import TofuLift
 
-VERSION = 1
+VERSION = 2
 """of what the tasks show and take; a policy of another one cannot be used"""
 
 
@@ -17,6 +18,8 @@ class Task:
     """An environment, and the rules that a policy is measured against."""
 
     make: type[TofuLift]
+    batch: type[BatchEnv]
+    """many of it, by XPBD"""
     steps: int
     """that learning takes by default"""
     rules: dict[str, Callable[[dict[str, Any]], list[float]]]
@@ -34,6 +37,7 @@ def _squeezed(share: float) -> Callable[[dict[str, Any]], list[float]]:
 TASKS = {
     "TofuLift": Task(
         TofuLift,
+        BatchEnv,
         300_000,
         {"close to 1 N": _pressed(1.0), "close to 2 N": _pressed(2.0), "squeeze by 15 %": _squeezed(0.15)},
     )

@@ -15,9 +15,11 @@ from rich.console import Console
 
 from softseam.bar import Bar
 from softseam.errors import BadInput, missing_extra
+from softseam.gym.lift_scene import LiftModel
 from softseam.learn.policy import POLICY, Algorithm, Training, read_training
 from softseam.learn.tasks import TASKS
 from softseam.outputs import check_outputs
+from softseam_protocol.facts import cores
 
 _KEPT = 100
 """episodes that the curve is a mean of"""
@@ -35,7 +37,8 @@ class Wishes:
     algorithm: Algorithm = "ppo"
     steps: int | None = None
     seed: int = 0
-    environments: int = 16
+    model: LiftModel = "xpbd"
+    environments: int = 64
     out: Path | None = None
     resume: bool = False
     settings: tuple[str, ...] = ()
@@ -59,7 +62,9 @@ def train(wishes: Wishes, console: Console) -> Path:
         if (folder / POLICY).exists():
             raise BadInput(f"{folder} holds a policy already: go on with --resume, or choose another folder with --out")
         training = Training(
-            wishes.task, wishes.algorithm, wishes.seed, wishes.environments, steps, settings=wishes.settings
+            *(wishes.task, wishes.algorithm, wishes.seed, wishes.environments, steps),
+            model=wishes.model,
+            settings=wishes.settings,
         )
     check_outputs([("--out", folder / POLICY)], inputs={})
     _learn(training, folder, console, wishes.resume)
@@ -107,18 +112,24 @@ def _learn(training: Training, folder: Path, console: Console, resume: bool) -> 
 
 
 def vectorised(training: Training) -> Any:
-    """The environments, in this process."""
-    from stable_baselines3.common.monitor import Monitor
-    from stable_baselines3.common.vec_env import DummyVecEnv
-
+    """The environments, in this process: XPBD's in a batch, FEM's one after another."""
     task, several = TASKS[training.task], training.environments
+    if training.model == "xpbd":
+        from softseam.learn.vector import BatchVec
 
-    def make() -> Any:
-        env = task.make(environments=several, settings=training.settings)
-        env.steps = training.done // several
-        return Monitor(env)
+        batch = task.batch(several, autoreset_mode="SAME_STEP", threads=cores(), settings=training.settings)
+        batch.steps = training.done
+        vector: Any = BatchVec(batch)
+    else:
+        from stable_baselines3.common.monitor import Monitor
+        from stable_baselines3.common.vec_env import DummyVecEnv
 
-    vector = DummyVecEnv([make] * several)
+        def make() -> Any:
+            env = task.make(environments=several, settings=training.settings)
+            env.steps = training.done // several
+            return Monitor(env)
+
+        vector = DummyVecEnv([make] * several)
     vector.seed(training.seed + training.done)
     return vector
 

@@ -1,0 +1,43 @@
+"""The scene of TofuLift: a piece of tofu between two pads, for each of the two models."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+HEIGHT = 0.03
+"""to lift the tofu by, which ends an episode [m]"""
+CRUSHED = 0.5
+"""compression that ends it, too; FEM in a rigid box is right up to 0.6"""
+STEPS = 80
+"""of an episode at most"""
+ACT = 0.04
+"""time between two actions [s]"""
+SPEED = 0.05
+"""of a pad at an action of 1 [m/s]"""
+PADS = ("left", "right")
+SUBSTEPS = 40
+"""of XPBD in an action, 1 ms each: stable for all that `Randomise` draws by default (docs/decisions/54)"""
+
+LiftModel = Literal["fem", "xpbd"]
+
+_OF_MODEL: dict[LiftModel, tuple[str, ...]] = {
+    # 2x2x2 cells of 27 nodes: within 5 % of the truth (docs/results/chart.md), the fastest that is
+    "fem": ("body.cell=[0.025, 0.025, 0.025]",),
+    # 5x5x5 cells, each one block; without the viscosity, which implicit steps of FEM do not show either
+    "xpbd": (
+        "body.cell=[0.01, 0.01, 0.01]",
+        "body.material.retardation_time=0",
+        f"models.pbd={{coarse: {{boxes: [{{min: [-1, -1, -1], max: [1, 1, 1]}}]}}, substeps: {SUBSTEPS}}}",
+    ),
+}
+
+
+def settings_of(model: LiftModel, step: float) -> list[str]:
+    """What the scene tofu_grasp is changed by, as `softseam run --set` takes it; step [s]."""
+    found = [f"step={step!r}", f"duration={STEPS * ACT!r}", *_OF_MODEL[model]]
+    found.append("quantities=[grip_force, lift_height, slip, peak_von_mises, compression]")
+    for name, side in zip(PADS, (-1.0, 1.0), strict=True):
+        # Larger than any piece, so that no point slips off an edge, and clear of the largest. They reach 1 mm below the
+        # piece, which stands on something small.
+        found += [f"tools.{name}.size=[0.01, 0.09, 0.09]", f"tools.{name}.position=[{0.048 * side}, 0, 0.044]"]
+    return found

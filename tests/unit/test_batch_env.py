@@ -1,0 +1,173 @@
+"""BatchEnv: many TofuLifts at once that are those of the ordinary session, begin anew as Gymnasium says, and go on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from softseam.errors import BadInput, SceneRefused
+from softseam.gym import BatchEnv, Randomise, TofuLift
+from softseam.gym.reward import Lift, StressConcentration, Term, Touch, Way
+from softseam.gym.sight import SEEN
+
+FULL: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
+
+
+@pytest.fixture
+def envs() -> Iterator[BatchEnv]:
+    found = BatchEnv(5, reward=FULL)
+    yield found
+    found.close()
+
+
+def _press(info: dict[str, Any], force: float = 1.5) -> Any:
+    """Close until both pads press with a force [N], then rise."""
+    return np.where((info["grip_force"] < force)[:, None], [[0.8, 0.0]], [[0.0, 1.0]])
+
+
+def _bits(envs: BatchEnv, seed: int, steps: int = 12) -> bytes:
+    seen, info = envs.reset(seed=seed)
+    found: list[Any] = [seen]
+    for _ in range(steps):
+        seen, reward, *_, info = envs.step(_press(info))
+        found += [seen, reward, info["stress"]]
+    return b"".join(each.tobytes() for each in found)
+
+
+def test_each_is_the_tofu_lift_of_its_seed() -> None:
+    """By XPBD in the ordinary session, from touching to the end: what is seen, rewarded and told."""
+    envs, one = BatchEnv(3, reward=FULL), TofuLift(model="xpbd", reward=FULL)
+    seen, info = envs.reset(seed=40)
+    alone, told = one.reset(seed=42)
+    np.testing.assert_array_equal(seen[2], alone)
+    of_contact = [SEEN.index("left pad in contact"), SEEN.index("right pad in contact")]
+    rest = [i for i in range(len(SEEN)) if i not in of_contact]
+    ended, steps = False, 0
+    while not ended:
+        action = _press(info)
+        seen, reward, terminated, _, info = envs.step(action)
+        alone, own, ended, _, told = one.step(action[2].astype(np.float32))
+        np.testing.assert_allclose(seen[2][rest], alone[rest], atol=0.02)
+        np.testing.assert_allclose(seen[2][of_contact], alone[of_contact], atol=0.1)  # a few points, just touching
+        assert reward[2] == pytest.approx(own, abs=2e-3)
+        for name in ("lift_height", "compression", "slip"):
+            assert info[name][2] == pytest.approx(told[name], abs=1e-5)
+        assert info["stress"][2] == pytest.approx(told["stress"], rel=5e-3)
+        assert bool(terminated[2]) == ended
+        steps += 1
+    assert told["is_success"] and info["is_success"][2] and steps > 20
+    one.close()
+    envs.close()
+
+
+def test_episodes_know_nothing_of_those_before(envs: BatchEnv) -> None:
+    first = _bits(envs, 3)
+    for _ in range(30):
+        envs.step(np.ones((5, 2)))  # crushed, lifted, begun anew
+    assert _bits(envs, 3) == first
+    fresh = BatchEnv(5, reward=FULL, threads=2)
+    assert _bits(fresh, 3) == first != _bits(fresh, 4)
+    fresh.close()
+
+
+def test_what_ends_begins_anew_as_gymnasium_says() -> None:
+    """The next step, the same one, or when it is told to."""
+    crush = np.tile([1.0, 0.0], (2, 1))
+    ends: dict[AutoresetMode, Any] = {}
+    for mode in AutoresetMode:
+        envs = gymnasium.make_vec("softseam/TofuLift-v0", 2, autoreset_mode=mode)
+        assert envs.metadata["autoreset_mode"] is mode
+        envs.reset(seed=0)
+        over = np.zeros(2, dtype=bool)
+        while not over.any():
+            seen, reward, terminated, _, info = envs.step(crush)
+            over = terminated
+        assert (reward[over] < 0.0).all() and not info["is_success"][over].any()
+        ends[mode] = seen, over, info
+        if mode is AutoresetMode.NEXT_STEP:
+            assert seen[over][:, 0].min() > 0.5
+            seen, reward, terminated, _, _ = envs.step(crush)
+            assert (seen[over] == 0.0).all() and (reward[over] == 0.0).all() and not terminated[over].any()
+        elif mode is AutoresetMode.SAME_STEP:
+            assert (seen[over] == 0.0).all() and (info["_final_obs"] == over).all()
+            last = np.stack(info["final_obs"][over])
+            np.testing.assert_array_equal(last, ends[AutoresetMode.NEXT_STEP][0][over])
+            assert (info["final_info"]["compression"][over] > 0.45).all() and (info["compression"][over] == 0.0).all()
+        else:
+            with pytest.raises(BadInput, match="reset_mask"):
+                envs.step(crush)
+            anew, _ = envs.reset(options={"reset_mask": over})
+            assert (anew[over] == 0.0).all()
+            np.testing.assert_array_equal(anew[~over], seen[~over])
+            envs.step(crush)
+        envs.close()
+
+
+def test_an_environment_is_kept_and_put_back(envs: BatchEnv) -> None:
+    """In another place; what follows is the same, with the piece after it."""
+    _, info = envs.reset(seed=5)
+    for _ in range(25):
+        *_, info = envs.step(_press(info))
+    other = BatchEnv(7, reward=FULL)
+    other.reset(seed=99)
+    other.restore(6, envs.snapshot(3))
+    for number in range(60):
+        action = np.tile([0.0, 1.0] if number < 30 else [1.0, 0.0], (7, 1))
+        here, there = envs.step(action[:5]), other.step(action)
+        for mine, other_one in zip(here[:4], there[:4], strict=True):
+            np.testing.assert_array_equal(mine[3], other_one[6])
+    with pytest.raises(BadInput, match="no snapshot"):
+        other.restore(0, {"body": b"short"})
+    other.close()
+
+
+def test_whatever_an_agent_does_stays_finite(envs: BatchEnv) -> None:
+    random = np.random.default_rng(0)
+    envs.reset(seed=1)
+    ended = 0
+    for _ in range(400):
+        action = random.choice([-1.0, 0.0, 1.0], (5, 2)) if random.random() < 0.5 else np.ones((5, 2))
+        seen, reward, terminated, truncated, info = envs.step(action)
+        ended += int((terminated | truncated).sum())
+        assert np.isfinite(seen).all() and np.isfinite(reward).all() and np.isfinite(info["stress"]).all()
+        assert envs.observation_space.contains(seen)
+    assert ended > 10
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"num_envs": 0}, "1 or more"),
+        ({"num_envs": 2.5}, "whole number"),
+        ({"threads": 0}, "threads"),
+        ({"autoreset_mode": "never"}, "NEXT_STEP, SAME_STEP, DISABLED"),
+        ({"device": "cuda"}, "leave device out"),
+        ({"settings": ["body.material.young=-1"]}, "young"),
+        ({"settings": ["body.material.kind=corotated"]}, "neo-Hookean"),
+        ({"randomise": Randomise(size=0.2), "settings": ["tools.left.size=[0.01, 0.09, 0.09"]}, "tools.left.size"),
+    ],
+)
+def test_what_cannot_be_is_refused(given: dict[str, Any], told: str) -> None:
+    with pytest.raises((BadInput, SceneRefused), match=told):
+        BatchEnv(**{"num_envs": 1, **given})
+
+
+def test_bad_calls_are_named_and_change_nothing(envs: BatchEnv) -> None:
+    with pytest.raises(BadInput, match="reset"):
+        envs.step(np.zeros((5, 2)))
+    envs.reset(seed=2)
+    before = [envs.snapshot(i)["body"] for i in range(5)]
+    for action in (np.zeros((4, 2)), np.full((5, 2), np.nan), "close"):
+        with pytest.raises(BadInput, match="5 x 2"):
+            envs.step(action)
+    for mask in ([True] * 5 + [False], np.zeros(5, dtype=bool), np.ones(5)):
+        with pytest.raises(BadInput, match="reset_mask"):
+            envs.reset(options={"reset_mask": mask})
+    with pytest.raises(BadInput, match="seeds"):
+        envs.reset(seed=[1, 2])
+    assert [envs.snapshot(i)["body"] for i in range(5)] == before
