@@ -64,13 +64,20 @@ class OnCard:
 
     def read(self, piece: int) -> Singles:
         """All rows of a piece (rows,)."""
-        return self.read_rows(0, self._rows)[piece]
+        found = self._cuda.device_array((1, self._rows), np.float32)
+        which = self._to_card(np.array([piece], dtype=np.int64))
+        self._copy.read_lanes[self._grid(*found.shape)](self._state, which, found)
+        return self._to_host(found).reshape(-1)
 
     def read_rows(self, first: int, end: int) -> Singles:
         """Of all pieces (count, end - first)."""
         found = self._cuda.device_array((self.count, end - first), np.float32)
         self._copy.read_rows[self._grid(*found.shape)](self._state, self._rows, first, found)
-        numbers: Singles = np.empty((self.count, end - first), np.float32)
+        return self._to_host(found)
+
+    @staticmethod
+    def _to_host(found: Any) -> Singles:
+        numbers: Singles = np.empty(tuple(found.shape), np.float32)
         found.copy_to_host(numbers)
         return numbers
 

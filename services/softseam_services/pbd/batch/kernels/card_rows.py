@@ -15,6 +15,15 @@ def write_lanes(state, which, numbers):
 
 
 @cuda.jit
+def read_lanes(state, which, numbers):
+    """The way back of `write_lanes`."""
+    k, row = cuda.grid(2)
+    if k < numbers.shape[0] and row < numbers.shape[1]:
+        group, lane = which[k] // LANES, which[k] % LANES
+        numbers[k, row] = state[LANES * (group * numbers.shape[1] + row) + lane]
+
+
+@cuda.jit
 def write_rows(state, rows, first, numbers):
     """Some of `rows` rows of all pieces: numbers (k, count), from the row `first` on."""
     k, row = cuda.grid(2)
