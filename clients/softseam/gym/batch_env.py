@@ -96,7 +96,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         none = np.zeros(count)
         self._along, self._width, self._apart = np.zeros((count, 2)), none.copy(), none.copy()
         self._closed, self._risen, self._count, self._base = none.copy(), none.copy(), none.copy(), none.copy()
-        self._last = np.zeros((count, 2))
+        self._last, self._young = np.zeros((count, 2)), none.copy()
         self._start = np.zeros((count, 3))
         self._lifting = np.zeros(count, dtype=np.bool_)
         self._over: Mask | None = None
@@ -239,6 +239,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         box = self.scene.tools[PADS[0]]
         assert isinstance(box, BoxTool)
         self._along[which] = along
+        self._young[which] = [each.young for each in drawn]
         self._width[which] = (np.abs(along) * size[:, :2]).sum(axis=1)
         self._apart[which] = np.einsum("ki,ki->k", right - left, along) - box.size[0]
         self._closed[which] = self._risen[which] = self._count[which] = 0.0
@@ -256,8 +257,8 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             way[:, pad, :2], way[:, pad, 2] = side * (close * ACT)[:, None] * self._along, rise * ACT
         self._outcome = self._batch.step(way)
         found = self._outcome
-        whole_sum = found.stress + found.middle.sum(axis=1) + found.force.sum(axis=(1, 2))
-        return np.asarray(np.isfinite(whole_sum) & (found.least_j > 0.0))
+        together = found.stress + found.middle.sum(axis=1) + found.force.sum(axis=(1, 2))
+        return np.asarray(np.isfinite(together) & (found.least_j > 0.0) & (found.stress <= self._young))
 
     def _marker(self) -> Floats:
         """Where it is (num_envs, 3) [m]."""
@@ -289,7 +290,8 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             *(*touching, *self._last.T, self._count / STEPS),
         )
         squeezed = np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0)
-        self._squeezed, self._peak = squeezed, found.stress.astype(np.float64)
+        self._squeezed = squeezed
+        self._peak = np.minimum(np.nan_to_num(found.stress.astype(np.float64)), self._young)
         grip = Grip(
             lift=np.where(self._lifting, middle - self._base, 0.0),
             air=np.maximum(self._apart - self._width - 2.0 * self._closed, 0.0),
@@ -346,7 +348,21 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         return {**told, **{f"_{name}": everyone for name in told}}
 
 
-_KEPT = ("along", "width", "apart", "closed", "risen", "count", "base", "last", "start", "lifting", "over", "seen")
+_KEPT = (
+    "along",
+    "width",
+    "young",
+    "apart",
+    "closed",
+    "risen",
+    "count",
+    "base",
+    "last",
+    "start",
+    "lifting",
+    "over",
+    "seen",
+)
 """arrays of an environment's own"""
 
 
