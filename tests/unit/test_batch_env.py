@@ -118,7 +118,8 @@ def test_an_environment_is_kept_and_put_back(envs: BatchEnv) -> None:
     other.restore(6, envs.snapshot(3))
     for number in range(60):
         action = np.tile([0.0, 1.0] if number < 30 else [1.0, 0.0], (7, 1))
-        here, there = envs.step(action[:5]), other.step(action)
+        here: Any = envs.step(action[:5])
+        there: Any = other.step(action)
         for mine, other_one in zip(here[:4], there[:4], strict=True):
             np.testing.assert_array_equal(mine[3], other_one[6])
     with pytest.raises(BadInput, match="no snapshot"):
