@@ -123,7 +123,9 @@ def test_an_environment_is_kept_and_put_back(envs: BatchEnv) -> None:
         for mine, other_one in zip(here[:4], there[:4], strict=True):
             np.testing.assert_array_equal(mine[3], other_one[6])
     with pytest.raises(BadInput, match="no snapshot"):
-        other.restore(0, {"body": b"short"})
+        other.restore(0, envs.snapshot(3) | {"body": b"short"})
+    with pytest.raises(BadInput, match="no snapshot"):
+        other.restore(0, {"body": envs.snapshot(3)["body"]})
     other.close()
 
 

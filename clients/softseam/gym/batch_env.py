@@ -135,6 +135,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         first = self._over is None
         self._begin(mask)
         if first or mask.all():
+            self._found = self._batch.outcome()
             self._sight, self._grip = self._look()
             self._over = np.zeros(self.num_envs, dtype=np.bool_)
             self._seen = self._sight.numbers(None, ACT, SPEED, HEIGHT)
@@ -188,12 +189,13 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
     def restore(self, index: int, snapshot: Mapping[str, Any]) -> None:
         """Put an environment back. Raises BadInput where the snapshot is none of this scene's."""
         try:
+            kept = {name: snapshot["own"][name] for name in self._own()}
             self._batch.restore(index, snapshot["body"])
+            self._random[index].bit_generator.state = snapshot["random"]
         except (ValueError, KeyError, TypeError) as error:
             raise BadInput(f"no snapshot of such an environment: {error}") from error
-        self._random[index].bit_generator.state = snapshot["random"]
         for name, each in self._own().items():
-            each[index] = snapshot["own"][name]
+            each[index] = kept[name]
 
     # ----
 
@@ -255,8 +257,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         way = np.zeros((self.num_envs, len(self._tools), 3))
         for pad, side in zip(self._pads, (1.0, -1.0), strict=True):
             way[:, pad, :2], way[:, pad, 2] = side * (close * ACT)[:, None] * self._along, rise * ACT
-        self._outcome = self._batch.step(way)
-        found = self._outcome
+        found = self._found = self._batch.step(way)
         together = found.stress + found.middle.sum(axis=1) + found.force.sum(axis=(1, 2))
         return np.asarray(np.isfinite(together) & (found.least_j > 0.0) & (found.stress <= self._young))
 
@@ -267,7 +268,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
 
     def _look(self, then: Grip | None = None) -> tuple[Sight, Grip]:
         """All pieces as they stand; then: how they stood before, at first None."""
-        found = self._batch.outcome()
+        found = self._found
         left, right = (found.force[:, pad].astype(np.float64) for pad in self._pads)
         pressing = [
             np.maximum(-np.einsum("ki,ki->k", left[:, :2], self._along), 0.0),
@@ -305,9 +306,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
 
     def _look_anew(self, mask: Mask) -> None:
         """What is seen of the pieces that began where the mask is; they have not been stepped yet."""
-        zero = {"height": 0.0, "sideways": 0.0}
-        fresh = {name: np.where(mask, zero.get(name, 0.0), value) for name, value in self._sight._asdict().items()}
-        self._sight = Sight(**fresh)
+        self._sight = Sight(*(np.where(mask, 0.0, value) for value in self._sight))
         grip = {name: np.where(mask, 0.0, value) for name, value in vars(self._grip).items()}
         grip["air"] = np.where(mask, self._apart - self._width, grip["air"])
         self._grip = Grip(**grip)

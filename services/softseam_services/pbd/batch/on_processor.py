@@ -65,11 +65,10 @@ class OnProcessor:
     def _advance(self, part: int) -> None:
         shared, (ws, row, active, held) = self._structure, self._rooms[part]
         first, end = self._parts[part]
-        state, now = self._state.reshape(len(self._state), -1), self._timing
+        state = self._state.reshape(len(self._state), -1)
         advance(
             *(state, first, end, ws, row, shared.layout, shared.nodes, shared.n_nodes, shared.points, shared.kind),
-            *(shared.shape, shared.gravity, now.kappa, now.keep, now.h, now.substeps, now.step, now.share, now.margin),
-            *(active, held),
+            *(shared.shape, shared.gravity, self._timing, active, held),
         )
 
     def close(self) -> None:

@@ -186,7 +186,7 @@ def advance(
     margin,
     flags_of,
 ):
-    """`group.advance_group` of all groups: state (groups * rows * LANES,); colours (c + 1,) where their blocks begin;
+    """`group.advance_groups` of all groups: state (groups * rows * LANES,); colours (c + 1,) where their blocks begin;
     flags_of (groups, t, p) room."""
     group, lane, warp = cuda.blockIdx.x, cuda.threadIdx.x % LANES, cuda.threadIdx.x // LANES
     s, flags = state, flags_of[group]

@@ -80,6 +80,24 @@ def carry(s, ws, layout, nodes, n, points, n_tools):
 
 
 @batch_kernel
+def predict(s, layout, n, push, keep, h):
+    """`predict_node` of all nodes."""
+    for i in range(n):
+        node = first_of(layout.nodes + N_OF_NODE * i)
+        for lane in range(WIDE):
+            predict_node(s, node + lane, push, keep, h)
+
+
+@batch_kernel
+def finish(s, layout, n, per_h):
+    """`finish_node` of all nodes."""
+    for i in range(n):
+        node = first_of(layout.nodes + N_OF_NODE * i)
+        for lane in range(WIDE):
+            finish_node(s, node + lane, per_h)
+
+
+@batch_kernel
 def summarise(s, ws, layout, nodes, n, points, kind, active):
     """What comes out of a step."""
     n_tools, out = len(kind), first_of(layout.out)
@@ -131,89 +149,32 @@ def summarise(s, ws, layout, nodes, n, points, kind, active):
 
 
 @batch_kernel
-def advance_group(
-    s,
-    ws,
-    row,
-    layout,
-    nodes,
-    n,
-    points,
-    kind,
-    shape,
-    gravity,
-    kappa,
-    keep,
-    h,
-    n_substeps,
-    dt,
-    share,
-    margin,
-    active,
-    held,
-):
-    """A step of n_substeps of h [s] of one group.
+def advance_groups(state, first, end, ws, row, layout, nodes, n, points, kind, shape, gravity, now, active, held):
+    """A step of the groups first .. end - 1 of state (groups, rows * WIDE), updated in place.
 
-    s       rows of the group, flat (layout.rows * WIDE,), updated in place
     ws, row (N_ROWS_OF_BLOCK * LANES,), (N_ROWS_OF_PAIR * LANES,) workspaces, zero before and after where not written
     nodes   (b, 8) of the blocks, in the order in which they are solved
     n       number of nodes; points (p,) those of the surface
     kind, shape  (t,), (t, 3) of tools: boxes by their half edges, planes by their normals
-    dt, share  n_substeps h and 1/n_substeps
+    now     `pieces.Timing`
     active, held  (t, 1 + p), (1 + b,) room
     """
-    hh, n_tools = h * h, len(kind)
-    load_rows(ws, FORM, s, CONSTANTS, 30)
-    load_rows(ws, BLOCK_VOLUME, s, VOLUME, 1)
-    push, per_h = (gravity[0], gravity[1], gravity[2]), 1.0 / h
-    carry(s, ws, layout, nodes, n, points, n_tools)
-    find_near(s, row, layout, n, points, kind, shape, hh, dt, margin, active)
-    find_held(nodes, points, active, held)
-    for _ in range(n_substeps):
-        begin_contacts(s, row, layout, points, kind, shape, active)
-        for i in range(n):
-            node = first_of(layout.nodes + N_OF_NODE * i)
-            for lane in range(WIDE):
-                predict_node(s, node + lane, push, keep, h)
-        solve_contacts(s, row, layout, points, kind, shape, active, hh, True)
-        soften_blocks(s, ws, layout, nodes, held)
-        sweep_blocks(s, ws, layout, nodes, kappa, hh)
-        solve_contacts(s, row, layout, points, kind, shape, active, hh, False)
-        for i in range(n):
-            node = first_of(layout.nodes + N_OF_NODE * i)
-            for lane in range(WIDE):
-                finish_node(s, node + lane, per_h)
-        account(s, layout, n_tools, active, share)
-    summarise(s, ws, layout, nodes, n, points, kind, active)
-
-
-@batch_kernel
-def advance_groups(
-    state,
-    first,
-    end,
-    ws,
-    row,
-    layout,
-    nodes,
-    n,
-    points,
-    kind,
-    shape,
-    gravity,
-    kappa,
-    keep,
-    h,
-    n_substeps,
-    dt,
-    share,
-    margin,
-    active,
-    held,
-):
-    """`advance_group` of the groups first .. end - 1 of state (groups, rows * WIDE)."""
+    hh, per_h, n_tools = now.h * now.h, 1.0 / now.h, len(kind)
+    push = gravity[0], gravity[1], gravity[2]
     for group in range(first, end):
-        advance_group(
-            *(state[group], ws, row, layout, nodes, n, points, kind, shape, gravity, kappa, keep, h, n_substeps, dt),
-            *(share, margin, active, held),
-        )
+        s = state[group]
+        load_rows(ws, FORM, s, CONSTANTS, 30)
+        load_rows(ws, BLOCK_VOLUME, s, VOLUME, 1)
+        carry(s, ws, layout, nodes, n, points, n_tools)
+        find_near(s, row, layout, n, points, kind, shape, hh, now.step, now.margin, active)
+        find_held(nodes, points, active, held)
+        for _ in range(now.substeps):
+            begin_contacts(s, row, layout, points, kind, shape, active)
+            predict(s, layout, n, push, now.keep, now.h)
+            solve_contacts(s, row, layout, points, kind, shape, active, hh, True)
+            soften_blocks(s, ws, layout, nodes, held)
+            sweep_blocks(s, ws, layout, nodes, now.kappa, hh)
+            solve_contacts(s, row, layout, points, kind, shape, active, hh, False)
+            finish(s, layout, n, per_h)
+            account(s, layout, n_tools, active, now.share)
+        summarise(s, ws, layout, nodes, n, points, kind, active)

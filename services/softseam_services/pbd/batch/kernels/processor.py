@@ -1,4 +1,4 @@
-"""`group.advance_group` for a processor: float32, as many lanes as a vector register holds."""
+"""`group.advance_groups` for a processor: float32, as many lanes as a vector register holds."""
 
 from __future__ import annotations
 
