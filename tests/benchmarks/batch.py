@@ -11,57 +11,12 @@ import time
 from typing import Literal
 
 import numpy as np
-from pbd_run import Floats, PbdRun
+from many_pieces import STEP, SUBSTEPS, drawn, scene, velocity
+from pbd_run import PbdRun
 
-from softseam_protocol.scene.scene import Scene
 from softseam_services.pbd.batch.batch import Batch
-from softseam_services.pbd.batch.pieces import Pieces
 
-STEP, SUBSTEPS, STEPS = 0.04, 40, 16
-PAD = {"kind": "box", "size": [0.01, 0.09, 0.09], "friction": 0.6}
-
-
-def scene(cells: int) -> Scene:
-    """A cube of tofu, 2 mm from two pads."""
-    whole = {"coarse": {"boxes": [{"min": [-1, -1, -1], "max": [1, 1, 1]}]}, "substeps": SUBSTEPS}
-    material = {"kind": "neo_hookean", "young": 2e4, "poisson": 0.45, "density": 1050}
-    return Scene.model_validate(
-        {
-            "softseam": 1,
-            "name": "pieces",
-            "gravity": [0, 0, -9.81],
-            "step": STEP,
-            "body": {"shape": {"kind": "block", "size": [0.05] * 3}, "cell": [0.05 / cells] * 3, "material": material},
-            "tools": {
-                "ground": {"kind": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "friction": 0.6},
-                "left": {**PAD, "position": [-0.032, 0, 0.044]},
-                "right": {**PAD, "position": [0.032, 0, 0.044]},
-            },
-            "motion": [{"tools": ["left", "right"], "close": 0.02, "until": {"time": 1.0}}],
-            "models": {"pbd": whole},
-        }
-    )
-
-
-def velocity(number: int) -> Floats:
-    """Of the tools (3, 3) [m/s]: close by 3.2 mm, hold, rise."""
-    found = np.zeros((3, 3))
-    if number < 4:
-        found[1, 0], found[2, 0] = 0.02, -0.02
-    elif number > 5:
-        found[1:, 2] = 0.05
-    return found
-
-
-def drawn(batch: Batch) -> Pieces:
-    """A batch's worth of pieces."""
-    random, own = np.random.default_rng(0), batch.structure.own(batch.count)
-    size = own.size * random.uniform(0.9, 1.1, own.size.shape)
-    position = own.position.copy()
-    position[:, 1, 0], position[:, 2, 0] = -0.5 * size[:, 0] - 0.006, 0.5 * size[:, 0] + 0.006
-    young, poisson = own.young * random.uniform(0.7, 1.3, batch.count), random.uniform(0.32, 0.47, batch.count)
-    density, friction = own.density * random.uniform(0.7, 1.3, batch.count), own.friction
-    return Pieces(size, young, poisson, density, friction, position, own.orientation)
+STEPS = 16
 
 
 def speed(pieces: int, cells: int, threads: int, device: Literal["cpu", "cuda"]) -> tuple[float, float, int]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
+from many_pieces import STEP, SUBSTEPS, drawn, scene, velocity
 from pbd_run import Floats, PbdRun
 
 from softseam_protocol.scene.scene import Scene
@@ -13,72 +12,11 @@ from softseam_services.body.errors import SettingError
 from softseam_services.pbd.batch.batch import Batch
 from softseam_services.pbd.batch.pieces import Pieces
 
-STEP, SUBSTEPS = 0.04, 40
-EVERYWHERE = {"boxes": [{"min": [-1, -1, -1], "max": [1, 1, 1]}]}
-PAD = {"kind": "box", "size": [0.01, 0.09, 0.09], "friction": 0.6}
-
-
-def _scene(cells: int = 3, kind: str = "neo_hookean", **material: Any) -> Scene:
-    """A cube of tofu, 2 mm from two pads."""
-    return Scene.model_validate(
-        {
-            "softseam": 1,
-            "name": "pieces",
-            "gravity": [0, 0, -9.81],
-            "step": STEP,
-            "body": {
-                "shape": {"kind": "block", "size": [0.05] * 3},
-                "cell": [0.05 / cells] * 3,
-                "material": {"kind": kind, "young": 2e4, "poisson": 0.45, "density": 1050, **material},
-            },
-            "tools": {
-                "ground": {"kind": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "friction": 0.6},
-                "left": {**PAD, "position": [-0.032, 0, 0.044]},
-                "right": {**PAD, "position": [0.032, 0, 0.044]},
-            },
-            "motion": [{"tools": ["left", "right"], "close": 0.02, "until": {"time": 1.0}}],
-            "models": {"pbd": {"coarse": EVERYWHERE, "substeps": SUBSTEPS}},
-        }
-    )
-
-
-def _way(number: int) -> Floats:
-    """Of the tools in a step (3, 3) [m]: close by 3.2 mm each, hold, rise."""
-    velocity = np.zeros((3, 3))
-    if number < 4:
-        velocity[1, 0], velocity[2, 0] = 0.02, -0.02
-    elif number > 5:
-        velocity[1:, 2] = 0.05
-    return velocity
-
-
-def _drawn(count: int, batch: Batch) -> Pieces:
-    """Pieces that differ in all that they can."""
-    random = np.random.default_rng(7)
-
-    def about(shape: tuple[int, ...], spread: float = 0.3) -> Floats:
-        return 1.0 + spread * random.uniform(-1.0, 1.0, shape)
-
-    own = batch.structure.own(count)
-    position = own.position.copy()
-    size = own.size * about((count, 3), 0.1)
-    position[:, 1, 0] = -0.5 * size[:, 0] - 0.007
-    position[:, 2, 0] = 0.5 * size[:, 0] + 0.007
-    return Pieces(
-        size=size,
-        young=own.young * about((count,)),
-        poisson=random.uniform(0.32, 0.47, count),
-        density=own.density * about((count,)),
-        friction=own.friction * about((count, 3)),
-        position=position,
-        orientation=own.orientation,
-    )
-
 
 def _run(batch: Batch, steps: range) -> list[bytes]:
     """What comes out of each piece, as bits."""
     for number in steps:
-        batch.step(np.repeat(STEP * _way(number)[None], batch.count, axis=0))
+        batch.step(np.repeat(STEP * velocity(number)[None], batch.count, axis=0))
     return [batch.snapshot(piece) for piece in range(batch.count)]
 
 
@@ -90,12 +28,12 @@ def _von_mises(cauchy: Floats) -> float:
 
 def test_a_lane_does_what_the_solver_does() -> None:
     """Squeezed by 10 % and lifted: places, forces, stress, slip and energy, to the roundings of float32."""
-    scene = _scene()
-    run, batch = PbdRun(scene), Batch(scene, 1, STEP, SUBSTEPS)
+    tofu = scene()
+    run, batch = PbdRun(tofu), Batch(tofu, 1, STEP, SUBSTEPS)
     moving = np.unique(run.solver.model.blocks.corners)
     for number in range(12):
-        run.velocity[:] = _way(number)
-        reply, out = run.step(), batch.step(STEP * _way(number)[None])
+        run.velocity[:] = velocity(number)
+        reply, out = run.step(), batch.step(STEP * velocity(number)[None])
         assert reply.status == "converged" and not reply.alarm
         fields = run.fields()
         assert np.abs(fields.x[moving] - batch.places(0)).max() < 2e-6
@@ -107,21 +45,21 @@ def test_a_lane_does_what_the_solver_does() -> None:
 
 
 def test_bits_do_not_depend_on_place_number_or_threads() -> None:
-    scene, count = _scene(2), 19
-    many = Batch(scene, count, STEP, SUBSTEPS)
-    pieces = _drawn(count, many)
+    tofu, count = scene(2), 19
+    many = Batch(tofu, count, STEP, SUBSTEPS)
+    pieces = drawn(many)
     many.put(np.arange(count), pieces)
     found = _run(many, range(9))
     assert len(set(found)) == count
-    two = Batch(scene, count, STEP, SUBSTEPS, threads=2)
+    two = Batch(tofu, count, STEP, SUBSTEPS, threads=2)
     two.put(np.arange(count), pieces)
     assert _run(two, range(9)) == found
     order = np.random.default_rng(1).permutation(count)
-    mixed = Batch(scene, count + 13, STEP, SUBSTEPS)
+    mixed = Batch(tofu, count + 13, STEP, SUBSTEPS)
     mixed.put(order + 13, pieces)
     again = _run(mixed, range(9))
     assert [again[place + 13] for place in order] == found
-    alone = Batch(scene, 1, STEP, SUBSTEPS)
+    alone = Batch(tofu, 1, STEP, SUBSTEPS)
     for piece in (0, 7, 18):
         alone.put(np.array([0]), _only(pieces, piece))
         assert _run(alone, range(9)) == [found[piece]]
@@ -133,9 +71,9 @@ def _only(pieces: Pieces, piece: int) -> Pieces:
 
 def test_a_piece_is_kept_and_put_back() -> None:
     """Elsewhere, and goes on with the same bits."""
-    scene = _scene(2)
-    batch, other = Batch(scene, 3, STEP, SUBSTEPS), Batch(scene, 11, STEP, SUBSTEPS)
-    batch.put(np.arange(3), _drawn(3, batch))
+    tofu = scene(2)
+    batch, other = Batch(tofu, 3, STEP, SUBSTEPS), Batch(tofu, 11, STEP, SUBSTEPS)
+    batch.put(np.arange(3), drawn(batch))
     kept = _run(batch, range(5))[2]
     other.restore(9, kept)
     assert _run(other, range(5, 9))[9] == _run(batch, range(5, 9))[2] != kept
@@ -144,10 +82,10 @@ def test_a_piece_is_kept_and_put_back() -> None:
 
 
 def test_what_can_be_no_lane_is_refused() -> None:
-    for scene, told in ((_scene(2, retardation_time=0.005), "viscous"), (_scene(2, kind="corotated"), "neo-Hookean")):
+    for tofu, told in ((scene(2, retardation_time=0.005), "viscous"), (scene(2, kind="corotated"), "neo-Hookean")):
         with pytest.raises(SettingError, match=told):
-            Batch(scene, 1, STEP, SUBSTEPS)
-    round_pad = _scene(2).model_dump()
+            Batch(tofu, 1, STEP, SUBSTEPS)
+    round_pad = scene(2).model_dump()
     round_pad["tools"]["left"] = {"kind": "sphere", "radius": 0.01, "position": [-0.05, 0, 0.03], "friction": 0.6}
     with pytest.raises(SettingError, match="boxes and planes only"):
         Batch(Scene.model_validate(round_pad), 1, STEP, SUBSTEPS)
@@ -155,4 +93,4 @@ def test_what_can_be_no_lane_is_refused() -> None:
 
 def test_a_card_that_is_not_there_is_named() -> None:
     with pytest.raises(SettingError, match="leave device out"):
-        Batch(_scene(2), 1, STEP, SUBSTEPS, device="cuda")
+        Batch(scene(2), 1, STEP, SUBSTEPS, device="cuda")
