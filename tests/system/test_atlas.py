@@ -12,7 +12,7 @@ from rich.console import Console
 
 from softseam.atlas import atlas as registry
 from softseam.atlas.command import Wishes, atlas
-from softseam.atlas.maps import impact, iterations, messages, poisson, seam, slope, squeeze, step, tools
+from softseam.atlas.maps import impact, iterations, messages, poisson, seam, shapes, slope, squeeze, step, tools
 from softseam.errors import BadInput
 
 TINY = {
@@ -21,7 +21,8 @@ TINY = {
     "iterations": partial(iterations.build, (1, 4, 32), (2, 64)),
     "seam": partial(seam.build, (0.1, 10.0)),
     "squeeze": partial(squeeze.build, (0.1, 0.5), (0.03,)),
-    "tools": partial(tools.build, ("ball 10", "box 12"), (10e-3,)),
+    "tools": partial(tools.build, ("ball 10", "box 12"), (10.0,)),
+    "shapes": partial(shapes.build, ("star",), (6.0,)),
     "slope": partial(slope.build, (20.0,), (0.2, 0.4)),
     "impact": partial(impact.build, (10.0,), (1e-3,)),
     "messages": partial(messages.build, (16,)),
@@ -99,6 +100,14 @@ def test_tools_press_and_claims_hold(cells: Cells) -> None:
         assert cells["tools", title, "box 12", "10"]["error"] < 0.1, title
     assert cells["tools", "Claims of FEM", "ball 10", "10"]["kind"] == "accurate"
     assert not cells["tools", "Claims of FEM", "box 12", "10"]["silent"]
+
+
+@pytest.mark.slow
+def test_a_shape_is_squeezed_and_its_claim_holds(cells: Cells) -> None:
+    """On cells a third as long as the shape is thick, cut by its surface."""
+    assert cells["shapes", "FEM: force", "star", "6"]["error"] < 0.1
+    assert cells["shapes", "Claims of FEM", "star", "6"]["kind"] == "accurate"
+    assert not cells["shapes", "XPBD: force", "star", "6"]["silent"]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from softseam.atlas.maps import impact, iterations, messages, poisson, seam, slope, squeeze, step, tools
+from softseam.atlas.maps import impact, iterations, messages, poisson, seam, shapes, slope, squeeze, step, tools
 from softseam.atlas.maps.grid import Cell, Map
 from softseam.atlas.verdicts import KINDS, Kind, Verdict
 from softseam.embedded import solver_digest
@@ -24,6 +24,7 @@ MAPS: dict[str, Callable[[], Map]] = {
     "seam": seam.build,
     "squeeze": squeeze.build,
     "tools": tools.build,
+    "shapes": shapes.build,
     "slope": slope.build,
     "impact": impact.build,
     "messages": messages.build,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from softseam.session import open_as_given
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.session import Event
 from softseam_protocol.scene.bodies import BodySpec
-from softseam_protocol.scene.file import SceneError, parse_scene
+from softseam_protocol.scene.file import SceneError, load_scene, parse_scene
 from softseam_protocol.scene.scene import Scene
 
 Measure = Callable[[Observation], float]
@@ -62,21 +63,24 @@ class Trace:
     """[s]"""
 
 
-def follow(scene: Mapping[str, object] | Scene, measure: Measure, *, fields: bool = False, toil: int = TOIL) -> Trace:
+def follow(
+    scene: Mapping[str, object] | Scene | Path, measure: Measure, *, fields: bool = False, toil: int = TOIL
+) -> Trace:
     """Run a scene to its end; never raises for what becomes of the run.
 
+    scene    a document, a scene, or the path of one beside the meshes that it names
     measure  what the run is judged by, of the observation after a step
     fields   also observe the fields after every step, which `measure` may need
     toil     parts of cut steps after which the run is given up: each tries hundreds of iterations
     """
     trace = Trace()
     try:
-        parsed = scene if isinstance(scene, Scene) else parse_scene(json.dumps(scene), "atlas")
+        parsed = _parsed(scene)
     except SceneError as error:
         return Trace(refused=f"{error.key}: {error.problem}")
     watch = _Watch(parsed, measure, toil)
     try:
-        with open_as_given(parsed) as session:
+        with open_as_given(scene if isinstance(scene, Path) else parsed) as session:
             session.reset()
             trace.doubts = tuple(session.doubts())
             session.run(watch.see, fields=fields)
@@ -86,6 +90,13 @@ def follow(scene: Mapping[str, object] | Scene, measure: Measure, *, fields: boo
         trace.failed = str(error)
     watch.write(trace)
     return trace
+
+
+def _parsed(scene: Mapping[str, object] | Scene | Path) -> Scene:
+    """Raises SceneError."""
+    if isinstance(scene, Path):
+        return load_scene(scene).scene
+    return scene if isinstance(scene, Scene) else parse_scene(json.dumps(scene), "atlas")
 
 
 class _Toil(Exception):

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
-from softseam.atlas.maps.grid import Cell, Map, Panel
-from softseam.atlas.scenes import MODELS, Model
+from softseam.atlas.maps.by_cells import BOUND, CLAIM_HOLDS, ByCells
+from softseam.atlas.maps.grid import Map
+from softseam.atlas.scenes import Model
 from softseam.atlas.trace import Trace, follow
-from softseam.atlas.verdicts import Verdict, judge, percent
-from softseam.claims.claim import FACTOR
 
 TOOLS: dict[str, dict[str, Any]] = {
     "ball 3": {"kind": "sphere", "radius": 3e-3},
@@ -22,11 +20,9 @@ TOOLS: dict[str, dict[str, Any]] = {
 """by name, with radius or edge [mm]"""
 ABOVE = {"ball 3": 3e-3, "ball 10": 10e-3, "rod 3": 3e-3, "end 5": 10e-3, "box 12": 10e-3}
 """height of each one's middle over its lowest point [m]"""
-CELLS = (20e-3, 10e-3, 20e-3 / 3, 5e-3)
-"""edges [m]"""
-FINEST = 20e-3 / 6
-PAIR: tuple[Model, ...] = ("fem", "pbd")
-BOUND = 0.1
+CELLS = (20.0, 10.0, 20.0 / 3, 5.0)
+"""edges [mm]"""
+FINEST = 20.0 / 6
 DEPTH, SPEED = 2e-3, 0.02
 PLACE = 3.1e-3, 2.7e-3
 """of the tool's axis, between nodes [m]"""
@@ -34,53 +30,20 @@ PLACE = 3.1e-3, 2.7e-3
 
 def build(tools: tuple[str, ...] = tuple(TOOLS), edges: tuple[float, ...] = CELLS) -> Map:
     """The map; a smaller one for tests."""
-    runs: list[tuple[str, Callable[[str, float], Verdict]]] = [
-        *((f"{MODELS[model]}: force", partial(run, model)) for model in PAIR),
-        ("Claims of FEM", claim),
-    ]
-    cells = [
-        Cell(panel, i, j, f"{title}, {tool} mm, cells of {1e3 * edge:.3g} mm", partial(what, tool, edge), 1.0)
-        for panel, (title, what) in enumerate(runs)
-        for i, tool in enumerate(tools)
-        for j, edge in enumerate(edges)
-    ]
-    rows = tuple(f"{1e3 * edge:.3g}" for edge in edges)
-    return Map(
-        "tools",
-        "Tools against cells",
+    text = (
         f"Tools, by radius or edge, are pressed {1e3 * DEPTH:g} mm into a bonded block of 40 x 40 x 20 mm (E 20 kPa), "
-        "between its nodes. "
-        f"Accurate: the force is within {100 * BOUND:g} % of FEM's on cells of {1e3 * FINEST:.2g} mm. A claim is "
-        f"accurate where {FACTOR:g} times the difference to cells twice as long is no less than the error.",
-        tuple(Panel(title, "tool [mm]", "cell [mm]", tools, rows) for title, _ in runs),
-        tuple(cells),
+        f"between its nodes. Accurate: the force is within {100 * BOUND:g} % of FEM's on cells of {FINEST:.2g} mm. "
+        f"{CLAIM_HOLDS}"
     )
-
-
-def run(model: Model, tool: str, edge: float) -> Verdict:
-    """One cell of forces."""
-    return judge(pressed(model, tool, edge), truth(tool), BOUND, "force", "FEM on small cells")
-
-
-def claim(tool: str, edge: float) -> Verdict:
-    """One cell of claims; of the longest cells, which have no longer ones, the sibling's are half as long."""
-    here, there = (pressed("fem", tool, each) for each in (edge, 2.0 * edge if edge < CELLS[0] else 0.5 * edge))
-    right = truth(tool)
-    claimed, error = FACTOR * abs(here.value - there.value) / right, abs(here.value - right) / right
-    why = f"the force is off by {percent(error)}, and {percent(claimed)} is claimed"
-    return Verdict("accurate" if claimed >= error else "inaccurate", why, error, told=here.told)
-
-
-@cache
-def truth(tool: str) -> float:
-    """[N]"""
-    return pressed("fem", tool, FINEST).value
+    return ByCells(pressed, edges, FINEST).map(
+        "tools", "Tools against cells", text, tools, ("tool [mm]", "cell [mm]"), 1.0
+    )
 
 
 @cache
 def pressed(model: Model, tool: str, edge: float) -> Trace:
     """Press, and hold until it rests."""
-    return follow(scene(model, tool, edge), lambda seen: float(seen.wrench["tool"][2]))
+    return follow(scene(model, tool, 1e-3 * edge), lambda seen: float(seen.wrench["tool"][2]))
 
 
 def scene(model: Model, tool: str, edge: float) -> dict[str, Any]:
