@@ -48,6 +48,8 @@ STEP, DERIVE, CORRECT = 0, 1, 2
 _MOST_AUGMENTATIONS = 4
 # Points deeper than this after the iteration get their multipliers updated within the step [m].
 _DEEP = 20e-6
+# Beyond what tools and nodes travel, points closer to a tool than this share of a cell edge may touch it.
+_REACH = 0.05
 # Positions that differ by less than this share of a cell edge differ by rounding.
 _SAME = 1e-9
 
@@ -211,7 +213,7 @@ def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
     travel = tool_travel(
         tools.reach, tools.position, tools.orientation, tools.position_next, tools.orientation_next, x0
     )
-    reach = 0.25 * parameters.edge + travel + 2.0 * dt * fastest
+    reach = _REACH * parameters.edge + travel + 2.0 * dt * fastest
     total = augmentations = count = 0
     search, flies = True, _flies_on(x, x0, v0, dt, parameters.edge)
     while True:
