@@ -2,13 +2,13 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo dev chart rivals references plans atlas claims results pages figures bus pbd batch test lint types lock clean
+.PHONY: help demo dev chart rivals references plans atlas claims results pages figures course bus pbd batch test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
 VENV := .venv
 PY := $(VENV)/bin/python
-SOURCES := protocol coupling services clients tests
+SOURCES := protocol coupling services clients tests docs
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 
 help: ## list the targets
@@ -46,6 +46,10 @@ pages: $(VENV)/.dev ## write docs/reference/ from the code: Python, command line
 
 figures: $(VENV)/.dev ## draw the pictures of docs/concepts/
 	@PYTHONPATH=tests $(PY) -m pages.figures
+
+course: $(VENV)/.dev ## run the lessons of docs/course/ and draw their pictures
+	@for lesson in locking pbd_stiffness xpbd_substeps two_models accuracy_speed; do \
+		$(PY) docs/course/$$lesson.py docs/pictures/course_$$lesson.png || exit 1; done
 
 bus: $(VENV)/.dev ## measure what the bus costs on this machine
 	@$(PY) tests/benchmarks/bus.py
