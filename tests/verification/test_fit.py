@@ -18,8 +18,11 @@ from softseam.fit.command import Wishes, fit_scene
 from softseam.fit.least_squares import Answer
 from softseam_protocol.scene.file import scene_json
 
-SQUEEZE = [{"tools": ["left", "right"], "close": 0.02, "until": {"compression": 0.15}}, {"hold": 0.05}]
-LIFT = [
+SQUEEZE: list[dict[str, Any]] = [
+    {"tools": ["left", "right"], "close": 0.02, "until": {"compression": 0.15}},
+    {"hold": 0.05},
+]
+LIFT: list[dict[str, Any]] = [
     {"tools": ["left", "right"], "close": 0.04, "until": {"compression": 0.12}},
     {"tools": ["left", "right"], "move": [0, 0, 0.02], "speed": 0.1},
 ]
