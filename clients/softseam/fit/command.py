@@ -103,9 +103,7 @@ def _told(number: Number, value: float, error: float, answer: Answer, place: int
 
 
 def _print(console: Console, numbers: list[Number], answer: Answer) -> None:
-    table = Table(
-        title=f"fitted in {answer.runs} runs, {answer.residual:.3g} N off (root mean square)", title_justify="left"
-    )
+    table = Table(title=f"fitted in {answer.runs} runs, {answer.residual:.3g} N off (rms)", title_justify="left")
     for name in ("", "begun at", "found", "± standard error", ""):
         table.add_column(name, justify="right" if name else "left")
     for place, number in enumerate(numbers):
