@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from softseam import cli_importing, cli_learning
+from softseam import cli_fitting, cli_importing, cli_learning
 from softseam.cli_options import Deployment, Endpoint, Recordings, Routes, SceneArgument, Settings, Tolerance
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 from softseam_protocol.extensions import ExtensionError, load_extensions
@@ -392,6 +392,7 @@ def schema(
 
 
 app.command(name="import", epilog=cli_importing.IMPORT)(cli_importing.import_template)
+app.command(epilog=cli_fitting.FIT)(cli_fitting.fit)
 app.command(epilog=cli_learning.TRAIN)(cli_learning.train)
 app.command(epilog=cli_learning.EVALUATE)(cli_learning.evaluate)
 

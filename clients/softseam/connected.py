@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 from softseam.errors import (
@@ -17,6 +17,8 @@ from softseam.errors import (
     SimulationFailed,
     SoftseamError,
 )
+from softseam.gradient import Gradient
+from softseam.losses import Loss
 from softseam_protocol import errors, topics
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.liveness import CLIENT
@@ -118,6 +120,16 @@ class ConnectedBackend:
 
     def estimate(self) -> ErrorEstimate | None:
         return self._ask(Estimate(self._header()), Estimated, SimulationFailed).estimate
+
+    def differentiate(
+        self,
+        loss: Loss,
+        names: Sequence[str],
+        commands: Sequence[Mapping[str, Sequence[float]]] | None,
+        steps: int | None,
+        near: float,
+    ) -> tuple[Gradient, Observation]:
+        raise BadInput("gradients need the simulation in this process: open the session without connect")
 
     def close(self) -> None:
         """Close the session there; one that cannot be reached or is at work closes it itself once it is idle."""

@@ -24,6 +24,8 @@ from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from softseam.gradient import Gradient
+    from softseam.losses import Loss
     from softseam_services.orchestrator.simulation import Simulation
     from softseam_services.recorder.recorder import McapRecorder
 
@@ -104,6 +106,24 @@ class EmbeddedBackend:
     def estimate(self) -> ErrorEstimate | None:
         with translated():
             return self.simulation.estimate()
+
+    def differentiate(
+        self,
+        loss: Loss,
+        names: Sequence[str],
+        commands: Sequence[Mapping[str, Sequence[float]]] | None,
+        steps: int | None,
+        near: float,
+    ) -> tuple[Gradient, Observation]:
+        from softseam.differentiating import differentiate
+
+        if self._record is not None:
+            raise BadInput("a gradient begins the run anew, which a recording does not show: open without record")
+        compile_first(self.simulation.scene)
+        with translated():
+            gradient = differentiate(self.simulation, loss, names, commands, steps, near)
+        self._last = self.simulation.report
+        return gradient, self._observation(fields=True, taken=True)
 
     def close(self) -> None:
         try:
@@ -267,6 +287,7 @@ def _translate(error: BaseException, opening: bool) -> None:
     from softseam_services.body.errors import MeshError, RowError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.participants import StepFailed
+    from softseam_services.orchestrator.rollout import NotDifferentiable
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
     from softseam_services.recorder.whole_file import RecordError
     from softseam_services.tools.errors import ToolError
@@ -274,7 +295,7 @@ def _translate(error: BaseException, opening: bool) -> None:
     refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == FailureKind.INVALID
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
-    if isinstance(error, MissingRow | RowError):
+    if isinstance(error, MissingRow | RowError | NotDifferentiable):
         raise BadInput(str(error)) from error
     if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error

@@ -14,6 +14,8 @@ import numpy as np
 
 from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
+from softseam.gradient import Gradient, check_inputs
+from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
 from softseam.one_thread import one_thread
 from softseam.scenes import bundle_of, inputs_of, located
@@ -58,6 +60,17 @@ class Backend(Protocol):
     def load(self, state: bytes) -> messages.Observation: ...
 
     def estimate(self) -> messages.ErrorEstimate | None: ...
+
+    def differentiate(
+        self,
+        loss: Loss,
+        names: Sequence[str],
+        commands: Sequence[Mapping[str, Sequence[float]]] | None,
+        steps: int | None,
+        near: float,
+    ) -> tuple[Gradient, messages.Observation]:
+        """See `Session.gradient`; and what is seen at the end of the run."""
+        ...
 
     def close(self) -> None: ...
 
@@ -283,6 +296,42 @@ class Session:
             if unread is not None:
                 self._observe(unread)
         return self.last
+
+    @one_thread
+    def gradient(
+        self,
+        loss: Loss,
+        wrt: Sequence[str],
+        *,
+        commands: Sequence[Mapping[str, ArrayLike]] | None = None,
+        steps: int | None = None,
+        near: float = 1e-4,
+    ) -> Gradient:
+        """Derivatives of a loss of a run from the start of the scene, where the session then stands at its end.
+
+        loss      a function of the `Run` that returns its value and its `Slope`: of `softseam.losses`, or your own
+        wrt       names: "young" [Pa]; "friction" of all tools alike, "friction.TOOL" [1]; "way.TOOL" in each step
+                  (s, 3) [m]; "velocity" [m/s] and "position" [m] of the whole body at the start (3,)
+        commands  velocities of tools step by step, as for `step`; None follows the scene's own motion
+        steps     most steps of that motion; None: all
+        near      contacts are told as `crossed` within such a relative change of forces
+
+        By the adjoint of FEM's implicit Euler steps, contact and friction included: exact but for the tolerance that
+        steps are solved to (`models.fem.tolerance`; 1e-7 is enough for six digits). Tools go as they do in the run,
+        whatever the inputs are. Raises BadInput for what gradients do not go through, with the key and a remedy.
+        """
+        backend = self._running()
+        check_inputs(wrt, self._tools)
+        most = None if steps is None else whole(steps)
+        if steps is not None and (most is None or most < 1):
+            raise BadInput(f"steps is {steps!r}: give a whole number of steps, 1 or more")
+        moved = None if commands is None else [self._listed(one) for one in commands]
+        gradient, seen = backend.differentiate(loss, wrt, moved, most, near)
+        self._observe(seen)
+        return gradient
+
+    def _listed(self, command: Mapping[str, ArrayLike]) -> dict[str, list[float]]:
+        return {name: velocity.tolist() for name, velocity in self._checked(command).items()}
 
     @one_thread
     def doubts(self) -> list[str]:

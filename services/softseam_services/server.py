@@ -154,6 +154,10 @@ class ParticipantServer:
         """Share set-ups, by their bodies, that the same process has built already."""
         self._setups_of(bundle).update(setups)
 
+    def solver(self, session: str, part: str) -> Solver:
+        """What computes a part that is configured here. Raises KeyError where none is."""
+        return self._slots[session, part].solver
+
     def handle(self, request: Request) -> Reply:
         """Serve one request; every failure is a `Failure`, never an exception."""
         header = request.header

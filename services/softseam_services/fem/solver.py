@@ -23,6 +23,7 @@ from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
 from softseam_services.fem.step import AT_ONCE, StepInputs, Stepper, StepResult
+from softseam_services.fem.step_derivative import Augmentation, StepDerivative
 from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
@@ -252,6 +253,20 @@ class FemSolver:
             raise ValueError(problem)
         stepper.correct(self._committed, self._next, self._request.dt, request, self._tools)
         return self._reply(self._request, Status.CONVERGED, "", began, request)
+
+    def step_derivative(self, tools: ToolSet, dt: float, tolerance: float) -> StepDerivative:
+        """Derivatives of steps of length dt [s] of the whole region; tolerance: of their linear equations, relative."""
+        return StepDerivative(self._stepper.scheme, self.tables.whole, tools, dt, tolerance)
+
+    @property
+    def augmented(self) -> list[Augmentation]:
+        """Solutions of the last step before its end, where it was solved again as points were in deep."""
+        work, found = self._stepper.work, []
+        for number in range(int(work.augmentations[0])):
+            state = self._now.copy()
+            state.x[:] = work.augmented_x[number]
+            found.append(Augmentation(state, work.augmented_force[number].copy()))
+        return found
 
     @property
     def capabilities(self) -> Capabilities:

@@ -17,6 +17,8 @@ from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.tree import Factoring, scratch
 from softseam_services.jit import record
 
+MOST_AUGMENTATIONS = 4
+"""times that a step is solved again where points are in deep"""
 MEMORY = 12
 """columns of Anderson acceleration"""
 
@@ -99,6 +101,12 @@ class Work(NamedTuple):
     """how many contacts closed, opened, stuck, slipped or turned round in the last evaluation (1,)"""
     gone: Ints
     """and how many that the factor has are open (1,)"""
+    augmentations: Ints
+    """how often the last step was solved again from the forces that it came to (1,)"""
+    augmented_x: Floats
+    """where it was solved before each (MOST_AUGMENTATIONS, n, 3) [m]"""
+    augmented_force: Floats
+    """and the multipliers that it was solved with after it (MOST_AUGMENTATIONS, p, t, 3) [N]"""
     x_hat: Floats
     inside: Floats
     """where internal forces are taken (n, 3) [m]"""
@@ -185,6 +193,9 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         change=np.zeros((n_pairs, 3, 3)),
         turned=np.zeros(1, dtype=np.int32),
         gone=np.zeros(1, dtype=np.int32),
+        augmentations=np.zeros(1, dtype=np.int32),
+        augmented_x=np.zeros((MOST_AUGMENTATIONS, n_nodes, 3)),
+        augmented_force=np.zeros((MOST_AUGMENTATIONS, len(model.point_face), n_tools, 3)),
         x_hat=np.zeros((n_nodes, 3)),
         inside=np.zeros((n_nodes, 3)),
         force=np.zeros((n_nodes, 3)),

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 from softseam_protocol.messages.participant import Advanced, Bundle, Failure, Reply, Request
 from softseam_services.orchestrator.transport import ParticipantFailed, worked
+from softseam_services.participant import Solver
 from softseam_services.pbd.two_threads import cores
 from softseam_services.server import ParticipantServer, Setup
 
@@ -28,6 +29,10 @@ class EmbeddedTransport:
         self._setups = (bundle, setups)
         for server in self._servers.values():
             server.adopt(bundle, setups)
+
+    def solver(self, session: str, part: str) -> Solver:
+        """What computes a part. Raises KeyError where no such part is configured."""
+        return self._server(part).solver(session, part)
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         names = list(requests)

@@ -36,6 +36,7 @@ from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY
+from softseam_services.participant import Solver
 from softseam_services.server import build_setup
 
 T = TypeVar("T")
@@ -143,6 +144,14 @@ class Simulation:
     def body(self) -> AnyBody:
         """That body as it is built."""
         return self.only.body
+
+    @property
+    def solver(self) -> Solver | None:
+        """What computes that body; None where it is in several parts, or in another process."""
+        parts = self.only.participants.sides.names
+        if len(parts) > 1 or not isinstance(self._participants, EmbeddedTransport):
+            return None
+        return self._participants.solver(self._clock.session, parts[0])
 
     @property
     def regions(self) -> Regions:

@@ -21,7 +21,7 @@ from softseam_services.tools.kernels import SLOW, rotate, rotate_back, side_alon
 _BESIDE = 0.25
 """depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and
 that did not touch before, came in beside that side"""
-_NOBODY, _SEVERAL = -1, -2
+_NOBODY, SEVERAL = -1, -2
 _ORIGIN, _UPRIGHT = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
@@ -75,7 +75,7 @@ def _turn_force(tools, tool, side, xp, force):
 
 
 @njit(cache=True, error_model="numpy")
-def _meets(tools, tool, start, end, plane):
+def meets(tools, tool, start, end, plane):
     """Whether a point on its way through the step meets a tool that it may pass; plane (4,) <- where, in its frame."""
     position, turn = tools.position[tool], tools.orientation[tool]
     at = rotate_back(turn, start[0] - position[0], start[1] - position[1], start[2] - position[2])
@@ -89,8 +89,8 @@ def _meets(tools, tool, start, end, plane):
 
 
 @njit(cache=True, error_model="numpy")
-def _holders(model, multiplier, n_nodes):
-    """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `_SEVERAL`."""
+def find_holders(model, multiplier, n_nodes):
+    """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `SEVERAL`."""
     holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
     for point in range(len(model.point_face)):
         for tool in range(multiplier.shape[1]):
@@ -103,7 +103,7 @@ def _holders(model, multiplier, n_nodes):
                 if holder[node] == _NOBODY:
                     holder[node] = tool
                 elif holder[node] != tool:
-                    holder[node] = _SEVERAL
+                    holder[node] = SEVERAL
     return holder
 
 
@@ -124,7 +124,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
     patches = np.sqrt(inner / max(1, len(model.face_nodes)))
     seen, from_start, from_end = np.full(n_tools, -1), np.empty((n_tools, 9, 3)), np.empty((n_tools, 9, 3))
     pressed = np.empty(n_tools, dtype=np.int64)
-    holder = _holders(model, multiplier, len(x))
+    holder = find_holders(model, multiplier, len(x))
     for point in range(len(model.point_face)):
         if parameters.point_stiffness[point] == 0.0:
             continue
@@ -132,7 +132,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
         face = model.point_face[point]
         alone = True
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            alone = alone and holder[model.point_node[entry]] != _SEVERAL
+            alone = alone and holder[model.point_node[entry]] != SEVERAL
         for tool in range(n_tools):
             # on faces with points of their own a tool that is round, or has an edge, touches at these; others at nodes
             if face >= AT_NODE and model.at_faces[tool] != (face >= 0):
@@ -188,7 +188,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     point_position(v, model, parameters, point, ahead)
                     for i in range(3):
                         ahead[i] = xp[i] + dt * ahead[i]
-                    if _meets(tools, tool, xp, ahead, work.plane[count]):
+                    if meets(tools, tool, xp, ahead, work.plane[count]):
                         side = SWEPT
                 work.pair[count, 0] = point
                 work.pair[count, 1] = tool

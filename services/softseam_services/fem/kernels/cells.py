@@ -44,7 +44,7 @@ def gather(x, cell_nodes, xe):
 def deformation(x, model, parameters, work):
     """Fill work.xe and work.F: deformation gradients at the octants' points, F[c, i, 3 q + j] (c, 3, 24)."""
     gather(x, model.cell_nodes, work.xe)
-    _multiply_full(model, parameters, work.xe, parameters.gradient, work.F, 24, 27, False, work.ints)
+    multiply_full(model, parameters, work.xe, parameters.gradient, work.F, 24, 27, False, work.ints)
     if len(parameters.cut_force) > 0:
         for cell in range(len(model.cell_nodes)):
             cut = model.cut[cell]
@@ -53,7 +53,7 @@ def deformation(x, model, parameters, work):
 
 
 @njit(cache=True, error_model="numpy")
-def _multiply_full(model, parameters, a, b, c, n, k, add, ints):
+def multiply_full(model, parameters, a, b, c, n, k, add, ints):
     """c (c, 3, n) <- a (c, 3, k) b (k, n) [+ c where add] of full cells, as many in a row as there are."""
     n_cells = len(model.cell_nodes)
     if len(parameters.cut_force) == 0:
@@ -113,7 +113,7 @@ def subtract_forces(x, model, parameters, work, r):
             J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, weight, work.P[cell])
             if not least <= J:
                 least, worst = J, cell
-    _multiply_full(model, parameters, work.P, parameters.gradient_t, work.fe, 27, 24, False, work.ints)
+    multiply_full(model, parameters, work.P, parameters.gradient_t, work.fe, 27, 24, False, work.ints)
     if len(parameters.cut_force) > 0:
         both = work.both
         for cell in range(n_cells):
@@ -130,7 +130,7 @@ def subtract_forces(x, model, parameters, work, r):
             for i in range(3):
                 for a in range(27):
                     work.xe[cell, i, a] *= scale
-    _multiply_full(model, parameters, work.xe, parameters.stabilisation, work.fe, 27, 27, True, work.ints)
+    multiply_full(model, parameters, work.xe, parameters.stabilisation, work.fe, 27, 27, True, work.ints)
     for cell in range(n_cells):
         for a in range(27):
             place = model.cell_order[cell, a]
@@ -164,7 +164,7 @@ def least_square_stretch(F, at):
 
 
 @njit(cache=True, error_model="numpy")
-def _point_factors(F, at, linear, mu, lam, weight, safe, H):
+def point_factors(F, at, linear, mu, lam, weight, safe, H):
     """A_q, B_q of the module's last line; H (3, 3) = cof F (or I) updated in place.
 
     safe: |B| is kept below mu times the least square stretch, which makes the cell's matrix positive semi-definite:
@@ -240,7 +240,7 @@ def add_cell_tangents(x, model, parameters, tree, work, safe):
                 parameters.lambda_[cell, q],
                 work.part[cell] * parameters.weight[cell, q],
             )
-            A[q], B[q] = _point_factors(work.F[cell], 3 * q, model.linear, mu, lam, weight, safe, H)
+            A[q], B[q] = point_factors(work.F[cell], 3 * q, model.linear, mu, lam, weight, safe, H)
             at = 3 * q * LANES
             for b in range(n_free):
                 a = local[b]
@@ -267,7 +267,7 @@ def strain_energy(x, model, parameters, work):
     """
     deformation(x, model, parameters, work)
     n_cells = len(model.cell_nodes)
-    _multiply_full(model, parameters, work.xe, parameters.stabilisation, work.fe, 27, 27, False, work.ints)
+    multiply_full(model, parameters, work.xe, parameters.stabilisation, work.fe, 27, 27, False, work.ints)
     total = 0.0
     for cell in range(n_cells):
         F = work.F[cell]

@@ -13,6 +13,7 @@ from softseam_services.fem.kernels.contact import (
     NORMAL,
     OPEN,
     PRESSURE,
+    RELAXED,
     SLIDE,
     TRACTION,
     augment,
@@ -28,6 +29,8 @@ from softseam_services.fem.kernels.newton import (
     N_CANDIDATES,
     farthest,
     newton,
+    refactor,
+    residual,
     seam_compliance,
     seam_pull,
 )
@@ -43,9 +46,8 @@ PENETRATION, SLIPPED, N_CONTACTS, N_ITERATIONS, LOWEST, HIGHEST = 11, 12, 13, 14
 N_OUT = 21
 
 # what `advance` is to do
-STEP, DERIVE, CORRECT = 0, 1, 2
+STEP, DERIVE, CORRECT, RETRACE = 0, 1, 2, 3
 
-_MOST_AUGMENTATIONS = 4
 # Points deeper than this after the iteration get their multipliers updated within the step [m].
 _DEEP = 20e-6
 # Beyond what tools and nodes travel, points closer to a tool than this share of a cell edge may touch it.
@@ -199,13 +201,9 @@ def _flies_on(x, x0, v0, dt, edge):
     return True
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
-    """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""
-    dt, past, tools, tree = inputs.dt, inputs.past, inputs.tools, model.tree
-    x0, v0, history, x = now.x, now.v, now.history, end.x
-    inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
-    resist(scheme, dt, share, x0, model, parameters, work)
+@njit(cache=True, error_model="numpy")
+def _reach(x0, v0, dt, parameters, tools):
+    """How near to a tool's end a point is when a step begins to be a candidate, unless nodes go farther [m]."""
     fastest = 0.0
     for node in range(len(x0)):
         for i in range(3):
@@ -213,7 +211,64 @@ def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
     travel = tool_travel(
         tools.reach, tools.position, tools.orientation, tools.position_next, tools.orientation_next, x0
     )
-    reach = _REACH * parameters.edge + travel + 2.0 * dt * fastest
+    return _REACH * parameters.edge + travel + 2.0 * dt * fastest
+
+
+@njit(cache=True, error_model="numpy")
+def _retrace(scheme, model, parameters, now, end, inputs, with_factor, work):
+    """Candidates, contact and residual of a step that was taken, at its end, and with_factor the matrix there.
+
+    It was solved with the last of work.augmented_force, where there is one. Returns a status and the candidates.
+    """
+    x0, x, tools = now.x, end.x, inputs.tools
+    inertia, share = begin(scheme, inputs.dt, inputs.past, x0, now.v, now.history, work.x_hat)
+    resist(scheme, inputs.dt, share, x0, model, parameters, work)
+    reach, way = _reach(x0, now.v, inputs.dt, parameters, tools), farthest(x0, x)
+    if way > reach:
+        reach = 2.0 * way
+    count = find_candidates(
+        x0, now.v, inputs.dt, model, parameters, tools, now.contact, reach, inertia, inputs.pace, work
+    )
+    if loses_volume(model):
+        watch_cells(FIRST, x, model, parameters, work)
+    if work.augmentations[0] > 0:
+        multiplier = work.augmented_force[work.augmentations[0] - 1]
+        for c in range(count):
+            for i in range(3):
+                work.multiplier[c, i] = multiplier[work.pair[c, 0], work.pair[c, 1], i]
+    residual(x, x0, model, parameters, tools, count, inertia, share, work)
+    good = True
+    if with_factor:
+        for c in range(count):
+            work.contact[c, RELAXED] = 1.0
+        tree = model.tree
+        good = refactor(x, x0, model, parameters, tree, tools, count, inertia, share, False, -np.inf, False, work)
+    return CONVERGED if good else INDEFINITE, count
+
+
+@njit(cache=True, error_model="numpy")
+def _keep_augmentation(x, count, work):
+    """Keep where the step was solved, and the multipliers that it is solved with next: its derivatives need them."""
+    at = work.augmentations[0]
+    for node in range(len(x)):
+        for i in range(3):
+            work.augmented_x[at, node, i] = x[node, i]
+    multiplier = work.augmented_force[at]
+    multiplier[:] = 0.0
+    for c in range(count):
+        for i in range(3):
+            multiplier[work.pair[c, 0], work.pair[c, 1], i] = work.multiplier[c, i]
+    work.augmentations[0] = at + 1
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
+    """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""
+    dt, past, tools, tree = inputs.dt, inputs.past, inputs.tools, model.tree
+    x0, v0, history, x = now.x, now.v, now.history, end.x
+    inertia, share = begin(scheme, dt, past, x0, v0, history, work.x_hat)
+    resist(scheme, dt, share, x0, model, parameters, work)
+    reach = _reach(x0, v0, dt, parameters, tools)
     total = augmentations = count = 0
     search, flies = True, _flies_on(x, x0, v0, dt, parameters.edge)
     while True:
@@ -222,6 +277,7 @@ def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
                 x0, v0, dt, model, parameters, tools, now.contact, reach, inertia, inputs.pace, work
             )
             search = False
+            work.augmentations[0] = 0
         status, iterations = newton(x, x0, model, parameters, tree, tools, count, inertia, share, settings, flies, work)
         flies = False  # from here on, x is a solution of something
         total += iterations
@@ -241,10 +297,11 @@ def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
         for c in range(count):
             if work.hold[c, 1] == 1.0:
                 deepest = max(deepest, -work.contact[c, GAP])
-        if deepest < _DEEP or augmentations == _MOST_AUGMENTATIONS:
+        if deepest < _DEEP or augmentations == len(work.augmented_x):
             break
         augmentations += 1
         augment(count, work)
+        _keep_augmentation(x, count, work)
     finish(scheme, dt, past, x0, v0, history, x, end.v, end.history)
     return CONVERGED, total, count
 
@@ -254,7 +311,8 @@ def advance(scheme, model, parameters, now, end, inputs, settings, work, result,
     """One step from `now` into `end`, whose x is the first guess; returns a status of `newton`.
 
     task: STEP; or DERIVE, in its place its `seam_compliance` at the end, into result.compliance; or CORRECT, move the
-    step that was taken last on by its linear answer to inputs.push, inputs.seam_force being what acts then.
+    step that was taken last on by its linear answer to inputs.push, inputs.seam_force being what acts then; or RETRACE,
+    look at a step that was taken again, see `_retrace`, with the matrix where settings.most is not 0.
     Kernels of their own would be compiled from the same hundred and forty functions once more.
 
     end and result are valid where the status is CONVERGED; result.out[N_ITERATIONS] and work.memo always.
@@ -283,6 +341,10 @@ def advance(scheme, model, parameters, now, end, inputs, settings, work, result,
         # a march does not look again
         watch_cells(-np.inf if scheme.kind == SYMPLECTIC_EULER else WATCHED, x0, model, parameters, work)
     count = 0
+    if task == RETRACE:
+        status, count = _retrace(scheme, model, parameters, now, end, inputs, settings.most > 0, work)
+        work.memo[N_CANDIDATES] = count
+        return status
     if scheme.kind == SYMPLECTIC_EULER:
         longest = scheme.parameters[1]
         status, iterations = march(longest, x0, now.v, inputs.dt, model, parameters, work, end.x, end.v)

@@ -1,0 +1,277 @@
+"""Derivatives of what contact comes to in a step, by all that it follows from; eqs. (1) and (3) of kernels/contact.py.
+
+Of a touching point at x with gap g and normal n, H = dn/dx, T = I - n n^T, multiplier l, penalty r, carried part c, and
+the way y = x - X + s from where it would stick, X being the tool's place when the step ends and s = (its place before)
+- (the anchor, or the point's place before where it has none):
+  a = l . n,  p = c max(0, a) - r g,  q = l - r y,  t = T q                                                      (1)
+  stick: tau = t, anchor = x - c T y;   slip: e = t/|t|, tau = mu p e, anchor = x                                (2)
+  dp = (c [a > 0] l . H - r n) . dx + c [a > 0] n . dl - g dr + max(0, a) dc
+  dt = (-r T - n (q^T H) - (n . q) H) dx + T (dl - r ds - y dr)
+  d(p n + tau) = n dp + p H dx + dtau,   slip: dtau = mu e dp + mu p/|t| (I - e e^T) dt + p e dmu                  (3)
+X moves force and anchor as -dx does, but for the anchor's own place. H of a flat side is 0; of what is round it is the
+central difference of normals. A point that came from far meets a plane (m, b) in the tool's frame, with the gap
+m . (x - X) - b, which follows from where it comes from and where it flies to: there H is 0, and
+  dp = -r ((x - X) . dm - db),   dt = -m (q . dm) - (m . q) dm                                                   (4)
+Where a state is about to change, these are of the side that the run is on; `margin` says how near that is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.fem.kernels.candidates import SEVERAL, find_holders, firmness, meets
+from softseam_services.fem.kernels.contact import (
+    GAP,
+    NORMAL,
+    OPEN,
+    PRESSURE,
+    SLIP,
+    SWEPT,
+    TRIAL,
+    point_position,
+)
+from softseam_services.fem.kernels.cover import CARRY_POWER, covered, pressed_side, see
+from softseam_services.fem.kernels.cover_derivative import differentiate_cover
+from softseam_services.jit import njit
+from softseam_services.shapes.branches import BOX, CYLINDER, PLANE
+from softseam_services.tools.kernels import rotate, tool_gap
+
+SMOOTH, ENTERED = 0, 1
+"""of a step: its contact has derivatives; a box came in beside its edge"""
+BY_PENALTY, BY_CARRY, BY_FRICTION = 0, 1, 2
+"""columns of `numbers`"""
+SHARE, WHOLE, YOUNG = 0, 1, 2
+"""columns of `hold`: of the patch, of the face, logarithm of Young's modulus"""
+_APART = 1e-5
+"""of a cell edge: between the places whose normals are compared"""
+
+
+@njit(cache=True, error_model="numpy")
+def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, count, work, out):
+    """Fill out (`contact_slopes.ContactSlopes`) by eq. (3) for candidates that `evaluate_contacts` saw at x.
+
+    x0, v0 (n, 3), contact (p, t, 9): at the start of the step. Returns SMOOTH, or what has no derivative.
+    """
+    inertia = 1.0 / (dt * dt)
+    xp, G, H, face = np.empty(3), np.zeros(3), np.zeros((3, 3)), np.empty((9, 3))
+    holder = find_holders(model, contact, len(x0))
+    inner = 0
+    for point in range(len(model.point_face)):
+        inner += model.point_face[point] >= 0
+    patches = np.sqrt(inner / max(1, len(model.face_nodes)))
+    hardest = _hardest(count, len(tools.kind), work)
+    for c in range(count):
+        point, tool = work.pair[c, 0], work.pair[c, 1]
+        out.place[c], out.multiplier[c], out.since[c], out.numbers[c] = 0.0, 0.0, 0.0, 0.0
+        out.hold[c], out.cover[c] = 0.0, 0.0
+        point_position(x, model, parameters, point, xp)
+        out.margin[c] = _margin(c, xp, parameters.friction[tool], hardest[tool], work)
+        if work.state[c] == OPEN:
+            continue
+        alone, touched = True, False
+        for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            alone = alone and holder[model.point_node[entry]] != SEVERAL
+        for i in range(3):
+            touched = touched or contact[point, tool, i] != 0.0
+        out.anchored[c] = alone and touched
+        _bend(c, xp, parameters.edge, tools, work, G, H)
+        _differentiate(c, xp, G, H, parameters.friction[tool], work, out)
+        out.met[c] = 0.0
+        if work.side[c] == SWEPT:
+            _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out)
+        share, whole, covers = 1.0, 1.0, model.point_face[point] >= 0 and tools.kind[tool] == BOX
+        if covers:
+            nodes, patch = model.face_nodes[model.point_face[point]], model.point_patch[point]
+            position, turn = tools.position[tool], tools.orientation[tool]
+            see(x0, nodes, position, turn, face)
+            first = point
+            while first > 0 and model.point_face[first - 1] == model.point_face[point]:
+                first -= 1
+            point_position(x0, model, parameters, point, xp)
+            pressed = -1
+            if parameters.friction[tool] < 1.0:
+                pressed = pressed_side(model.point_face, first, contact, tool, turn)
+            if covered(face, xp, patches, patch, tools.shape[tool], position, turn, pressed)[2] != work.side[c]:
+                return ENTERED
+            share, whole = differentiate_cover(face, work.side[c] % 3, patches, patch, tools.shape[tool], out.cover[c])
+            for which in range(2):
+                for k in range(9):
+                    slope = out.cover[c, which, k]
+                    slope[0], slope[1], slope[2] = rotate(turn, slope[0], slope[1], slope[2])
+        _differentiate_hold(c, point, covers, share, whole, model, parameters, inertia, work, out)
+    return SMOOTH
+
+
+@njit(cache=True, error_model="numpy")
+def _hardest(count, n_tools, work):
+    """Largest pressure on any point of each tool (t,) [N]."""
+    hardest = np.zeros(n_tools)
+    for c in range(count):
+        if work.state[c] != OPEN:
+            tool = work.pair[c, 1]
+            hardest[tool] = max(hardest[tool], work.contact[c, PRESSURE])
+    return hardest
+
+
+@njit(cache=True, error_model="numpy")
+def _margin(c, xp, friction, hardest, work):
+    """Relative change of forces with which this candidate opens, closes, sticks or slips."""
+    row, f = work.contact[c], work.multiplier[c]
+    if work.state[c] == OPEN:
+        # normals are known of what touches; an open one that carries no force opens and closes with its gap
+        way = 0.0
+        for i in range(3):
+            way += (xp[i] - work.begun[c, i]) ** 2
+        carried = work.hold[c, 1] * np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+        lacking = abs(work.hold[c, 0] * row[GAP] - carried)
+        return lacking / max(hardest, work.hold[c, 0] * np.sqrt(way), 1e-300)
+    opens = row[PRESSURE] / hardest
+    bound = friction * row[PRESSURE]
+    return opens if bound == 0.0 else min(opens, abs(row[TRIAL] - bound) / bound)
+
+
+@njit(cache=True, error_model="numpy")
+def _bend(c, xp, edge, tools, work, G, H):
+    """G (3,) [1], H (3, 3) [1/m] <- derivatives of a candidate's gap and normal by its point's place xp, in place."""
+    row, tool = work.contact[c], work.pair[c, 1]
+    for i in range(3):
+        G[i] = row[NORMAL + i]
+    H[:] = 0.0
+    kind = tools.kind[tool]
+    if work.side[c] >= 0 or work.side[c] == SWEPT or kind == PLANE:
+        return
+    shape, position, turn = tools.shape[tool], tools.position_next[tool], tools.orientation_next[tool]
+    apart = _APART * edge
+    for j in range(3):
+        at = xp[j]
+        xp[j] = at + apart
+        far, fx, fy, fz = tool_gap(kind, shape, position, turn, xp)
+        xp[j] = at - apart
+        near, nx, ny, nz = tool_gap(kind, shape, position, turn, xp)
+        xp[j] = at
+        H[0, j], H[1, j], H[2, j] = (fx - nx) / (2 * apart), (fy - ny) / (2 * apart), (fz - nz) / (2 * apart)
+        if kind > CYLINDER:  # of a grid the normal is near the gap's slope, no more
+            G[j] = (far - near) / (2 * apart)
+
+
+@njit(cache=True, error_model="numpy")
+def _differentiate(c, xp, G, H, friction, work, out):
+    """Eq. (3) of one touching candidate, in place."""
+    row, l = work.contact[c], work.multiplier[c]  # noqa: E741 as in the equation
+    r, carry, gap, pressure = work.hold[c, 0], work.hold[c, 1], row[GAP], row[PRESSURE]
+    slips = work.state[c] == SLIP
+    n, y, q, e = np.empty(3), np.empty(3), np.empty(3), np.zeros(3)
+    across = along = ahead = 0.0
+    for i in range(3):
+        n[i] = row[NORMAL + i]
+        y[i] = xp[i] - work.begun[c, i] + work.offset[c, i]
+        q[i] = l[i] - r * y[i]
+        along += l[i] * n[i]
+        across += n[i] * q[i]
+        ahead += n[i] * y[i]
+    squeeze = 0.0
+    if slips and row[TRIAL] > 0.0:
+        squeeze = friction * pressure / row[TRIAL]
+        for i in range(3):
+            e[i] = (q[i] - across * n[i]) / row[TRIAL]
+    dp, qH, yH, dt = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for j in range(3):
+        lH = qH[j] = yH[j] = 0.0
+        for i in range(3):
+            lH += l[i] * H[i, j]
+            qH[j] += q[i] * H[i, j]
+            yH[j] += y[i] * H[i, j]
+        dp[j] = (carry * lH if along > 0.0 else 0.0) - r * G[j]
+    place, by_l, by_s, numbers = out.place[c], out.multiplier[c], out.since[c], out.numbers[c]
+    for i in range(3):
+        for j in range(3):
+            T = (1.0 if i == j else 0.0) - n[i] * n[j]
+            dt[i, j] = -r * T - n[i] * qH[j] - across * H[i, j]
+    for i in range(3):
+        normal_part = n[i] + (friction * e[i] if slips else 0.0)
+        turned = 0.0
+        for j in range(3):
+            T = (1.0 if i == j else 0.0) - n[i] * n[j]
+            through, moved = T, dt[i, j]
+            if slips:
+                through = squeeze * (T - e[i] * e[j])
+                moved = 0.0
+                for k in range(3):
+                    moved += squeeze * ((1.0 if i == k else 0.0) - e[i] * e[k]) * dt[k, j]
+            place[i, j] = normal_part * dp[j] + pressure * H[i, j] + moved
+            by_l[i, j] = through + (normal_part * carry * n[j] if along > 0.0 else 0.0)
+            by_s[i, j] = -r * through
+            turned -= through * y[j]
+            place[3 + i, j] = 1.0 if i == j else 0.0
+            if not slips:
+                place[3 + i, j] -= carry * (T - ahead * H[i, j] - n[i] * yH[j])
+                by_s[3 + i, j] = -carry * T
+                numbers[3 + i, BY_CARRY] -= T * y[j]
+        numbers[i, BY_PENALTY] = -gap * normal_part + turned
+        numbers[i, BY_CARRY] = max(0.0, along) * normal_part
+        numbers[i, BY_FRICTION] = pressure * e[i] if slips else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
+    """Eq. (4) of a candidate that meets a plane: force by where its point comes from and by where it flies to."""
+    row, point, tool = work.contact[c], work.pair[c, 0], work.pair[c, 1]
+    ends, plane, other = np.empty((2, 3)), np.empty(4), np.empty(4)
+    point_position(x0, model, parameters, point, ends[0])
+    point_position(v0, model, parameters, point, ends[1])
+    across = along = 0.0
+    q, dq, e = np.empty(3), np.empty(3), np.zeros(3)
+    r, friction, slips = work.hold[c, 0], parameters.friction[tool], work.state[c] == SLIP
+    squeeze = friction * row[PRESSURE] / row[TRIAL] if slips and row[TRIAL] > 0.0 else 1.0
+    for i in range(3):
+        ends[1, i] = ends[0, i] + dt * ends[1, i]
+        q[i] = work.multiplier[c, i] - r * (xp[i] - work.begun[c, i] + work.offset[c, i])
+        across += q[i] * row[NORMAL + i]
+    if slips and row[TRIAL] > 0.0:
+        for i in range(3):
+            e[i] = (q[i] - across * row[NORMAL + i]) / row[TRIAL]
+    apart = _APART * parameters.edge
+    for which in range(2):
+        for j in range(3):
+            at = ends[which, j]
+            ends[which, j] = at + apart
+            meets(tools, tool, ends[0], ends[1], plane)
+            ends[which, j] = at - apart
+            meets(tools, tool, ends[0], ends[1], other)
+            ends[which, j] = at
+            for i in range(4):
+                plane[i] = (plane[i] - other[i]) / (2.0 * apart)
+            plane[0], plane[1], plane[2] = rotate(tools.orientation[tool], plane[0], plane[1], plane[2])
+            gap, along = -plane[3], 0.0
+            for i in range(3):
+                gap += plane[i] * (xp[i] - tools.position_next[tool, i])
+                along += plane[i] * q[i]
+            turned = 0.0
+            for i in range(3):
+                dq[i] = -row[NORMAL + i] * along - across * plane[i]
+                turned += e[i] * dq[i]
+            for i in range(3):
+                moved = squeeze * (dq[i] - turned * e[i]) if slips else dq[i]
+                normal_part = row[NORMAL + i] + (friction * e[i] if slips else 0.0)
+                out.met[c, which, i, j] = -r * gap * normal_part + row[PRESSURE] * plane[i] + moved
+
+
+@njit(cache=True, error_model="numpy")
+def _differentiate_hold(c, point, covers, share, whole, model, parameters, inertia, work, out):
+    """Penalty and carried part by what `find_candidates` makes them of, in place: rows r, c; columns of `hold`."""
+    firm, stiffness = firmness(model, parameters, point, inertia), parameters.point_stiffness[point]
+    light = firm > 1.0  # then the penalty is one of inertia, which knows no modulus
+    r, hold = work.hold[c, 0], out.hold[c]
+    carry, slope = whole**CARRY_POWER, CARRY_POWER * whole ** (CARRY_POWER - 1)
+    if not covers:
+        carry, slope = (1.0, 0.0) if work.hold[c, 1] == 1.0 else (0.0, 0.0)
+    if carry == 1.0:
+        hold[0, SHARE], hold[0, YOUNG] = firm * stiffness, 0.0 if light else r
+        return
+    most = 1.0 / (1.0 - carry)
+    if firm < most:
+        hold[0, SHARE], hold[1, WHOLE] = firm * stiffness, firm * slope
+        hold[0, YOUNG], hold[1, YOUNG] = (0.0, firm * (1.0 - carry)) if light else (r, 0.0)
+        return
+    hold[0, SHARE], hold[0, YOUNG] = most * stiffness, r
+    hold[0, WHOLE] = share * stiffness * most * most * slope
