@@ -162,6 +162,24 @@ def test_what_is_seen_is_of_order_one_and_says_what_happens(env: TofuLift) -> No
     assert columns["time"][0] == pytest.approx(1 / 80)
 
 
+def test_forces_are_felt_alike_in_both_models_whatever_the_step() -> None:
+    """Means over an action: while the pads close, the force at its end is some three times that of a mean by XPBD."""
+    felt, ends = [], []
+    for env in (TofuLift(step=0.01), TofuLift(step=0.005), TofuLift(model="xpbd")):
+        for seed in (0, 1, 2):
+            env.reset(seed=seed)
+            while (seen := env.step([1.0, 0.0])[0])[2] == 0.0:
+                pass
+            seen, *_, info = env.step([0.5, 0.0])
+            felt.append(0.3 * np.expm1(min(seen[2], seen[3])))
+            ends.append(info["grip_force"])
+        env.close()
+    fine, finer, xpbd = np.reshape(felt, (3, 3))
+    np.testing.assert_allclose(fine, finer, rtol=0.1)
+    np.testing.assert_allclose(fine, xpbd, rtol=0.25)
+    assert (np.array(ends[:3]) > 1.1 * fine).all()
+
+
 def test_pads_open_no_wider_than_they_began_and_sink_no_lower(env: TofuLift) -> None:
     """Noise closes as often as it opens: without a stop it would lead away from the tofu."""
     env.reset(seed=0)
