@@ -44,14 +44,14 @@ DOCUMENT = {
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """After one rollout, of sixteen pieces."""
+    """After one rollout, of eight pieces."""
     folder = tmp_path_factory.mktemp("trained") / "policy"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training, "_ROW", 200)
         said = Console(file=StringIO())
-        train(Wishes(steps=400, out=folder), said)
+        train(Wishes(steps=400, environments=8, out=folder), said)
     assert isinstance(said.file, StringIO)
-    assert "softseam evaluate" in said.file.getvalue()
+    assert "softseam evaluate" in said.file.getvalue() and "replayed by FEM" in said.file.getvalue()
     return folder
 
 
@@ -66,8 +66,10 @@ def test_a_training_is_kept_and_goes_on(trained: Path) -> None:
         train(Wishes(out=trained), Console(quiet=True))
     with pytest.raises(BadInput, match="2048 steps already"):
         train(Wishes(out=trained, resume=True), Console(quiet=True))
-    train(Wishes(out=trained, steps=2100, resume=True), Console(quiet=True))
+    assert found.checks and 0 < found.checks[0].steps <= 2048
+    train(Wishes(out=trained, steps=2100, resume=True, check=False), Console(quiet=True))
     more = read_training(trained)
+    assert more.checks == found.checks  # kept, and none without asking
     assert more.done == 4096 and more.seconds > found.seconds and more.curve[: len(found.curve)] == found.curve
 
 
@@ -125,6 +127,7 @@ def test_an_interrupted_training_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
         (lambda document: document | {"version": 99}, "a policy of version 99"),
         (lambda document: document | {"softseam_training": 2}, "another version of softseam"),
         (lambda document: {"softseam_training": 1}, "is corrupt"),
+        (lambda document: document | {"checks": [{"steps": 5, "xpbd": [], "fem": []}]}, "is corrupt"),
         (lambda document: [], "is corrupt"),
     ],
 )

@@ -36,7 +36,7 @@ def episode() -> Episode:
     watched = Watched(batch)
     found = lifted(lambda actions, told, over: watched.see(actions[0], told, bool(over[0])), batch, 110)
     batch.close()
-    episodes = [each for each in found if each is not None]
+    episodes: list[Episode] = [each for each in found if each is not None]
     assert len(episodes) >= 1  # the first one's piece is not known
     return episodes[0]
 

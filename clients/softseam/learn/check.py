@@ -148,13 +148,14 @@ def ratios(checks: Sequence[Check], what: str, moment: str) -> Floats:
 def summary(checks: Sequence[Check]) -> str:
     """How many end alike, and by how much largest stresses differ."""
     alike = sum(check.ended_alike for check in checks)
-    return f"FEM ends {alike} of {len(checks)} of them alike, with {_spread(ratios(checks, 'stress', 'end'))} stress"
+    stress = _spread(ratios(checks, "stress", "end"))
+    return f"{len(checks)} replayed by FEM: {alike} end alike, stress {stress}"
 
 
 def show_checks(console: Console, checks: Sequence[Check]) -> None:
     """A table: what FEM says of the same actions, by moment."""
-    console.print(f"{len(checks)} episodes replayed by FEM, steps of {1e3 * CHECK_STEP:g} ms, to XPBD; median, 80 % of "
-                  "them between", highlight=False)  # fmt: skip
+    title = f"{len(checks)} episodes replayed by FEM, steps of {1e3 * CHECK_STEP:g} ms: what it has more than XPBD"
+    console.print(f"{title}; the median, and 80 % of them between", soft_wrap=True, highlight=False)
     table = Table(box=None, pad_edge=False, header_style="dim")
     for heading in ("", "largest stress so far", "force of a pad", "lift"):
         table.add_column(heading, justify="right" if heading else "left")

@@ -29,6 +29,7 @@ def draw_curve(training: Training, path: Path) -> Path:
     all_axes = figure.subplots(1, panels)
     for axes, (title, values) in zip(all_axes, shown, strict=False):
         plain(axes, title, "steps")
+        axes.locator_params(axis="x", nbins=4)
         axes.plot(steps, values, color="#2f6fed", linewidth=1.8)
         axes.set_ylim(min(0.0, float(values.min())), 100.0 if "[%]" in title else None)
     if training.checks:
@@ -44,4 +45,5 @@ def _draw_checks(axes: Any, checks: tuple[Check, ...]) -> None:
     alike = np.array([check.ended_alike for check in stressed])
     axes.axhline(0.0, color="#2f6fed", linewidth=1.0)
     axes.plot(steps[alike], more[alike], ".", color="#2f6fed")
+    axes.locator_params(axis="x", nbins=4)
     axes.plot(steps[~alike], more[~alike], "x", color="#c8423b")

@@ -29,7 +29,10 @@ _ROW = 2_000
 """steps between rows of the curve"""
 _SAVE = 20_000
 """steps between checkpoints"""
-_WAIT = 5.0
+LOG_STD = (-0.5, -3.0)
+"""logarithm of the spread of PPO's actions at the beginning of a training, and at its end: an action of 1 squeezes by a
+twelfth, so who explores widely to the end cannot learn to be gentle"""
+_WAIT = 20.0
 """for the last check [s]"""
 
 
@@ -99,6 +102,11 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
     show, stop = _shown(console, training)
 
     class Watch(BaseCallback):  # type: ignore[misc]
+        def _on_rollout_start(self) -> None:
+            if training.algorithm == "ppo":
+                part = min(self.num_timesteps / training.steps, 1.0)
+                learner.policy.log_std.data.fill_(float(np.interp(part, (0.0, 1.0), LOG_STD)))
+
         def _on_step(self) -> bool:
             keeper.see(self.num_timesteps, self.locals["infos"], self.locals["dones"])
             show(keeper)
@@ -159,7 +167,7 @@ def algorithm(name: Algorithm) -> Any:
 def new_learner(training: Training, vector: Any) -> Any:
     """With constants that learn TofuLift (docs/decisions/53)."""
     net = {"net_arch": [64, 64]}
-    shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "gamma": 0.98, "learning_rate": 5e-4}
+    shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "gamma": 0.998, "learning_rate": 5e-4}
     if training.algorithm == "sac":
         return algorithm("sac")("MlpPolicy", vector, policy_kwargs=net, train_freq=1, gradient_steps=2, **shared)
     return algorithm("ppo")(
@@ -168,7 +176,7 @@ def new_learner(training: Training, vector: Any) -> Any:
         n_steps=max(2048 // training.environments, 8),
         batch_size=512,
         n_epochs=10,
-        policy_kwargs=net | {"log_std_init": -0.5},
+        policy_kwargs=net | {"log_std_init": LOG_STD[0]},
         **shared,
     )
 
