@@ -70,7 +70,23 @@ def test_a_training_is_kept_and_goes_on(trained: Path) -> None:
     train(Wishes(out=trained, steps=2100, resume=True, check=False), Console(quiet=True))
     more = read_training(trained)
     assert more.checks == found.checks  # kept, and none without asking
+    spread = training.algorithm("ppo").load(trained / POLICY).policy.log_std.detach().numpy()
+    assert spread == pytest.approx(training.LOG_STD[1], abs=0.15)  # 2048 of 2100 steps
     assert more.done == 4096 and more.seconds > found.seconds and more.curve[: len(found.curve)] == found.curve
+
+
+@learns
+@pytest.mark.slow
+def test_sac_learns_from_the_batch_too(tmp_path: Path) -> None:
+    """Short of learning anything: its network moves from where it began."""
+    moved = []
+    for steps in (80, 600):  # it begins after 100
+        folder = tmp_path / str(steps)
+        train(Wishes(algorithm="sac", environments=4, steps=steps, out=folder, check=False), Console(quiet=True))
+        assert read_training(folder).done == steps
+        learner = training.algorithm("sac").load(folder / POLICY)
+        moved.append(learner.policy.state_dict()["actor.mu.bias"].numpy())
+    assert abs(moved[1] - moved[0]).max() > 1e-4
 
 
 @learns

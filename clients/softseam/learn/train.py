@@ -165,14 +165,26 @@ def algorithm(name: Algorithm) -> Any:
 
 
 def new_learner(training: Training, vector: Any) -> Any:
-    """With constants that learn TofuLift (docs/decisions/53)."""
+    """With constants that learn TofuLift (docs/decisions/53, 60)."""
     net = {"net_arch": [64, 64]}
-    shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "gamma": 0.998, "learning_rate": 5e-4}
+    shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "learning_rate": 5e-4}
     if training.algorithm == "sac":
-        return algorithm("sac")("MlpPolicy", vector, policy_kwargs=net, train_freq=1, gradient_steps=2, **shared)
+        # rewards are small beside the entropy that it begins with by default, and change with the weight of stress
+        return algorithm("sac")(
+            "MlpPolicy",
+            vector,
+            gamma=0.98,
+            ent_coef="auto_0.02",
+            train_freq=1,
+            gradient_steps=max(training.environments // 4, 1),
+            buffer_size=60_000,
+            policy_kwargs=net,
+            **shared,
+        )
     return algorithm("ppo")(
         "MlpPolicy",
         vector,
+        gamma=0.998,
         n_steps=max(2048 // training.environments, 8),
         batch_size=512,
         n_epochs=10,
