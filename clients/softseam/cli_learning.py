@@ -17,6 +17,7 @@ TRAIN = (
     "[bold]What it does[/bold]\n\n"
     "Learns with stable-baselines3, from many pieces at once, by XPBD in this process, and leaves policy.zip, "
     "training.json and curve.png in the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. "
+    "Beside it, FEM replays some episodes with the same actions, and the curve and a table say how far XPBD is off. "
     "softseam evaluate judges it by FEM.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam train TofuLift\n\n"
@@ -43,13 +44,17 @@ def train(
         Path | None, typer.Option(metavar="FOLDER", help="Where it goes; default: out/TASK-ALGO-SEED.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where the folder's training stopped.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check/--no-check", help="Replay some episodes by FEM, in a process beside.")
+    ] = True,
     settings: Settings = None,
 ) -> None:
     """Learn a policy, e.g. how to lift tofu gently."""
     from softseam.learn.train import Wishes
     from softseam.learn.train import train as learn
 
-    learn(Wishes(task, algo, steps, seed, model, environments, out, resume, tuple(settings or ())), Console())
+    wishes = Wishes(task, algo, steps, seed, model, environments, out, resume, tuple(settings or ()), check)
+    learn(wishes, Console())
 
 
 def evaluate(

@@ -44,14 +44,14 @@ DOCUMENT = {
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """After one rollout, of sixteen pieces."""
+    """After one rollout, of eight pieces."""
     folder = tmp_path_factory.mktemp("trained") / "policy"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training, "_ROW", 200)
         said = Console(file=StringIO())
-        train(Wishes(steps=400, out=folder), said)
+        train(Wishes(steps=400, environments=8, out=folder), said)
     assert isinstance(said.file, StringIO)
-    assert "softseam evaluate" in said.file.getvalue()
+    assert "softseam evaluate" in said.file.getvalue() and "replayed by FEM" in said.file.getvalue()
     return folder
 
 
@@ -66,9 +66,27 @@ def test_a_training_is_kept_and_goes_on(trained: Path) -> None:
         train(Wishes(out=trained), Console(quiet=True))
     with pytest.raises(BadInput, match="2048 steps already"):
         train(Wishes(out=trained, resume=True), Console(quiet=True))
-    train(Wishes(out=trained, steps=2100, resume=True), Console(quiet=True))
+    assert found.checks and 0 < found.checks[0].steps <= 2048
+    train(Wishes(out=trained, steps=2100, resume=True, check=False), Console(quiet=True))
     more = read_training(trained)
+    assert more.checks == found.checks  # kept, and none without asking
+    spread = training.algorithm("ppo").load(trained / POLICY).policy.log_std.detach().numpy()
+    assert spread == pytest.approx(training.LOG_STD[1], abs=0.15)  # 2048 of 2100 steps
     assert more.done == 4096 and more.seconds > found.seconds and more.curve[: len(found.curve)] == found.curve
+
+
+@learns
+@pytest.mark.slow
+def test_sac_learns_from_the_batch_too(tmp_path: Path) -> None:
+    """Short of learning anything: its network moves from where it began."""
+    moved = []
+    for steps in (80, 600):  # it begins after 100
+        folder = tmp_path / str(steps)
+        train(Wishes(algorithm="sac", environments=4, steps=steps, out=folder, check=False), Console(quiet=True))
+        assert read_training(folder).done == steps
+        learner = training.algorithm("sac").load(folder / POLICY)
+        moved.append(learner.policy.state_dict()["actor.mu.bias"].numpy())
+    assert abs(moved[1] - moved[0]).max() > 1e-4
 
 
 @learns
@@ -125,6 +143,7 @@ def test_an_interrupted_training_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
         (lambda document: document | {"version": 99}, "a policy of version 99"),
         (lambda document: document | {"softseam_training": 2}, "another version of softseam"),
         (lambda document: {"softseam_training": 1}, "is corrupt"),
+        (lambda document: document | {"checks": [{"steps": 5, "xpbd": [], "fem": []}]}, "is corrupt"),
         (lambda document: [], "is corrupt"),
     ],
 )

@@ -65,6 +65,25 @@ def test_each_is_the_tofu_lift_of_its_seed() -> None:
     envs.close()
 
 
+def test_pads_that_rise_at_once_have_lifted_nothing() -> None:
+    """In the first episode and in those that follow: height counts from rest, not from nowhere."""
+    envs, one = BatchEnv(2, reward=FULL, autoreset_mode="SAME_STEP"), TofuLift(model="xpbd", reward=FULL)
+    envs.reset(seed=6)
+    one.reset(seed=6)
+    for _ in range(2):
+        over = False
+        while not over:
+            _, reward, terminated, truncated, info = envs.step(np.tile([0.6, 0.2], (2, 1)))
+            _, own, *ends, told = one.step([0.6, 0.2])
+            info = info.get("final_info", info)
+            over = bool(terminated[0] | truncated[0])
+            assert over == any(ends) and reward[0] == pytest.approx(own, abs=2e-2)
+            assert info["lift_height"][0] == pytest.approx(told["lift_height"], abs=1e-4)
+        one.reset()
+    one.close()
+    envs.close()
+
+
 def test_episodes_know_nothing_of_those_before(envs: BatchEnv) -> None:
     first = _bits(envs, 3)
     for _ in range(30):

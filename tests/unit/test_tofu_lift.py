@@ -134,7 +134,7 @@ def test_a_weight_grows_with_the_steps_of_all_environments() -> None:
         share = (1.0 - 2e-3 * steps - total) / (info["stress"] / 3e3)  # the weight at which stress grew, on the mean
         assert 0.0 < share < ramp_at(environments * steps) < 4.0 * share
     calm, stressed = (Grip(0, 0, 0, 0, 0, stress, 0) for stress in (0.0, 3e3))
-    assert [GENTLE[-1].of(calm, stressed, steps) for steps in (10e3, 1e6)] == [0.0, -0.5]
+    assert [GENTLE[-1].of(calm, stressed, steps) for steps in (10e3, 1e6)] == [0.0, -1.0]
 
 
 def ramp_at(steps: float) -> float:
@@ -160,6 +160,24 @@ def test_what_is_seen_is_of_order_one_and_says_what_happens(env: TofuLift) -> No
     assert columns["left pad in contact"][0] == 0.0 and 0.3 < columns["right pad in contact"][-1] <= 1.0
     assert columns["pull"][-1] > 0.5 > abs(columns["pull"][0])
     assert columns["time"][0] == pytest.approx(1 / 80)
+
+
+def test_forces_are_felt_alike_in_both_models_whatever_the_step() -> None:
+    """Means over an action: while the pads close, the force at its end is some three times that of a mean by XPBD."""
+    felt, ends = [], []
+    for env in (TofuLift(step=0.01), TofuLift(step=0.005), TofuLift(model="xpbd")):
+        for seed in (0, 1, 2):
+            env.reset(seed=seed)
+            while (seen := env.step([1.0, 0.0])[0])[2] == 0.0:
+                pass
+            seen, *_, info = env.step([0.5, 0.0])
+            felt.append(0.3 * np.expm1(min(seen[2], seen[3])))
+            ends.append(info["grip_force"])
+        env.close()
+    fine, finer, xpbd = np.reshape(felt, (3, 3))
+    np.testing.assert_allclose(fine, finer, rtol=0.1)
+    np.testing.assert_allclose(fine, xpbd, rtol=0.25)
+    assert (np.array(ends[:3]) > 1.1 * fine).all()
 
 
 def test_pads_open_no_wider_than_they_began_and_sink_no_lower(env: TofuLift) -> None:

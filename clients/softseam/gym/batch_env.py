@@ -88,6 +88,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._batch = self._open(int(threads), device)
         self._random = [seeding.np_random(None)[0] for _ in range(count)]
         rest = self._batch.structure.x_rest
+        self._ground = float(rest[:, 2].min())
         top = np.array([0.0, 0.0, rest[:, 2].max()])
         away = np.linalg.norm(rest - top, axis=1)
         self._around = np.flatnonzero(away < away.min() + 1e-9)
@@ -246,6 +247,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._apart[which] = np.einsum("ki,ki->k", right - left, along) - box.size[0]
         self._closed[which] = self._risen[which] = self._count[which] = 0.0
         self._last[which], self._lifting[which] = 0.0, False
+        self._base[which] = self._ground + 0.5 * size[:, 2]  # of the middle, where the pads rise at once
         self._start[which] = self._marker()[which]
 
     def _act(self, taken: Floats) -> Mask:
@@ -278,7 +280,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         marker = self._marker() - self._start
         touching = [found.touching[:, pad] / self._points_of_face for pad in self._pads]
         middle = found.middle[:, 2].astype(np.float64)
-        self._base = np.where(self._lifting, self._base, middle)
+        self._base = np.where(self._lifting | (self._count == 0.0), self._base, middle)
         sight = Sight(
             *(
                 self._closed,

@@ -106,7 +106,7 @@ class Touch(Term):
 class StressConcentration(Term):
     """That the largest stress grows no further, in parts of 3 kPa. Its growths add up to the peak of an episode."""
 
-    weight: float | Ramp = Ramp(30e3, 150e3, 0.5)
+    weight: float | Ramp = Ramp(30e3, 150e3, 1.0)
 
     def potential(self, grip: Grip) -> Any:
         return -grip.stress / 3e3

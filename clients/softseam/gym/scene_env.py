@@ -136,7 +136,7 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         session, taken = self.session, self._within(action)
         before = session.last
         try:
-            after = session.step(self.act(taken), count=self._repeat)
+            after = self._advance(session, self.act(taken))
         except SimulationFailed as error:
             self.close()
             return self.see(before), 0.0, False, True, {**self._told(before), "failed": str(error)}
@@ -161,6 +161,10 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         return self._session
 
     # ----
+
+    def _advance(self, session: Session, velocities: Mapping[str, ArrayLike]) -> Observation:
+        """Take the steps of the simulation that an action lasts."""
+        return session.step(velocities, count=self._repeat)
 
     def _open(self) -> Session:
         record = None

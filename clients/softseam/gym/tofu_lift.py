@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -19,10 +19,31 @@ from softseam.gym.reward import GENTLE, Grip, Term
 from softseam.gym.scene_env import Numbers, SceneEnv
 from softseam.gym.sight import BOUND, SEEN, Sight
 from softseam.observation import Observation
+from softseam.session import Session
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import BoxTool
 
 Floats = NDArray[np.float64]
+
+
+class _Felt(NamedTuple):
+    """What the pads feel."""
+
+    wrench: Floats
+    """force on the left pad and on the right one (2, 3) [N]"""
+    touching: Floats
+    """surface points that touch each (2,)"""
+
+    @classmethod
+    def of(cls, observation: Observation) -> _Felt:
+        wrench = np.array([observation.wrench[pad][:3] for pad in PADS])
+        tools = [observation.tool_names.index(pad) for pad in PADS]
+        return cls(wrench, np.array([float((observation.contact_tool == tool).sum()) for tool in tools]))
+
+
+def _mean(felt: Sequence[_Felt]) -> _Felt:
+    """Over time, of what was felt at the ends of steps, by the trapezoidal rule."""
+    return _Felt(*(np.trapezoid(np.array(each), axis=0) / (len(felt) - 1) for each in zip(*felt, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +147,7 @@ class TofuLift(SceneEnv):
         self._last, self._count = np.zeros(2), 0
         self._grip: Grip | None = None
         self._piece: _Piece | None = None
+        self._felt = self._felt_last = _Felt(np.zeros((2, 3)), np.zeros(2))
         found = super().reset(seed=seed, options=options)
         self._grip = self._grip_of(self.session.last)
         return found
@@ -142,12 +164,9 @@ class TofuLift(SceneEnv):
     def see(self, observation: Observation) -> Numbers:
         if self._piece is None:
             self._piece = _Piece.of(self.session.scene, self._lift_model, observation)
-        piece, (force, pull) = self._piece, self._forces(observation)
+        piece, (force, pull) = self._piece, self._forces()
         marker = observation.surface[piece.marker] - piece.marker_start
-        touching = [
-            float((observation.contact_tool == observation.tool_names.index(pad)).sum()) / piece.points_of_face
-            for pad in PADS
-        ]
+        touching = self._felt.touching / piece.points_of_face
         along = float(marker[:2] @ piece.along)
         sight = Sight(
             *(self._closed, self._risen, *force, pull, float(marker[2]), along, *touching),
@@ -178,10 +197,20 @@ class TofuLift(SceneEnv):
 
     # ----
 
-    def _forces(self, observation: Observation) -> tuple[Floats, float]:
+    def _advance(self, session: Session, velocities: Mapping[str, ArrayLike]) -> Observation:
+        """And feel the pads: means over the action, whatever the step."""
+        taken = [session.step(velocities) for _ in range(self._repeat)]
+        felt = [_Felt.of(observation) for observation in taken]
+        if self._lift_model == "xpbd":  # a step has the mean over its substeps already
+            self._felt = felt[-1]
+        else:
+            self._felt, self._felt_last = _mean([self._felt_last, *felt]), felt[-1]
+        return replace(taken[-1], events=tuple(event for each in taken for event in each.events))
+
+    def _forces(self) -> tuple[Floats, float]:
         """With which the left and the right pad press (2,), and the body's weight on both [N]."""
         assert self._piece is not None
-        left, right = (observation.wrench[pad] for pad in PADS)
+        left, right = self._felt.wrench
         along = np.array([-(left[:2] @ self._piece.along), right[:2] @ self._piece.along])
         return np.maximum(along, 0.0), float(-left[2] - right[2])
 
@@ -192,7 +221,7 @@ class TofuLift(SceneEnv):
         return Grip(
             lift=quantities.get("lift_height", 0.0),
             air=max(self._piece.air - 2.0 * self._closed, 0.0),
-            force=float(self._forces(observation)[0].min()),
+            force=float(self._forces()[0].min()),
             slip=quantities.get("slip", 0.0),
             compression=max(squeezed, 0.0 if last is None else last.compression),
             stress=max(quantities.get("peak_von_mises", 0.0), 0.0 if last is None else last.stress),

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from softseam.errors import BadInput
 from softseam.gym.lift_scene import LiftModel
+from softseam.learn.check import Check
 from softseam.learn.tasks import TASKS, VERSION
 from softseam.report import write_json
 
@@ -38,6 +39,8 @@ class Training:
     settings: tuple[str, ...] = ()
     seconds: float = 0.0
     """wall time that it took"""
+    checks: tuple[Check, ...] = ()
+    """of its episodes, by FEM"""
     version: int = field(default=VERSION)
 
     def write(self, folder: Path) -> None:
@@ -52,7 +55,8 @@ def read_training(folder: Path) -> Training:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         known = document.pop("softseam_training") == _FORMAT
         curve = tuple((int(a), float(b), float(c), float(d)) for a, b, c, d in document.pop("curve"))
-        training = Training(**document, curve=curve)
+        checks = tuple(Check.read(row) for row in document.pop("checks", ()))
+        training = Training(**document, curve=curve, checks=checks)
         training = replace(training, settings=tuple(training.settings))
     except FileNotFoundError:
         raise BadInput(f"{folder} holds no policy: there is no {TRAINING}; softseam train TofuLift makes one") from None

@@ -9,7 +9,7 @@ from typing import Any
 from softseam.gym.batch_env import BatchEnv
 from softseam.gym.tofu_lift import TofuLift
 
-VERSION = 2
+VERSION = 3
 """of what the tasks show and take; a policy of another one cannot be used"""
 
 

@@ -16,6 +16,8 @@ from rich.console import Console
 from softseam.bar import Bar
 from softseam.errors import BadInput, missing_extra
 from softseam.gym.lift_scene import LiftModel
+from softseam.learn.check import show_checks
+from softseam.learn.check_beside import Beside
 from softseam.learn.policy import POLICY, Algorithm, Training, read_training
 from softseam.learn.tasks import TASKS
 from softseam.outputs import check_outputs
@@ -27,6 +29,11 @@ _ROW = 2_000
 """steps between rows of the curve"""
 _SAVE = 20_000
 """steps between checkpoints"""
+LOG_STD = (-0.5, -3.0)
+"""logarithm of the spread of PPO's actions at the beginning of a training, and at its end: an action of 1 squeezes by a
+twelfth, so who explores widely to the end cannot learn to be gentle"""
+_WAIT = 20.0
+"""for the last check [s]"""
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,8 @@ class Wishes:
     out: Path | None = None
     resume: bool = False
     settings: tuple[str, ...] = ()
+    check: bool = True
+    """by FEM, of XPBD's episodes"""
 
 
 def train(wishes: Wishes, console: Console) -> Path:
@@ -67,11 +76,11 @@ def train(wishes: Wishes, console: Console) -> Path:
             settings=wishes.settings,
         )
     check_outputs([("--out", folder / POLICY)], inputs={})
-    _learn(training, folder, console, wishes.resume)
+    _learn(training, folder, console, wishes)
     return folder
 
 
-def _learn(training: Training, folder: Path, console: Console, resume: bool) -> None:
+def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -> None:
     """To the end, or until it is interrupted."""
     try:
         import torch
@@ -84,18 +93,28 @@ def _learn(training: Training, folder: Path, console: Console, resume: bool) -> 
     torch.set_num_threads(1)  # networks this small are slower on two
     vector = vectorised(training)
     model = algorithm(training.algorithm)
-    learner = model.load(folder / POLICY, env=vector) if resume else new_learner(training, vector)
-    keeper = _Keeper(training, folder, learner)
+    learner = model.load(folder / POLICY, env=vector) if wishes.resume else new_learner(training, vector)
+    beside = None
+    if wishes.check and training.model == "xpbd":
+        beside = Beside(vector.batch, training.settings)
+        vector.watch = beside.see
+    keeper = _Keeper(training, folder, learner, beside)
     show, stop = _shown(console, training)
 
     class Watch(BaseCallback):  # type: ignore[misc]
+        def _on_rollout_start(self) -> None:
+            if training.algorithm == "ppo":
+                part = min(self.num_timesteps / training.steps, 1.0)
+                learner.policy.log_std.data.fill_(float(np.interp(part, (0.0, 1.0), LOG_STD)))
+
         def _on_step(self) -> bool:
             keeper.see(self.num_timesteps, self.locals["infos"], self.locals["dones"])
             show(keeper)
             return True
 
     try:
-        learner.learn(training.steps - training.done, callback=Watch(), reset_num_timesteps=not resume)
+        learner.learn(training.steps - training.done, callback=Watch(), reset_num_timesteps=not wishes.resume)
+        keeper.wait()
     except KeyboardInterrupt:
         stop()
         keeper.save()
@@ -105,9 +124,13 @@ def _learn(training: Training, folder: Path, console: Console, resume: bool) -> 
     finally:
         stop()
         vector.close()
+        if beside is not None:
+            beside.close()
     keeper.save()
     done = f"{folder}: {keeper.training.done:,} steps in {keeper.training.seconds:.0f} s"
     console.print(f"{done}; of the last {_KEPT} episodes {keeper.state}", soft_wrap=True, highlight=False)
+    if keeper.training.checks:
+        show_checks(console, keeper.training.checks)
     console.print(f"judge it: softseam evaluate {folder}", soft_wrap=True, highlight=False)
 
 
@@ -142,18 +165,30 @@ def algorithm(name: Algorithm) -> Any:
 
 
 def new_learner(training: Training, vector: Any) -> Any:
-    """With constants that learn TofuLift (docs/decisions/53)."""
+    """With constants that learn TofuLift (docs/decisions/53, 60)."""
     net = {"net_arch": [64, 64]}
-    shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "gamma": 0.98, "learning_rate": 5e-4}
+    shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "learning_rate": 5e-4}
     if training.algorithm == "sac":
-        return algorithm("sac")("MlpPolicy", vector, policy_kwargs=net, train_freq=1, gradient_steps=2, **shared)
+        # rewards are small beside the entropy that it begins with by default, and change with the weight of stress
+        return algorithm("sac")(
+            "MlpPolicy",
+            vector,
+            gamma=0.98,
+            ent_coef="auto_0.02",
+            train_freq=1,
+            gradient_steps=max(training.environments // 4, 1),
+            buffer_size=60_000,
+            policy_kwargs=net,
+            **shared,
+        )
     return algorithm("ppo")(
         "MlpPolicy",
         vector,
+        gamma=0.998,
         n_steps=max(2048 // training.environments, 8),
         batch_size=512,
         n_epochs=10,
-        policy_kwargs=net | {"log_std_init": -0.5},
+        policy_kwargs=net | {"log_std_init": LOG_STD[0]},
         **shared,
     )
 
@@ -161,11 +196,11 @@ def new_learner(training: Training, vector: Any) -> Any:
 class _Keeper:
     """What is known of the training so far, and how it is kept."""
 
-    def __init__(self, training: Training, folder: Path, learner: Any) -> None:
-        self.training, self._folder, self._learner = training, folder, learner
+    def __init__(self, training: Training, folder: Path, learner: Any, beside: Beside | None) -> None:
+        self.training, self._folder, self._learner, self._beside = training, folder, learner, beside
         self._began, self._spent = perf_counter(), training.seconds
         self._episodes: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
-        self._rows = list(training.curve)
+        self._rows, self._checks = list(training.curve), list(training.checks)
         self._saved = training.done
 
     def see(self, steps: int, infos: Sequence[dict[str, Any]], dones: Sequence[bool]) -> None:
@@ -176,8 +211,13 @@ class _Keeper:
         self.training = replace(self.training, done=steps)
         if self._episodes and steps >= (self._rows[-1][0] if self._rows else 0) + _ROW:
             self._add(steps)
+        self._take_check()
         if steps >= self._saved + _SAVE:
             self.save()
+
+    def wait(self) -> None:
+        """For the last check, if that does not take long."""
+        self._take_check(_WAIT)
 
     @property
     def state(self) -> str:
@@ -185,6 +225,10 @@ class _Keeper:
             return "none is over yet"
         _, reward, success, stress = self._rows[-1]
         return f"{success:.0%} succeed, return {reward:.2f}, stress {1e-3 * stress:.2f} kPa"
+
+    def _take_check(self, seconds: float = 0.0) -> None:
+        if self._beside is not None and (check := self._beside.ended(seconds)) is not None:
+            self._checks.append(check)
 
     def _add(self, steps: int) -> None:
         reward, success, stress = (float(value) for value in np.mean(self._episodes, axis=0))
@@ -195,7 +239,7 @@ class _Keeper:
         if self._episodes and (not self._rows or self._rows[-1][0] < self.training.done):
             self._add(self.training.done)
         seconds = self._spent + perf_counter() - self._began
-        self.training = replace(self.training, curve=tuple(self._rows), seconds=seconds)
+        self.training = replace(self.training, curve=tuple(self._rows), seconds=seconds, checks=tuple(self._checks))
         self._saved = self.training.done
         fresh = self._folder / f".policy.{os.getpid()}.zip"
         self._learner.save(fresh)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,9 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
 
 from softseam.gym.batch_env import BatchEnv
+
+Watch = Callable[[Any, Mapping[str, Any], Any], None]
+"""what sees each step: actions (k, 2), what the batch told, and which episodes ended with it (k,)"""
 
 
 class BatchVec(VecEnv):  # type: ignore[misc]
@@ -19,6 +22,7 @@ class BatchVec(VecEnv):  # type: ignore[misc]
         if batch.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError("stable-baselines3 wants episodes to follow at once: autoreset_mode SAME_STEP")
         self.batch = batch
+        self.watch: Watch | None = None
         super().__init__(batch.num_envs, batch.single_observation_space, batch.single_action_space)
         self._taken: Any = None
         self._returned, self._length = np.zeros(batch.num_envs), np.zeros(batch.num_envs, dtype=np.int64)
@@ -39,6 +43,8 @@ class BatchVec(VecEnv):  # type: ignore[misc]
         self._length += 1
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         done = terminated | truncated
+        if self.watch is not None:
+            self.watch(self._taken, told, done)
         for i in np.flatnonzero(done):
             last = told["final_info"]
             infos[i] = {
