@@ -39,7 +39,7 @@ def root_octants(body: Body, cells: Ints) -> Ints:
         return root
     sliver = _slivers(body)[cells]
     fill, material = true_fill(body, cells), body.octant_material[cells]
-    thin = sliver.all(axis=1)
+    thin: NDArray[np.bool_] = np.asarray(sliver.all(axis=1))
     _join(np.flatnonzero(sliver.any(axis=1) & ~thin), None, root, sliver, fill, material, body.cell_grid[cells])
     of_cell = _root_cells(body.cell_grid[cells], thin, fill.sum(axis=1))
     _join(np.flatnonzero(thin & (of_cell >= 0)), of_cell, root, sliver, fill, material, body.cell_grid[cells])

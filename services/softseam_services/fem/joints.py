@@ -91,7 +91,9 @@ def build_joints(cell_nodes: Ints, root: Ints, seam: Ints, tree: Tree) -> Joints
     held[seam] = True
     held |= tree.position < 0
     cells = np.unique(of_cell[slivers]).astype(np.int32)
-    nodes, homes, groups, tied = [], [], [], []
+    nodes, homes = [], []
+    groups: list[Longs] = []
+    tied: list[Longs] = []
     for cell in cells:
         joined = np.concatenate([[cell], slivers[of_cell[slivers] == cell]])
         flat = cell_nodes[joined].reshape(-1)
@@ -99,7 +101,7 @@ def build_joints(cell_nodes: Ints, root: Ints, seam: Ints, tree: Tree) -> Joints
         nodes.append(flat[first])
         homes.append(27 * joined[first // 27] + first % 27)
         octants = root[joined[1:]]
-        groups.append(np.unique(octants[octants // 8 == cell]))
+        groups.append(np.unique(octants[octants // 8 == cell]).astype(np.int64))
         ours = ~held[nodes[-1]]
         held[nodes[-1]] = True  # a node between sliver cells of two joints is the first one's
         tied.append(np.flatnonzero(ours))
@@ -167,9 +169,9 @@ def follow_roots(joints: Joints, numbers: JointNumbers, x: Floats) -> Floats:
     return x
 
 
-def _pointer(parts: list[Ints]) -> Ints:
+def _pointer(parts: list[Longs]) -> Ints:
     return np.cumsum([0, *(len(part) for part in parts)]).astype(np.int32)
 
 
-def _joined(parts: list[Ints]) -> Ints:
-    return np.concatenate([np.zeros(0, dtype=np.int32), *parts]).astype(np.int32)
+def _joined(parts: list[Longs]) -> Ints:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts]).astype(np.int32)

@@ -42,10 +42,9 @@ class Octants(NamedTuple):
 
 def cut_cells(body: Body, cells: Ints, root: Ints) -> Ints:
     """Cells among these with gradients of their own (u,); root (c, 8) as of `body.slivers`."""
-    cut = (body.fill[cells] < 1.0).any(axis=1)
-    apart = np.flatnonzero((root // 8 != np.arange(len(root))[:, None]).any(axis=1))
-    cut[root[apart] // 8] = True
-    return np.flatnonzero(cut).astype(np.int32)
+    part = np.flatnonzero((body.fill[cells] < 1.0).any(axis=1))
+    apart = root // 8 != np.arange(len(root))[:, None]
+    return np.union1d(part, root[apart] // 8).astype(np.int32)
 
 
 def count_octants(body: Body, cells: Ints, root: Ints) -> Octants:
@@ -56,26 +55,21 @@ def count_octants(body: Body, cells: Ints, root: Ints) -> Octants:
     if np.array_equal(root, own_place):
         return Octants(cut, own, own, fill, fill, fill)
     true, joined = true_fill(body, cells), root != own_place
-    total = np.zeros(root.size)
-    np.add.at(total, root[joined], true[joined])
-    roots = np.unique(root[joined])
-    total = total.reshape(root.shape)
-    total.reshape(-1)[roots] += true.reshape(-1)[roots]
-    alone = ~joined
-    alone.reshape(-1)[roots] = False
-    total[alone] = fill[alone]
-    abroad = np.zeros(root.size, dtype=np.bool_)
-    abroad[root[root // 8 != own_place // 8]] = True
-    abroad = abroad.reshape(root.shape)
+    is_root = np.isin(own_place, root[joined])
+    shared = joined | is_root
+    gathered = np.bincount(root[shared], weights=true[shared], minlength=root.size).reshape(root.shape)
+    total = np.where(joined, 0.0, np.where(is_root, gathered, fill))
+    elsewhere = root // 8 != own_place // 8
+    abroad = np.isin(own_place, root[elsewhere])
     gradient = own.copy()
     number = np.full(len(root), -1)
     number[cut] = np.arange(len(cut))
     integral = gradient_integrals(filled_moments(body, cells[cut], true[cut]), body.edges)
     sums = np.zeros_like(integral).reshape(-1, 3, 27)
     local = 8 * number[root // 8] + root % 8  # of the roots, among cut cells
-    inside = (root // 8 == own_place // 8)[cut]
+    inside = ~elsewhere[cut]
     np.add.at(sums, local[cut][inside], integral[inside])
-    changed = np.isin(own_place[cut], roots) & ~abroad[cut]
+    changed = (is_root & ~abroad)[cut]
     gradient[changed] = sums.reshape(integral.shape)[changed] / total[cut][changed][:, None, None]
     return Octants(
         cut=cut,
