@@ -87,7 +87,7 @@ def test_a_stretched_bar_is_in_equilibrium_where_its_surface_cuts_cells(
     body = bar(0.014)
     assert unbalanced(body, element) < 5e-4
     floor = 1e-9
-    for where in ("model", "parameters"):
+    for where in ("octants", "parameters"):
         monkeypatch.setattr(f"softseam_services.fem.{where}.FILL_FLOOR", floor)
     assert unbalanced(dataclasses.replace(body, fill=np.maximum(body.moments[:, :, 0], floor)), element) < 1e-6
 

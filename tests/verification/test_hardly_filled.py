@@ -17,6 +17,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.session import Frame
 from softseam_services.body.body import Body
 from softseam_services.body.hardly_filled import HardlyFilled
+from softseam_services.body.slivers import THIN
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import MEASUREMENTS, Look, RestingBody
@@ -60,13 +61,13 @@ def pulled(body: Body) -> Floats:
     "solid", [turned_cube(), solids.cylinder(0.02, 0.08, 24, AXIS), solids.sphere(0.02, 4)], ids=["cube", "bar", "ball"]
 )
 def test_a_uniform_stress_is_told_in_every_octant(solid: tuple[Floats, solids.Triangles]) -> None:
-    """To 4 %; as the cells have it, it is off by 40 to 90 % where octants are next to empty."""
+    """To 4 %; as the cells have it, it is off by 14 to 40 % where octants are next to empty."""
     body = embedded(*solid, 0.014, "linear")
     stress = pulled(body)
     exact = np.outer(AXIS, AXIS)[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
     told = HardlyFilled(body).replaced(stress)
     assert np.abs(told - exact).max() < 0.04
-    assert np.abs(stress - exact).max() > 0.3
+    assert np.abs(stress - exact).max() > 0.1
 
 
 def test_well_filled_octants_keep_what_they_have() -> None:
@@ -74,7 +75,7 @@ def test_well_filled_octants_keep_what_they_have() -> None:
     stress = np.random.default_rng(1).normal(size=(body.n_cells, 8, 6))
     told = HardlyFilled(body).replaced(stress)
     kept = (told == stress).all(axis=2)
-    assert kept[body.fill >= 0.1].all() and not kept[body.fill < 0.01].any()
+    assert kept[body.fill >= THIN].all() and not kept[body.fill < 0.01].any()
     assert von_mises(told).max() == von_mises(stress)[kept].max()
 
 

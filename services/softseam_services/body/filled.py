@@ -54,23 +54,28 @@ def mean_gradients(moments: Floats, edges: Floats) -> Floats:
 
     moments (k, 8, 27), edges of a cell (3,) [m]
     """
-    return _means(moments, edges, [[quadratic((octant >> axis) & 1) for axis in range(3)] for octant in range(8)])
+    return gradient_integrals(moments, edges) / moments[:, :, :1, None]
+
+
+def gradient_integrals(moments: Floats, edges: Floats) -> Floats:
+    """The same over the volume of a whole octant: 0 where nothing is filled."""
+    return _integrals(moments, edges, [[quadratic((octant >> axis) & 1) for axis in range(3)] for octant in range(8)])
 
 
 def mean_trilinear_gradients(moments: Floats, edges: Floats) -> Floats:
     """Mean of grad N over the filled part of each octant, of its 8 trilinear functions (k, 8, 3, 8) [1/m]."""
-    return _means(moments, edges, [[LINEAR] * 3] * 8)
+    return _integrals(moments, edges, [[LINEAR] * 3] * 8) / moments[:, :, :1, None]
 
 
-def _means(moments: Floats, edges: Floats, powers: list[list[Floats]]) -> Floats:
+def _integrals(moments: Floats, edges: Floats, powers: list[list[Floats]]) -> Floats:
     count = len(powers[0][0]) ** 3
-    mean = np.empty((len(moments), 8, 3, count))
+    total = np.empty((len(moments), 8, 3, count))
     for octant, along in enumerate(powers):
         for axis in range(3):
             x, y, z = (_slope(p) if a == axis else p for a, p in enumerate(along))
             integral = np.einsum("cr,bq,ap->cbarqp", z, y, x).reshape(count, 27)
-            mean[:, octant, axis] = moments[:, octant] @ integral.T * (2.0 / edges[axis])
-    return mean / moments[:, :, :1, None]
+            total[:, octant, axis] = moments[:, octant] @ integral.T * (2.0 / edges[axis])
+    return total
 
 
 def _slope(powers: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 An octant with next to nothing of the body in it has next to no stiffness, or the floor's (`filled.FILL_FLOOR`), so its
 nodes go where tools and neighbours push them: its strain, and its stress, say nothing of the body. Where an octant is
-filled by less than a tenth of what one of its 26 neighbours is, or by less than a hundredth, its stress sigma_o is
+filled by less than `slivers.THIN` of what one of its 26 neighbours is, or by less than a hundredth, its stress is
 
     sigma_o = sum_n f_n sigma_n / sum_n f_n                                                                        (1)
 
@@ -14,13 +14,13 @@ well-filled octants: their peak is the field's. Well-filled octants keep what th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from softseam_services.body.body import Body, Floats
+from softseam_services.body.lattice import octants_around
+from softseam_services.body.slivers import THIN
 
-_OF_NEIGHBOURS, _OF_WHOLE = 0.1, 0.01
-_OCTANT = np.array([(o & 1, o >> 1 & 1, o >> 2 & 1) for o in range(8)], dtype=np.int32)
+_OF_WHOLE = 0.01
 
 
 class HardlyFilled:
@@ -31,10 +31,10 @@ class HardlyFilled:
         fill = body.fill.reshape(-1)
         if not body.boxes or fill.min() == 1.0:
             return
-        around, material = _octants_around(body), body.octant_material.reshape(-1)
+        around, material = octants_around(body.cell_grid), body.octant_material.reshape(-1)
         there = around >= 0
         alike = there & (material[around] == material[:, None])
-        known = (fill >= _OF_NEIGHBOURS * np.where(alike, fill[around], 0.0).max(axis=1)) & (fill >= _OF_WHOLE)
+        known = (fill >= THIN * np.where(alike, fill[around], 0.0).max(axis=1)) & (fill >= _OF_WHOLE)
         if not known.any():
             return
         self._octants = np.flatnonzero(~known)
@@ -60,13 +60,3 @@ class HardlyFilled:
         found = cauchy.reshape(-1, 6).copy()
         found[self._octants] = self._means @ found
         return found.reshape(cauchy.shape)
-
-
-def _octants_around(body: Body) -> NDArray[np.int64]:
-    """The octants of each one's 3 x 3 x 3 in the grid, its own among them, -1 for none (8 C, 27)."""
-    at = (2 * body.cell_grid[:, None] + _OCTANT).reshape(-1, 3)
-    at = at - at.min(axis=0) + 1
-    number = np.full(at.max(axis=0) + 2, -1, dtype=np.int64)
-    number[tuple(at.T)] = np.arange(len(at))
-    around = at[:, None] + np.array(list(np.ndindex(3, 3, 3))) - 1
-    return np.asarray(number[around[..., 0], around[..., 1], around[..., 2]])

@@ -50,3 +50,14 @@ def number_nodes(kept: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
         [used % lattice[0], used // lattice[0] % lattice[1], used // (lattice[0] * lattice[1])], axis=1
     )
     return cell_grid, cell_nodes.reshape(-1, 27).astype(np.int32), node_grid.astype(np.int32)
+
+
+def octants_around(cell_grid: Ints) -> NDArray[np.int64]:
+    """The octants of each one's 3 x 3 x 3 in the grid, its own among them, -1 for none (8 C, 27); cell_grid (C, 3)."""
+    octant = np.array([(o & 1, o >> 1 & 1, o >> 2 & 1) for o in range(8)], dtype=np.int32)
+    at = (2 * cell_grid[:, None] + octant).reshape(-1, 3)
+    at = at - at.min(axis=0) + 1
+    number = np.full(at.max(axis=0) + 2, -1, dtype=np.int64)
+    number[tuple(at.T)] = np.arange(len(at))
+    around = at[:, None] + np.array(list(np.ndindex(3, 3, 3))) - 1
+    return np.asarray(number[around[..., 0], around[..., 1], around[..., 2]])

@@ -22,13 +22,32 @@ PAIR_FLOPS = 3e9
 """of a factor, beyond which a second thread may pay: about 9000 unknowns in a cube"""
 
 
-def dissect(cell_nodes: Ints, cell_grid: Ints, n_nodes: int, fixed: NDArray[np.bool_], seam: Ints) -> Tree:
-    """cell_nodes (c, 27) local node ids, cell_grid (c, 3), fixed (n,), seam (s,) local node ids, none of them fixed."""
-    return _Dissection(cell_nodes, cell_grid, n_nodes, fixed, seam).tree()
+def dissect(
+    cell_nodes: Ints,
+    cell_grid: Ints,
+    n_nodes: int,
+    fixed: NDArray[np.bool_],
+    seam: Ints,
+    together: Ints | None = None,
+) -> Tree:
+    """cell_nodes (c, 27) local node ids, cell_grid (c, 3), fixed (n,), seam (s,) local node ids, none of them fixed.
+
+    together (c,): cells of one number have entries with each other's nodes, and are not parted; None where none have
+    """
+    together = np.arange(len(cell_nodes), dtype=np.int32) if together is None else together
+    return _Dissection(cell_nodes, cell_grid[together], n_nodes, fixed, seam, together).tree()
 
 
 class _Dissection:
-    def __init__(self, cell_nodes: Ints, cell_grid: Ints, n_nodes: int, fixed: NDArray[np.bool_], seam: Ints) -> None:
+    def __init__(
+        self,
+        cell_nodes: Ints,
+        cell_grid: Ints,
+        n_nodes: int,
+        fixed: NDArray[np.bool_],
+        seam: Ints,
+        together: Ints,
+    ) -> None:
         self.cell_nodes, self.cell_grid, self.n_nodes, self.fixed, self.seam = (
             cell_nodes,
             cell_grid,
@@ -36,6 +55,7 @@ class _Dissection:
             fixed,
             seam,
         )
+        self.together = together
         self.total = np.bincount(cell_nodes.ravel(), minlength=n_nodes)
         self.done = fixed.copy()
         self.late = np.zeros(n_nodes, dtype=np.bool_)
@@ -73,7 +93,7 @@ class _Dissection:
         touched, count = np.unique(self.cell_nodes[cells], return_counts=True)
         complete = touched[(count == self.total[touched]) & ~self.done[touched] & ~self.late[touched]]
         children: list[int] = []
-        if len(cells) > 1 and len(complete) > LEAF_NODES:
+        if len(complete) > LEAF_NODES and (self.together[cells] != self.together[cells[0]]).any():
             left, right = self._split(cells)
             children = self._visit(left) + self._visit(right)
             complete = complete[~self.done[complete]]

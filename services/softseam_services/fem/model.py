@@ -16,12 +16,14 @@ from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.contact_points import is_embedded
-from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import point_weights
+from softseam_services.body.slivers import root_octants
 from softseam_services.fem.dissection import dissect
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hex27_box import number_patterns
+from softseam_services.fem.joints import Joints, build_joints, root_cells
 from softseam_services.fem.kernels.contact import ALONE, AT_NODE, SPREAD
+from softseam_services.fem.octants import cut_cells
 from softseam_services.fem.rule import cell_shapes
 from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
@@ -64,7 +66,14 @@ class FemModel(NamedTuple):
     pattern: Ints
     """pattern of each cell (c,)"""
     cut: Ints
-    """number of each cell among those that the body fills in part, or that are no boxes; -1 for full boxes (c,)"""
+    """number of each cell among those that the body fills in part, that are joined, or that are no boxes; -1 for other
+    full boxes (c,)"""
+    root: Ints
+    """octant, 8 cell + octant, that each octant is joined to; its own, but for slivers of the body (c, 8)"""
+    joined: NDArray[np.bool_]
+    """cells of a joint (c,)"""
+    joints: Joints
+    """of root cells with sliver cells"""
     seam: Ints
     """(s,)"""
     rollers: Ints
@@ -109,7 +118,10 @@ class Connectivity:
         point_cell = np.concatenate([region.point_cell, inner.cell]).astype(np.int32)
         of_point = np.repeat(np.arange(len(point_cell)), np.diff(pointer))
         local = np.argmax(region.cell_nodes[point_cell[of_point]] == node[:, None], axis=1)
-        pattern, cut = _patterns(body, region, general)
+        root = _roots(body, region, FemSpec() if spec is None else spec)
+        joined = root_cells(root) != np.arange(len(root))
+        joined[root_cells(root)[joined]] = True
+        pattern, cut = _patterns(body, region, general, root)
         outside = SPREAD if is_embedded(body) else ALONE
         self.fixed = region.fixed
         self.fields: dict[str, Any] = {
@@ -122,9 +134,11 @@ class Connectivity:
             "respond": material.respond,
             "linear": material.small,
             "filled": body.fill[region.cells] > 0.0,
-            "whole": np.all(body.fill[region.cells] >= 1.0, axis=1),
+            "whole": np.all(body.fill[region.cells] >= 1.0, axis=1) & ~joined,
             "pattern": pattern,
             "cut": cut,
+            "root": root,
+            "joined": joined,
             "seam": region.seam,
             "rollers": rollers,
             "point_ptr": pointer,
@@ -151,22 +165,32 @@ class Connectivity:
     def ordered(self) -> FemModel:
         """The structure, its unknowns ordered by nested dissection."""
         fields = self.fields
-        tree = dissect(fields["cell_nodes"], fields["cell_grid"], len(self.fixed), self.fixed, fields["seam"])
+        nodes, root = fields["cell_nodes"], fields["root"]
+        tree = dissect(nodes, fields["cell_grid"], len(self.fixed), self.fixed, fields["seam"], root_cells(root))
         position = tree.position
         return FemModel(
             **fields,
             order=position,
             tree=tree,
-            cell_order=position[fields["cell_nodes"]],
+            joints=build_joints(nodes, root, fields["seam"], tree),
+            cell_order=position[nodes],
             point_place=position[fields["point_node"]],
         )
 
 
-def _patterns(body: Body, region: Region, general: bool) -> tuple[Ints, Ints]:
+def _roots(body: Body, region: Region, spec: FemSpec) -> Ints:
+    """`FemModel.root`. Slivers stay alone where ties would shorten substeps, and where a material has state."""
+    joins = spec.element in SHARES and spec.integrator != "symplectic_euler" and not body.material.n_state
+    if joins and cell_shapes(body, region)[2]:
+        return root_octants(body, region.cells)
+    return np.arange(8 * len(region.cells), dtype=np.int32).reshape(-1, 8)
+
+
+def _patterns(body: Body, region: Region, general: bool, root: Ints) -> tuple[Ints, Ints]:
     """`FemModel.pattern` and `FemModel.cut`; cells off the fast path have none."""
-    cells = region.cells[:0] if general else region.cells
-    if not general and not cell_shapes(body, region)[2]:
-        numbers = np.arange(len(cells), dtype=np.int32)
+    if general:
+        return np.zeros((2, 0), dtype=np.int32)[0], np.zeros(0, dtype=np.int32)
+    if not cell_shapes(body, region)[2]:
+        numbers = np.arange(len(region.cells), dtype=np.int32)
         return numbers, numbers
-    fill = np.maximum(body.fill[cells], FILL_FLOOR)
-    return number_patterns(body.octant_material[cells], filled_moments(body, cells, fill))
+    return number_patterns(body.octant_material[region.cells], cut_cells(body, region.cells, root))

@@ -20,10 +20,12 @@ from softseam_services.body.interpolate import Functions, point_weights
 from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.cut import with_cut_cells
 from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.elements.hex27_box import cell_tables, own_patterns, patterns
+from softseam_services.fem.elements.hex27_box import NO_PATTERNS, cell_tables, own_patterns, patterns
 from softseam_services.fem.elements.table import Table
 from softseam_services.fem.internal_variables import check_internal_variables
+from softseam_services.fem.joints import JointNumbers, build_numbers
 from softseam_services.fem.model import FemModel
+from softseam_services.fem.octants import Octants, count_octants
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.jit import record
 from softseam_services.tools.face_points import SOFT, face_points, point_edges
@@ -52,6 +54,10 @@ class FemParameters(NamedTuple):
     """what cells pass to that are crushed"""
     viscous: Rule
     """the element as its viscosity sees it; `rule` where there is none"""
+    told: Rule
+    """the element with gradients and weights of each octant alone, which stress is told of where a model is general"""
+    joints: JointNumbers
+    """of the model's joints"""
     mean_gradient: Floats
     """over a cell, of each of its shapes in `full` (t, m, 3) [1/m]"""
     mu: Floats
@@ -61,7 +67,7 @@ class FemParameters(NamedTuple):
     edge: float
     """least edge of a cell [m]"""
     weight: Floats
-    """f_q V/8, fill raised to FILL_FLOOR; of the octants' own volumes in cells of any shape (c, 8) [m^3]"""
+    """f_q V/8, f_q as `Octants.fill`; of the octants' own volumes in cells of any shape (c, 8) [m^3]"""
     mean_mu: Floats
     """mean of mu over the body's own mu, which the stabilisation below has in it (c,)"""
     uneven: bool
@@ -86,6 +92,8 @@ class FemParameters(NamedTuple):
     below which r is more than what statics ask (p,) [s^2]"""
     face_edge: Floats
     """as `FacePoints.edge` (f,) [m]"""
+    own_gradient: Floats
+    """as cut_gradient, of each octant alone (u, 27, 24) [1/m]"""
     friction: Floats
     """Coulomb coefficient of each tool (t,) [1]"""
     retardation_time: float
@@ -124,31 +132,43 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
     relative = np.array([each.mu / mu for each in body.materials])[number]
     moments = filled_moments(body, region.cells, fill)
     x, shape, boxes = cell_shapes(body, region)
+    octants = count_octants(body, region.cells, model.root)
+    special = NO_PATTERNS
     if not (boxes or general):
         own = ELEMENTS[element](x, poisson)
         weight, special = own.weight[:, 0] * fill, own_patterns(own, mu * relative, fill)
     else:
-        fast = slice(0 if general else None)  # cells of the fast path
-        weight = fill * (tables.volume / 8.0)
-        special = patterns(tables, body.edges, mu * relative[fast], moments[fast], (model.pattern, model.cut), share)
+        weight = octants.fill * (tables.volume / 8.0)
+        if not general:
+            special = patterns(tables, body.edges, mu * relative, octants, (model.pattern, model.cut), share)
 
-    def rule_of(kind: ElementKind) -> tuple[Rule, Table]:
-        table, of_cell = with_cut_cells(kind, ELEMENTS[kind](x, poisson), shape, boxes, body.edges, moments, relative)
-        return build_rule(table, fill, of_cell, body, region.cells), table
+    def rule_of(kind: ElementKind, fill: Floats, octants: Octants | None = None) -> tuple[Rule, Table]:
+        table, of_cell = with_cut_cells(
+            kind, ELEMENTS[kind](x, poisson), shape, boxes, body.edges, moments, relative, octants
+        )
+        shear = fill if octants is None else octants.shear
+        return build_rule(table, fill, shear, of_cell, body, region.cells), table
 
     # the fast path needs no table of points but that of crushed cells
-    full, table = rule_of("hex27_full" if model.blends else element)
+    known, has_joined = (octants if element in SHARES else None), octants.gradient is not octants.own
+    full, table = rule_of("hex27_full", fill) if model.blends else rule_of(element, octants.fill, known)
     mean_gradient = (
         np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
     )
-    rule = rule_of(element)[0] if general and model.blends else full
-    viscous = rule_of(element)[0] if material.retardation_time > 0.0 and not general else rule
+    rule = rule_of(element, octants.fill, known)[0] if general and model.blends else full
+    viscous = told = rule
+    if material.retardation_time > 0.0 and (has_joined or not general):
+        viscous = rule_of(element, octants.shear, known)[0]
+    if general and has_joined:
+        told = rule_of(element, fill, octants._replace(gradient=octants.own, shear=fill))[0]
     if material.n_state:
         check_internal_variables(body, region, spec, len(rule.group_nodes) > 0)
     return {
         "rule": rule,
         "full": full,
         "viscous": viscous,
+        "told": told,
+        "joints": build_numbers(model.joints, body, region, model.root, octants, model.cell_nodes),
         "mean_gradient": np.ascontiguousarray(mean_gradient),
         "mu": np.array([each.mu for each in body.materials])[number],
         "lambda_": np.array([each.lambda_ for each in body.materials])[number],
@@ -161,6 +181,7 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
         "laplacian": special.laplacian,
         "cut_gradient": np.ascontiguousarray(np.swapaxes(special.gradient_t, 1, 2)),
         "cut_force": np.concatenate([special.gradient_t, special.stabilisation], axis=1),
+        "own_gradient": np.ascontiguousarray(special.own_gradient),
     }
 
 

@@ -57,8 +57,11 @@ def cell_shapes(body: Body, region: Region) -> tuple[Floats, Ints, bool]:
     return x, np.arange(len(x), dtype=np.int32), False
 
 
-def build_rule(table: Table, fill: Floats, shape: Ints, body: Body, cells: Ints) -> Rule:
-    """An element's table with the fill (c, 8) of the body's cells (c,), their shapes (c,) and materials."""
+def build_rule(table: Table, fill: Floats, shear: Floats, shape: Ints, body: Body, cells: Ints) -> Rule:
+    """An element's table with the fill (c, 8) of the body's cells (c,), their shapes (c,) and materials.
+
+    shear (c, 8): fill that the stabilisation counts with
+    """
     mu = body.material.mu
     relative = body.of_octants([material.mu / mu for material in body.materials])[cells]
     weight = table.weight[shape] * np.einsum("bqo,co->cbq", table.share, fill)
@@ -70,7 +73,7 @@ def build_rule(table: Table, fill: Floats, shape: Ints, body: Body, cells: Ints)
         share=np.ascontiguousarray(table.share),
         stabilised=bool(table.stabilisation.any()),
         stabilisation=np.ascontiguousarray(mu * table.stabilisation),
-        fill=np.ascontiguousarray((fill * relative) @ table.element_share.T),
+        fill=np.ascontiguousarray((shear * relative) @ table.element_share.T),
         group_nodes=table.group_nodes,
         shape=shape,
         parameters=parameters,

@@ -15,6 +15,7 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.failures import STATUS
 from softseam_services.fem.field_reader import FieldReader
+from softseam_services.fem.joints import follow_roots
 from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.contact import N_STATE
 from softseam_services.fem.kernels.elements import strain_energy
@@ -71,7 +72,9 @@ class FemSolver:
             self._go_on(self._start(solved, body.x_rest[nodes], body.v_initial[nodes], force, tool))
         else:
             force, tool = state.contact_force[region.points], state.contact_tool[region.points]
-            self._take_over(self._start(self.tables.whole, state.x[region.nodes], state.v[region.nodes], force, tool))
+            whole = self.tables.whole
+            x = follow_roots(whole.model.joints, whole.parameters.joints, state.x[region.nodes])
+            self._take_over(self._start(whole, x, state.v[region.nodes], force, tool))
 
     def _start(self, tables: Tables, x: Floats, v: Floats, force: Floats, tool: Ints) -> FemState:
         """A state without history, of the whole region or of what is solved for."""

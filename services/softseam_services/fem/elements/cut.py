@@ -28,6 +28,7 @@ from softseam_services.body.interpolate import hex27
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hexahedra import SIGNS
 from softseam_services.fem.elements.table import Table, gauss
+from softseam_services.fem.octants import Octants
 
 
 def octant_stabilisation(edges: Floats) -> Floats:
@@ -46,17 +47,24 @@ def octant_stabilisation(edges: Floats) -> Floats:
 
 
 def with_cut_cells(
-    element: ElementKind, table: Table, shape: Ints, boxes: bool, edges: Floats, moments: Floats, mu: Floats
+    element: ElementKind,
+    table: Table,
+    shape: Ints,
+    boxes: bool,
+    edges: Floats,
+    moments: Floats,
+    mu: Floats,
+    octants: Octants | None,
 ) -> tuple[Table, Ints]:
     """The table with a shape of its own for every box that is filled in part, and each cell's (c,).
 
     boxes: the cells have the one shape of the table, a box; others stay as they are. moments (c, 8, 27): of the filled
-    parts; mu (c, 8): of the octants, relative.
+    parts; mu (c, 8): of the octants, relative; octants: how these count, where `element` is of hex27's kin.
     """
-    part = np.flatnonzero((moments[:, :, 0] < 1.0).any(axis=1))
+    part = np.flatnonzero((moments[:, :, 0] < 1.0).any(axis=1)) if octants is None else octants.cut
     if not boxes or FACTS[element].functions.startswith("tet") or not len(part):
         return table, shape
-    own = _cut(element, table, edges, moments[part], mu[part])
+    own = _shared(element, table, edges, mu, octants) if octants else _cut(element, table, edges, moments[part])
     shape = shape.copy()
     shape[part] = 1 + np.arange(len(part))
     gradient = np.concatenate([table.gradient, own.gradient])
@@ -65,14 +73,17 @@ def with_cut_cells(
     return table._replace(gradient=gradient, weight=weight, stabilisation=stabilisation), shape
 
 
-def _cut(element: ElementKind, table: Table, edges: Floats, moments: Floats, mu: Floats) -> Table:
-    """An element's table on a box, (1, ...), as it is in k cells with these moments (k, 8, 27), (k, ...)."""
+def _shared(element: ElementKind, table: Table, edges: Floats, mu: Floats, octants: Octants) -> Table:
+    """The table on a box, (1, ...), of an element of hex27's kin as it is in cells that are cut, (u, ...)."""
+    stiff = (octants.shear * mu)[octants.cut]
+    mean = np.tensordot(stiff / stiff.sum(axis=1, keepdims=True), 8.0 * octant_stabilisation(edges), axes=1)
+    mean *= SHARES[element]
+    return table._replace(gradient=octants.gradient[:, None], stabilisation=mean[:, None])
+
+
+def _cut(element: ElementKind, table: Table, edges: Floats, moments: Floats) -> Table:
+    """Another element's table on a box, (1, ...), as it is in k cells with these moments (k, 8, 27), (k, ...)."""
     fill = moments[:, :, 0]
-    if element in SHARES:
-        stiff = fill * mu
-        mean = np.tensordot(stiff / stiff.sum(axis=1, keepdims=True), 8.0 * octant_stabilisation(edges), axes=1)
-        mean *= SHARES[element]
-        return table._replace(gradient=mean_gradients(moments, edges)[:, None], stabilisation=mean[:, None])
     weight = table.weight * np.einsum("bqo,co->cbq", table.share, fill)
     if FACTS[element].functions == "hex27":
         share = fill / fill.sum(axis=1, keepdims=True)

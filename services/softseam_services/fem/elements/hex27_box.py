@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from softseam_services.body.body import Floats, Ints
-from softseam_services.body.filled import mean_gradients
 from softseam_services.body.interpolate import hex27
 from softseam_services.fem.elements.cut import octant_stabilisation
 from softseam_services.fem.elements.table import Table
+from softseam_services.fem.octants import Octants
 
 _TWO = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 _THREE = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)
@@ -67,16 +67,21 @@ class Patterns(NamedTuple):
     """row 3 q + axis (u, 24, 27) [1/m]"""
     stabilisation: Floats
     """with the octants' fill and mu (u, 27, 27) [N/m]"""
+    own_gradient: Floats
+    """of each octant alone, as `CellTables.gradient` (u, 27, 24) [1/m]"""
 
 
-def number_patterns(material: Ints, moments: Floats) -> tuple[Ints, Ints]:
-    """Of boxes with the materials' numbers (c, 8) of octants and moments (c, 8, 27) of their filled parts.
+NO_PATTERNS = Patterns(np.zeros((0, 27, 27)), np.zeros((0, 24, 27)), np.zeros((0, 27, 27)), np.zeros((0, 27, 24)))
+"""of cells off the fast path"""
 
-    Returns the pattern of each cell (c,), full boxes of like octants having one, and the place of each cell among those
-    that are cut, -1 for full boxes (c,).
+
+def number_patterns(material: Ints, part: Ints) -> tuple[Ints, Ints]:
+    """Of boxes with the materials' numbers (c, 8) of octants, some of which are cut (u,).
+
+    Returns the pattern of each cell (c,), boxes of like octants that are not cut having one, and the place of each cell
+    among those that are, -1 for others (c,).
     """
     cut, pattern = np.full((2, len(material)), -1, dtype=np.int32)
-    part = np.flatnonzero((moments[:, :, 0] < 1.0).any(axis=1))
     cut[part] = np.arange(len(part))
     kinds, found = np.unique(material[cut < 0], axis=0, return_inverse=True)
     pattern[cut < 0], pattern[part] = found.reshape(-1), len(kinds) + np.arange(len(part))
@@ -84,27 +89,29 @@ def number_patterns(material: Ints, moments: Floats) -> tuple[Ints, Ints]:
 
 
 def patterns(
-    tables: CellTables, edges: Floats, mu: Floats, moments: Floats, numbers: tuple[Ints, Ints], share: float = 1.0
+    tables: CellTables, edges: Floats, mu: Floats, octants: Octants, numbers: tuple[Ints, Ints], share: float = 1.0
 ) -> Patterns:
-    """Tables of boxes with shear moduli mu (c, 8) [Pa] of octants and moments (c, 8, 27) of their filled parts.
+    """Tables of boxes with shear moduli mu (c, 8) [Pa] of octants, which count as `octants` says.
 
     numbers: of `number_patterns`
     """
     pattern, cut = numbers
-    full, part = np.flatnonzero(cut < 0), np.flatnonzero(cut >= 0)
+    full, part = np.flatnonzero(cut < 0), octants.cut
     kinds = mu[full[np.unique(pattern[full], return_index=True)[1]]]
     whole = tables.gradient.reshape(27, 8, 3)
     squares = np.einsum("aqi,bqi->qab", whole, whole) * (tables.volume / 8.0)
     laplacian = np.einsum("kq,qab->kab", kinds, squares)
     laplacian += kinds.mean(axis=1)[:, None, None] * tables.stabilisation
     if not len(part):
-        return Patterns(np.ascontiguousarray(laplacian), np.zeros((0, 24, 27)), np.zeros((0, 27, 27)))
-    gradient = mean_gradients(moments[part], edges).reshape(-1, 24, 27)
-    stiff = (moments[:, :, 0] * mu)[part]
-    stabilisation = share * np.tensordot(stiff, octant_stabilisation(edges), axes=1)
+        return Patterns(np.ascontiguousarray(laplacian), *NO_PATTERNS[1:])
+    gradient = octants.gradient.reshape(-1, 24, 27)
+    stabilisation = share * np.tensordot((octants.shear * mu)[part], octant_stabilisation(edges), axes=1)
+    stiff = (octants.fill * mu)[part]
     weighted = np.repeat(stiff * (tables.volume / 8.0), 3, axis=1)[:, :, None] * gradient
     own = np.swapaxes(gradient, 1, 2) @ weighted + stabilisation
-    return Patterns(np.concatenate([laplacian, own]), gradient, stabilisation)
+    return Patterns(
+        np.concatenate([laplacian, own]), gradient, stabilisation, octants.own.reshape(-1, 24, 27).swapaxes(1, 2)
+    )
 
 
 def own_patterns(table: Table, mu: Floats, fill: Floats) -> Patterns:
@@ -113,4 +120,5 @@ def own_patterns(table: Table, mu: Floats, fill: Floats) -> Patterns:
     gradient = table.gradient[:, 0].reshape(n_cells, 24, 27)
     stabilisation = (fill * mu).mean(axis=1)[:, None, None] * table.stabilisation[:, 0]
     weighted = np.repeat(table.weight[:, 0] * fill * mu, 3, axis=1)[:, :, None] * gradient
-    return Patterns(np.swapaxes(gradient, 1, 2) @ weighted + stabilisation, gradient, stabilisation)
+    gradient_t = np.swapaxes(gradient, 1, 2)
+    return Patterns(gradient_t @ weighted + stabilisation, gradient, stabilisation, gradient_t)

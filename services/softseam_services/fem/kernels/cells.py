@@ -315,12 +315,14 @@ def strain_energy(x, model, parameters, work):
 def cauchy_stress(x, model, parameters, work, out):
     """Cauchy stress xx yy zz yz xz xy at the 8 octants' Gauss points; out (c, 8, 6) [Pa] updated in place.
 
-    P F^T / J; zero in an empty octant.
+    P F^T / J; zero in an empty octant. Of what each octant has of itself, also where it counts with another's.
     """
     deformation(x, model, parameters, work)
     P = np.zeros((3, 24))
     for cell in range(len(model.cell_nodes)):
         F = work.F[cell]
+        if model.cut[cell] >= 0:
+            multiply(work.xe[cell], parameters.own_gradient[model.cut[cell]], F, 3, 24, 27, False, work.ints)
         for q in range(8):
             at = 3 * q
             J = point_stress(F, at, model.linear, parameters.mu[cell, q], parameters.lambda_[cell, q], 1.0, P)

@@ -1,12 +1,13 @@
 """Forces, tangents, energies and stresses of a region's cells, whatever their element.
 
 A model is general, or takes the fast path of hex27 and hex27_reduced with a material of which mu/2 I1 splits off. Cells
-of these that are crushed count in part with full quadrature, see kernels/quadrature_blending.py.
+of these that are crushed count in part with full quadrature, see kernels/quadrature_blending.py. Cells with slivers of
+the body beside them have joints, too (kernels/joints.py).
 """
 
 from __future__ import annotations
 
-from softseam_services.fem.kernels import cells, point_tangents, point_volumes, points
+from softseam_services.fem.kernels import cells, joints, point_tangents, point_volumes, points
 from softseam_services.jit import njit
 
 
@@ -24,6 +25,8 @@ def subtract_forces(x, model, parameters, work, r):
             point_volumes.subtract_forces(x, model, parameters, work, r)
     if work.mixed[0] > 0:
         points.subtract_forces(x, model, parameters.full, work.full, work, r)
+    if len(model.joints.cell) > 0:
+        joints.subtract_forces(x, model, parameters, work, r)
     return least, worst
 
 
@@ -38,6 +41,8 @@ def add_cell_tangents(x, model, parameters, tree, work, safe):
             point_volumes.add_cell_tangents(x, model, parameters, tree, work)
     if work.mixed[0] > 0:
         point_tangents.add_cell_tangents(x, model, parameters.full, work.full, tree, work, safe)
+    if len(model.joints.cell) > 0:
+        joints.add_tangents(x, model, parameters, work, safe)
 
 
 @njit(cache=True, error_model="numpy")
@@ -52,6 +57,8 @@ def strain_energy(x, model, parameters, work):
             energy += point_volumes.strain_energy(x, model, parameters, work)
     if work.mixed[0] > 0:
         energy += points.strain_energy(x, model, parameters.full, work.full, work)
+    if len(model.joints.cell) > 0:
+        energy += joints.strain_energy(x, model, parameters, work)
     return energy
 
 
@@ -59,6 +66,6 @@ def strain_energy(x, model, parameters, work):
 def cauchy_stress(x, model, parameters, work, out):
     """Cauchy stress xx yy zz yz xz xy of the octants, out (c, 8, 6) [Pa] updated in place; zero in an empty one."""
     if model.general:
-        points.cauchy_stress(x, model, parameters.rule, work, out)
+        points.cauchy_stress(x, model, parameters.told, work, out)
     else:
         cells.cauchy_stress(x, model, parameters, work, out)

@@ -19,9 +19,9 @@ from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")
-def _add_point(A, G, w, K):
-    """K[a, 3 i + k, b] += w dN_a,j A_ij,kn dN_b,n for b >= a; A (9, 9), G (3, m), K (m, 9, m) updated in place."""
-    n_nodes = G.shape[1]
+def add_point(A, G, w, n_nodes, K):
+    """K[a, 3 i + k, b] += w dN_a,j A_ij,kn dN_b,n for b >= a of the first n_nodes; A (9, 9), G (3, m), K (m, 9, m)
+    updated in place."""
     for a in range(n_nodes):
         g0, g1, g2 = w * G[0, a], w * G[1, a], w * G[2, a]
         for i in range(3):
@@ -138,7 +138,7 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                         )
                     else:
                         tangent(model.kind, parameters[at], F[at], A, definite)
-                    _add_point(A, G, w, K)
+                    add_point(A, G, w, n_nodes, K)
                     at += 1
                 scatter(K, nodes, tree, cell, work.values)
             if averaged:

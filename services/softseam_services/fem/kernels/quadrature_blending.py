@@ -3,6 +3,7 @@
 Under uniform squeeze split quadrature has modes of negative stiffness below a principal stretch of about 0.45, full
 quadrature has none. With the least principal stretch s of a cell's mean deformation gradient at the start of a step,
   U_cell = (1 - b) U_split + b U_full,  b = r^2 (3 - 2 r),  r = (FIRST - s)/(FIRST - LAST) within 0 .. 1          (1)
+Cells that are joined to others (kernels/joints.py) stay: full quadrature has no group of octants.
 b stays over the step: the force is that of an energy, and a step's end depends on its start only.
 """
 
@@ -24,6 +25,8 @@ def share_cells(x, model, parameters, work):
     mean = np.empty((3, 3))
     work.mixed[0] = 0
     for cell in range(len(model.cell_nodes)):
+        if model.joined[cell]:
+            continue
         gradient = parameters.mean_gradient[parameters.full.shape[cell]]
         centre = model.cell_nodes[cell, 13]
         mean[:] = 0.0
