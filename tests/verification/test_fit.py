@@ -72,6 +72,7 @@ def test_a_modulus_is_found_from_a_squeeze(tmp_path: Path, young: float, noise: 
     answer, told = _fit(tmp_path, _scene(SQUEEZE, 20e3, 0.6), table, ["left"], "young", tmp_path / "fitted.yaml")
     assert answer.values[0] == pytest.approx(young, rel=off)
     assert answer.settled and answer.runs <= 6 and f"fitted in {answer.runs} runs" in told
+    assert all(f"run {run}: young " in told for run in range(1, answer.runs + 1))
     if noise > 0.0:
         assert abs(answer.values[0] - young) < 3.0 * answer.errors[0] < 0.05 * young
     fitted = softseam.load_scene(tmp_path / "fitted.yaml")

@@ -51,7 +51,8 @@ def fit_scene(wishes: Wishes, console: Console) -> Answer:
     curve = read_curve(wishes.curve, list(scene.tools))
     if curve.force.size <= len(numbers):
         raise BadInput(f"{wishes.curve}: {curve.force.size} forces do not tell {len(numbers)} numbers and their errors")
-    answer = _Model(scene, bundle, curve, wishes.curve, numbers).fit(wishes.runs)
+    console.print(Text("the first fit on a machine compiles for half a minute", style="dim"))
+    answer = _Model(scene, bundle, curve, wishes.curve, numbers, console).fit(wishes.runs)
     _print(console, numbers, answer)
     if wishes.out is not None:
         _write(wishes, with_settings(given, [*wishes.settings, *_settings(numbers, answer.values)]), numbers, answer)
@@ -60,10 +61,13 @@ def fit_scene(wishes: Wishes, console: Console) -> Answer:
 
 
 class _Model:
-    """A scene as a function of its numbers: forces at the curve's times, and their derivatives."""
+    """A scene as a function of its numbers: forces at the curve's times, and their derivatives. Tells of each run."""
 
-    def __init__(self, scene: Scene, bundle: Bundle, curve: Curve, path: Path, numbers: list[Number]) -> None:
+    def __init__(
+        self, scene: Scene, bundle: Bundle, curve: Curve, path: Path, numbers: list[Number], console: Console
+    ) -> None:
         self._scene, self._files, self._curve, self._path, self._numbers = scene, bundle.files, curve, path, numbers
+        self._console, self._runs = console, 0
         self._backend: EmbeddedBackend | None = None
 
     def fit(self, most: int) -> Answer:
@@ -85,7 +89,14 @@ class _Model:
         with translated():
             run, slopes = forces_with_slopes(self._backend.simulation, [number.direction for number in self._numbers])
         check_times(self._curve, self._path, float(run.time[-1]), varied.step)
-        return read_off(self._curve, run, slopes)
+        forces, by_number = read_off(self._curve, run, slopes)
+        self._runs += 1
+        tried = ", ".join(
+            f"{n.name} {value:.5g} {n.unit}".rstrip() for n, value in zip(self._numbers, values, strict=True)
+        )
+        off = float(np.sqrt(np.mean((forces - self._curve.force.ravel()) ** 2)))
+        self._console.print(Text(f"run {self._runs}: {tried}: {off:.3g} N off", style="dim"))
+        return forces, by_number
 
 
 def _settings(numbers: list[Number], values: Floats) -> list[str]:
