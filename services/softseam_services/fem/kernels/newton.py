@@ -38,8 +38,10 @@ from softseam_services.jit import njit
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of work.memo, what is known of the factor in work.values
-FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, N_CANDIDATES = 0, 1, 2, 3, 4, 5, 6
-N_MEMO = 7
+FACTORED, FACTOR_INERTIA, LEAST_J, WORST_CELL, N_FACTORS, FACTOR_TOUCHES, FACTOR_KEEPS, N_CANDIDATES = (
+    0, 1, 2, 3, 4, 5, 6, 7,
+)  # fmt: skip
+N_MEMO = 8
 
 # A kept factor costs iterations, a new one about as much as twelve of them; its rate shows after a few.
 _PATIENCE = 12.0
@@ -54,8 +56,8 @@ _PROBATION = 5
 _STALE = 0.3
 _SHORTEST = 0.25
 _ENOUGH = 1e-2
-# Corrections by a factor more of whose contacts are open than this share of them are not believed to be small.
-_OPEN_SHARE = 0.5
+# Corrections by a factor with contacts that are open are not believed to be small after more iterations than that.
+_SOON = 7
 # Contacts that open and close by turns stay in a factor after so many for contacts that it lacked.
 _OFTEN = 2
 # A step moves no node by more than this share of a cell edge, so that elements do not turn over on the way.
@@ -152,6 +154,7 @@ def refactor(x, x0, model, parameters, tree, tools, count, inertia, share, safe,
         if factor(tree, work.values, work.factoring) == 0:
             work.memo[FACTORED] = 1.0
             work.memo[FACTOR_INERTIA] = inertia
+            work.memo[FACTOR_KEEPS] = keep
             return True
     return False
 
@@ -284,7 +287,7 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
             slow = _too_slow(largest, first, enough, since)
             exact = ready and _is_worth(plain, before, enough, was_exact)
             # what a factor has of contacts that are open makes corrections small before forces are
-            doubtful = work.gone[0] > _OPEN_SHARE * work.memo[FACTOR_TOUCHES]
+            doubtful = work.gone[0] > 0 and (work.memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
             whole = exact or (not careful and doubtful and plain <= enough)
             if whole:
                 solve_with_changes(model, parameters, tree, count, work)
