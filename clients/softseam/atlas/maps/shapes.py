@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.atlas.maps.by_cells import BOUND, CLAIM_HOLDS, ByCells
+from softseam.atlas.maps.by_cells import BOUND, CLAIM_HOLDS, MATERIAL, ByCells
 from softseam.atlas.maps.grid import Map
 from softseam.atlas.scenes import Model
 from softseam.atlas.trace import Trace, follow
@@ -71,7 +71,7 @@ def squeezed(model: Model, shape: str, edge: float) -> Trace:
 
 
 def scene(model: Model, points: Floats, edge: float) -> dict[str, Any]:
-    """Some viscosity lets it come to rest within the hold. Points (n, 3) and edge in mm."""
+    """Points (n, 3) and edge in mm."""
     half, gap, thick = 0.5e-3 * np.ptp(points[:, 0]), 0.1e-3, 0.01
     plate = {"kind": "box", "size": [thick, 0.1, 0.1], "friction": 0.5}
     away = half + gap + 0.5 * thick
@@ -85,13 +85,7 @@ def scene(model: Model, points: Floats, edge: float) -> dict[str, Any]:
             "shape": {"kind": "mesh", "path": "shape.obj", "scale": 1e-3},
             "position": [0, 0, 0],
             "cell": 1e-3 * edge,
-            "material": {
-                "kind": "neo_hookean",
-                "young": 2e4,
-                "poisson": 0.4,
-                "density": 1000.0,
-                "retardation_time": 5e-3,
-            },
+            "material": MATERIAL,
         },
         "tools": {
             "left": plate | {"position": [-away, 0, 0.01]},

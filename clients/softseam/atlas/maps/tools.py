@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from softseam.atlas.maps.by_cells import BOUND, CLAIM_HOLDS, ByCells
+from softseam.atlas.maps.by_cells import BOUND, CLAIM_HOLDS, MATERIAL, ByCells
 from softseam.atlas.maps.grid import Map
 from softseam.atlas.scenes import Model
 from softseam.atlas.trace import Trace, follow
@@ -47,7 +47,7 @@ def pressed(model: Model, tool: str, edge: float) -> Trace:
 
 
 def scene(model: Model, tool: str, edge: float) -> dict[str, Any]:
-    """Some viscosity lets it come to rest within the hold."""
+    """Edge in m."""
     side, height, gap = 0.04, 0.02, 0.5e-3
     cells = [side / max(1, round(side / edge))] * 2 + [height / max(1, round(height / edge))]
     return {
@@ -58,13 +58,7 @@ def scene(model: Model, tool: str, edge: float) -> dict[str, Any]:
         "body": {
             "shape": {"kind": "block", "size": [side, side, height]},
             "cell": cells,
-            "material": {
-                "kind": "neo_hookean",
-                "young": 2e4,
-                "poisson": 0.4,
-                "density": 1000.0,
-                "retardation_time": 5e-3,
-            },
+            "material": MATERIAL,
             "fixed": [{"min": [-1, -1, -1e-3], "max": [1, 1, 1e-4]}],
         },
         "tools": {"tool": TOOLS[tool] | {"position": [*PLACE, height + gap + ABOVE[tool]], "friction": 0.3}},
