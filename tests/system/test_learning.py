@@ -21,6 +21,7 @@ from rich.console import Console
 
 from softseam.errors import BadInput
 from softseam.learn import train as training
+from softseam.learn.check_beside import Beside
 from softseam.learn.evaluate import Wishes as Judgement
 from softseam.learn.evaluate import evaluate
 from softseam.learn.policy import POLICY, TRAINING, read_training
@@ -87,6 +88,25 @@ def test_sac_learns_from_the_batch_too(tmp_path: Path) -> None:
         learner = training.algorithm("sac").load(folder / POLICY)
         moved.append(learner.policy.state_dict()["actor.mu.bias"].numpy())
     assert abs(moved[1] - moved[0]).max() > 1e-4
+
+
+@learns
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", [True, False])
+def test_it_is_told_where_checks_ended_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: bool) -> None:
+    class Killed(Beside):
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given)
+            self._process.kill()
+            self._process.wait()
+
+    if lost:
+        monkeypatch.setattr(training, "Beside", Killed)
+    said = Console(file=StringIO(), width=120)
+    train(Wishes(algorithm="sac", environments=4, steps=80, out=tmp_path / "out"), said)
+    assert isinstance(said.file, StringIO)
+    assert ("ended before the training did" in said.file.getvalue()) is lost
+    assert read_training(tmp_path / "out").done == 80
 
 
 @learns

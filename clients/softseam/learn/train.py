@@ -124,6 +124,7 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
     finally:
         stop()
         vector.close()
+        lost = beside is not None and not beside.alive
         if beside is not None:
             beside.close()
     keeper.save()
@@ -131,6 +132,9 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
     console.print(f"{done}; of the last {_KEPT} episodes {keeper.state}", soft_wrap=True, highlight=False)
     if keeper.training.checks:
         show_checks(console, keeper.training.checks)
+    if lost:
+        console.print("the process that checks by FEM ended before the training did: judge the policy with evaluate",
+                      style="yellow", soft_wrap=True, highlight=False)  # fmt: skip
     console.print(f"judge it: softseam evaluate {folder}", soft_wrap=True, highlight=False)
 
 
