@@ -231,9 +231,9 @@ class Breaking(EmbeddedTransport):
         return False
 
 
-def squeezed(transport: EmbeddedTransport, n_steps: int) -> Simulation:
+def squeezed(transport: EmbeddedTransport, n_steps: int, dt: float = 0.05) -> Simulation:
     """A cube whose steps are all too long for its middle, which XPBD holds: they are taken in parts."""
-    scene = Scene.model_validate(press(1e5, 0.05, "hybrid"))
+    scene = Scene.model_validate(press(1e5, dt, "hybrid"))
     simulation = Simulation(bundle_scene(scene, {}), transport)
     for _ in range(n_steps):
         simulation.step()
@@ -275,9 +275,13 @@ def test_a_step_that_fails_in_any_of_its_parts_leaves_what_was_committed(
 
 
 def test_a_step_that_is_taken_again_at_once_begins_where_it_began() -> None:
-    """Nobody has looked in between; the first of all steps was tried whole, then in parts of which the third fails."""
+    """Nobody has looked in between; the first of all steps was tried whole, then in parts of which the third fails.
+
+    At 40 ms parts settle in 3 exchanges and less. At 50 ms one needs about the 16 that it may take, so that the last
+    digits of what its solver begins with decide whether it is cut once more, which changes the force by 8 %.
+    """
     transport = Breaking()
-    failed, whole = squeezed(transport, 0), squeezed(EmbeddedTransport(), 0)
+    failed, whole = squeezed(transport, 0, dt=0.04), squeezed(EmbeddedTransport(), 0, dt=0.04)
     transport.part = 2
     with pytest.raises(StepFailed):
         failed.step()
