@@ -69,7 +69,7 @@ Each with a control that was seen to fail in this very run and the remedy that h
 - Messages fare badly between orchestrator and participants in one process; real processes that are killed, stall and
   come back are in tests/system.
 - [Decision 39](../decisions/39-atlas-verdicts.md) says what each verdict means, and why;
-  [decision 07](../decisions/07-runs-estimate-their-error.md) how runs on coarse cells know that they are off.
+  [decision 07](../decisions/07-claims-and-estimates.md) how runs on coarse cells know that they are off.
 """
 LONG = """
 ## A hundred thousand steps

@@ -51,7 +51,7 @@ PROBES = {
 """where a scene looks at stress"""
 HELD = {
     "tofu_pads": (
-        "Stress beside a sharp edge hardly converges ([decision 16](../decisions/16-cells-of-any-shape.md)), and is "
+        "Stress beside a sharp edge hardly converges ([decision 16](../decisions/16-cells-and-blocks.md)), and is "
         "known to 10 to 12 % only. Cells that are thin at the edges come closer, at less speed."
     ),
     "tofu_slab": (
@@ -59,7 +59,7 @@ HELD = {
         "time, sixty times too slow. Three things hold it, each enough alone: long steps lose the swing of the "
         "slab, cells of 2 mm are wanted, and how it rests on the edge goes by single points of contact, by which "
         "the finest runs differ by 10 to 19 % "
-        "([decision 16](../decisions/16-cells-of-any-shape.md)). Few coarse cells are nearer "
+        "([decision 16](../decisions/16-cells-and-blocks.md)). Few coarse cells are nearer "
         "than more of them by accident. The reference of *upper* is itself some 20 % high: cells thin across the "
         "edge, finer there than its own, lead lower."
     ),
@@ -126,8 +126,7 @@ Names of configurations are explained [below](#what-the-names-say).
   are fewer than ours. *Times faster* is how much sooner the fastest of ours is done whose error is no larger.
 - Kept runs are used again; `--fresh` forgets them. Other settings, other code and another machine have runs of their
   own.
-- [Decision 36](../decisions/36-references.md) and
-  [decision 37](../decisions/37-measuring-speed.md) say why it is measured this way.
+- [Decision 36](../decisions/36-references-and-speeds.md) says why it is measured this way.
 """
 SECTION = """
 ## {scene}

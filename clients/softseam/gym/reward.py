@@ -143,4 +143,4 @@ class Energy(Term):
 
 
 GENTLE: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration())
-"""first lift, then gently (docs/decisions/53)"""
+"""first lift, then gently (docs/decisions/40)"""

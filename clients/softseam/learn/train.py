@@ -169,7 +169,7 @@ def algorithm(name: Algorithm) -> Any:
 
 
 def new_learner(training: Training, vector: Any) -> Any:
-    """With constants that learn TofuLift (docs/decisions/53, 60)."""
+    """With constants that learn TofuLift (docs/decisions/40, 59)."""
     net = {"net_arch": [64, 64]}
     shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "learning_rate": 5e-4}
     if training.algorithm == "sac":

@@ -6,7 +6,7 @@ functions N_a, extended beyond it, by an energy that vanishes on all that these 
   U = sum_n k/2 |x_n - sum_a N_a(xi_n) x_a|^2,   k = TIE mu h                                                     (1)
 
 xi_n the node's place in the root cell's coordinates, h the least edge of a cell. A tie is stiff, and no constraint: the
-space of functions stays whole, and forces do not rise, as they do where such nodes follow (docs/decisions/55). Octants
+space of functions stays whole, and forces do not rise, as they do where such nodes follow (docs/decisions/17). Octants
 of both cells with one deformation gradient (`octants`, eq. 1) are groups of the joint.
 """
 

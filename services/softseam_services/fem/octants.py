@@ -20,7 +20,7 @@ from softseam_services.body.filled import FILL_FLOOR, filled_moments, gradient_i
 from softseam_services.body.slivers import true_fill
 
 SLIVER_SHEAR = 0.02
-"""fill that slivers have S with [1]: less lets stress beside them waver, more makes thin parts stiff (decision 55)"""
+"""fill that slivers have S with [1]: less lets stress beside them waver, more makes thin parts stiff (decision 17)"""
 
 
 class Octants(NamedTuple):

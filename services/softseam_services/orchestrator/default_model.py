@@ -3,7 +3,7 @@
 What the scene's own words mean comes first (`implied_model`), and what one model alone can do. Else it is FEM on all
 cells while that is expected to cost no more than `WORTH` times what XPBD does (`cost`), and to fit into memory. A
 larger body has FEM within `REACH` cells of the tools that move and XPBD elsewhere; XPBD alone where none moves, or
-where it cannot be cut. Nothing is timed: every process and every replay decides alike (docs/decisions/47).
+where it cannot be cut. Nothing is timed: every process and every replay decides alike (docs/decisions/06).
 """
 
 from __future__ import annotations
