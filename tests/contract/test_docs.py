@@ -16,6 +16,7 @@ from pages.written import REFERENCE
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = sorted(p.relative_to(ROOT).as_posix() for p in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")))
 _PATH = re.compile(r"`((?:clients|coupling|deploy|docs|protocol|scenes|services|tests)/[\w./*-]*)(?:::\w+)?`")
+_DECISION = re.compile(r"[Dd]ecisions?[ /]\[?(\d\d(?:, \d\d)*)\b")
 
 
 def links(text: str) -> list[str]:
@@ -50,6 +51,17 @@ def test_paths_exist(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     missing = [path for path in _PATH.findall(text) if "NAME" not in path and not any(ROOT.glob(path.rstrip("/")))]
     assert not missing
+
+
+def test_decisions_that_are_cited_exist() -> None:
+    """By their number, in code as in pages."""
+    there = {page.name[:2] for page in ROOT.glob("docs/decisions/[0-9]*.md")}
+    sources = [*(ROOT / page for page in DOCUMENTS), *ROOT.glob("scenes/*.yaml")]
+    for package in ("clients", "coupling", "protocol", "services", "tests"):
+        sources += (ROOT / package).rglob("*.py")
+    for source in sources:
+        for cited in _DECISION.findall(source.read_text(encoding="utf-8")):
+            assert set(re.findall(r"\d\d", cited)) <= there, f"{source.relative_to(ROOT)}: {cited}"
 
 
 def programs(text: str) -> list[str]:
