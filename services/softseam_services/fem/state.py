@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -39,11 +40,11 @@ class FemState:
     """substeps by error begin with 2^-level of the step"""
     material: Floats = field(default_factory=lambda: np.zeros((0, 8, 0)))
     """what a material with state remembers, of each octant (c, 8, n); (0, 8, 0) of others"""
-    arrays: StateArrays = field(init=False, repr=False)
-    """x, v, contact and history for the kernels"""
 
-    def __post_init__(self) -> None:
-        self.arrays = StateArrays(self.x, self.v, self.contact, self.history)
+    @cached_property
+    def arrays(self) -> StateArrays:
+        """x, v, contact and history for the kernels; to make them takes longer than to copy a small state."""
+        return StateArrays(self.x, self.v, self.contact, self.history)
 
     def copy(self) -> FemState:
         arrays = self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy()

@@ -90,12 +90,12 @@ class NearCells:
     def mask(self, near: Mask) -> None:
         self._state.near = np.array(near, dtype=np.bool_)
         self._state.whole = False
-        self._cut = self._state.near
+        self._take_cut(self._state.near)
 
-    @property
-    def enough(self) -> str:
-        """Why all cells are near whatever tools do, so that the rule does not look; '' where it does."""
-        return self._why if self._why and self._cut.all() else ""
+    def _take_cut(self, cut: Mask) -> None:
+        self._cut = cut
+        self.enough = self._why if self._why and cut.all() else ""
+        """why all cells are near whatever tools do, so that the rule does not look; '' where it does"""
 
     @property
     def looks_for(self) -> tuple[bool, bool]:
@@ -129,7 +129,7 @@ class NearCells:
         self._state: RegionState = self._rule.init(self._grid, distance)
         if self._none:
             self._state.near[:] = False
-        self._cut, _ = self._spare(self._state.near)
+        self._take_cut(self._spare(self._state.near)[0])
 
     def follow(
         self,
@@ -171,7 +171,8 @@ class NearCells:
             return ""
         self._before = self._state.to_arrays(), self._cut
         self._rule.accept(self._state, choice)
-        self._cut, why = self._spare(choice.near)
+        cut, why = self._spare(choice.near)
+        self._take_cut(cut)
         if np.array_equal(self._before[1], self._cut):
             return ""
         return f"{choice.reason}; {why or f'{int(choice.near.sum())} of {self._body.n_cells} cells are near'}"
@@ -180,7 +181,8 @@ class NearCells:
         """The switch that the last step asked for was taken back: ask again in `RETRY` steps."""
         self._n_refused += 1
         self._wanted |= self._cut
-        state, self._cut = self._before
+        state, cut = self._before
+        self._take_cut(cut)
         self._state = RegionState.from_arrays(state)
         self._wait = RETRY
 
@@ -243,7 +245,8 @@ class NearCells:
             raise ValueError(f"it is not of {self._body.n_cells} cells")
         self._refinement.take(arrays)
         self._forget_refused()
-        self._state, self._cut, self._distance, self._wait = state, cut, distance, wait
+        self._take_cut(cut)
+        self._state, self._distance, self._wait = state, distance, wait
 
 
 def _rule(near: NearSpec | None, fixed: bool) -> RegionRule:

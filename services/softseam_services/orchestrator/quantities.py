@@ -94,6 +94,9 @@ class Look:
         return sum(reply.strain for reply in self.replies.values())
 
 
+Needs = Literal["pose", "step", "fields", "indicators"]
+
+
 @dataclass(frozen=True)
 class Measurement:
     """One quantity: what measuring it needs, and how it is done.
@@ -102,18 +105,20 @@ class Measurement:
            too; indicators: a frame with the participants' error indicators, and the step's replies
     """
 
-    needs: Literal["pose", "step", "fields", "indicators"]
+    needs: Needs
     measure: Callable[[Look], float]
 
-    def can(self, look: Look) -> bool:
-        """Whether all that it needs is at hand."""
-        if self.needs == "step":
-            return bool(look.replies)
-        if self.needs == "fields":
-            return look.frame is not None
-        if self.needs == "indicators":
-            return bool(look.replies) and look.frame is not None and look.frame.indicators is not None
-        return True
+
+def _at_hand(look: Look) -> set[Needs]:
+    """What measurements may need, of a look."""
+    found: set[Needs] = {"pose"}
+    if look.replies:
+        found.add("step")
+    if look.frame is not None:
+        found.add("fields")
+        if look.replies and look.frame.indicators is not None:
+            found.add("indicators")
+    return found
 
 
 def _slip(look: Look) -> float:
@@ -247,15 +252,16 @@ class Quantities:
     ) -> dict[str, float]:
         """All quantities of the step; those that need fields only where there is a frame. Arguments as in `Look`."""
         look = Look(self._rest, self._program, replies, position, orientation, frame, grip_force, rise)
-        return {name: row.measure(look) for name, _, row in self._rows if row.can(look)}
+        at_hand = _at_hand(look)
+        return {name: row.measure(look) for name, _, row in self._rows if row.needs in at_hand}
 
     def at_rest(self, position: Floats, orientation: Floats, frame: Frame | None) -> dict[str, float]:
         """The same before the first step; those that only a step can tell are left out."""
         look = Look(self._rest, self._program, {}, position, orientation, frame)
-        found = {}
+        found, at_hand = {}, _at_hand(look)
         for name, described, row in self._rows:
             if described.at_rest is not None:
                 found[name] = described.at_rest
-            elif row.can(look):
+            elif row.needs in at_hand:
                 found[name] = row.measure(look)
         return found

@@ -223,7 +223,8 @@ class Simulation:
         wrench = sum(others, first)
         moved = self._moving.take(move, wrench)
         self._clock.step += 1
-        frames = self._look(solutions, look or (self._wants_fields and self.done))
+        done = self.done
+        frames = self._look(solutions, look or (self._wants_fields and done))
         quantities = self._measure(solutions, wrenches, frames or {})
         entries, switched = self._book_and_adapt(solutions, move.motion)
         estimates = self._judge(solutions, ongoing and not move.by_hand, moved.phase_ends)
@@ -237,13 +238,13 @@ class Simulation:
             command=move.command,
             dt=self.scene.step,
             seconds=self._stopwatch.read(),
-            done=self.done,
+            done=done,
             estimate=worst(estimates),
         )
         if switched:
             self._frames = None
         self._notify(solutions, move, moved, estimates)
-        if self.done and ongoing:
+        if done and ongoing:
             self._tell_not_done(move.by_hand)
         self._report = report
         if self._emit is not None:
