@@ -393,6 +393,7 @@ def schema(
 
 app.command(name="import", epilog=cli_importing.IMPORT)(cli_importing.import_template)
 app.command(epilog=cli_fitting.FIT)(cli_fitting.fit)
+app.command(epilog=cli_fitting.SURROGATE)(cli_fitting.surrogate)
 app.command(epilog=cli_learning.TRAIN)(cli_learning.train)
 app.command(epilog=cli_learning.EVALUATE)(cli_learning.evaluate)
 

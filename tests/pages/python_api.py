@@ -29,6 +29,8 @@ CLASSES = (
     ("softseam.gradient", "Gradient"),
     ("softseam.losses", "Run"),
     ("softseam.losses", "Slope"),
+    ("softseam.surrogate.surrogate", "Surrogate"),
+    ("softseam.surrogate.surrogate", "Told"),
     ("softseam.recording", "Recording"),
     ("softseam.report", "ReportBuilder"),
     ("softseam.gym.scene_env", "SceneEnv"),
