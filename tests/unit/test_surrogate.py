@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import softseam
 from softseam.cli import app
-from softseam.errors import BadInput
+from softseam.errors import BadInput, SimulationFailed
 from softseam.surrogate import Surrogate
 from softseam.surrogate.fitting import Curve, common_squeezes, fitted
 from softseam.surrogate.learn import learn
@@ -134,3 +134,10 @@ def test_bad_wishes_are_named(
 def test_a_scene_that_squeezes_nothing_is_named() -> None:
     with pytest.raises(BadInput, match="is squeezed in 0 steps"):
         learn("cantilever", [Varied("body.material.young", 1e5, 2e5)], ["peak_von_mises"], 20, ["duration=0.01"])
+
+
+def test_a_run_that_fails_says_with_which_values() -> None:
+    high = [f"tools.{pad}.position=[{x}, 0, 0.3]" for pad, x in (("left", -0.02), ("right", 0.02))]
+    missing = [*high, "motion=[{tools: [left, right], close: 0.5, until: {force: 5}}]"]
+    with pytest.raises(SimulationFailed, match=r"with body.material.young=1\d+\.\d*: .*; vary less, or shorten `step`"):
+        learn("tofu_grasp", [Varied("body.material.young", 10e3, 20e3)], ["grip_force"], 20, missing)

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from softseam.errors import BadInput
-from softseam.outputs import check_ending, check_outputs
+from softseam.outputs import cannot_write, check_ending, check_outputs
 from softseam.scenes import bundle_of, inputs_of
 from softseam.surrogate.learn import checked, learn
 from softseam.surrogate.surrogate import Surrogate
@@ -52,7 +52,10 @@ def make_surrogate(wishes: Wishes, console: Console) -> Surrogate:
             console.print(Text(f"{done} of {wishes.runs} runs", style="dim"))
 
     found = learn(wishes.scene, varied, names, wishes.runs, wishes.settings, tell)
-    found.write(wishes.out)
+    try:
+        found.write(wishes.out)
+    except OSError as error:
+        raise cannot_write(wishes.out, error) from None
     _print(found, console)
     console.print(Text(f"surrogate: {wishes.out}"), soft_wrap=True)
     return found

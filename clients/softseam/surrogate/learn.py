@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from softseam.errors import BadInput
+from softseam.errors import BadInput, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import Session, open_as_given
 from softseam.surrogate.fitting import Curve, common_squeezes, fitted
@@ -60,7 +60,10 @@ def _curve(session: Session, quantities: Sequence[str], values: str) -> Curve:
             squeezes.append(squeeze)
             found.append([observation.quantities[name] for name in quantities])
 
-    session.run(see, fields=True)
+    try:
+        session.run(see, fields=True)
+    except SimulationFailed as error:
+        raise SimulationFailed(f"with {values}: {error}; vary less, or shorten `step`") from error
     if len(squeezes) < 3:
         raise BadInput(
             f"with {values} the body is squeezed in {len(squeezes)} steps, and 3 are needed: give the scene's motion a "
