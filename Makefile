@@ -48,7 +48,7 @@ figures: $(VENV)/.dev ## draw the pictures of docs/concepts/
 	@PYTHONPATH=tests $(PY) -m pages.figures
 
 course: $(VENV)/.dev ## run the lessons of docs/course/ and draw their pictures
-	@for lesson in locking pbd_stiffness xpbd_substeps two_models accuracy_speed; do \
+	@for lesson in locking pbd_stiffness xpbd_substeps two_models accuracy_speed terzopoulos; do \
 		$(PY) docs/course/$$lesson.py docs/pictures/course_$$lesson.png || exit 1; done
 
 bus: $(VENV)/.dev ## measure what the bus costs on this machine

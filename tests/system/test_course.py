@@ -22,7 +22,7 @@ def test_a_lesson_holds(lesson: Path, tmp_path: Path) -> None:
     assert picture.stat().st_size > 10_000
 
 
-def test_the_course_has_five_lessons() -> None:
+def test_the_course_has_six_lessons() -> None:
     text = (ROOT / "docs" / "course" / "README.md").read_text()
-    assert len(LESSONS) == 5
+    assert len(LESSONS) == 6
     assert all(f"]({lesson.name})" in text for lesson in LESSONS)

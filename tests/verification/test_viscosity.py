@@ -183,7 +183,7 @@ def test_no_step_gains_energy(kind: MaterialKind, element: ElementKind, time: fl
 # ---- both models ---------------------------------------------------------------------------------------------
 
 
-def swayed(model: str, time: float, step: float) -> Floats:
+def swayed(model: str, time: float, step: float, damping: float = 0.0) -> Floats:
     """Displacement of a clamped bar's tip that its weight sets swinging, half FEM and half PBD where hybrid [m]."""
     regions: dict[str, Any] = {"default": "pbd" if model == "hybrid" else model}
     if model == "hybrid":
@@ -200,6 +200,7 @@ def swayed(model: str, time: float, step: float) -> Floats:
                 "cell": 0.03,
                 "material": {"young": 1e5, "poisson": 0.3, "density": 1000.0, "retardation_time": time},
                 "fixed": [{"min": (-0.0601, -1.0, -1.0), "max": (-0.0599, 1.0, 1.0)}],
+                "damping": damping,
             },
             "probes": {"tip": (0.06, 0.0, 0.015)},
             "regions": regions,

@@ -347,8 +347,8 @@ def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> boo
 
 
 def is_viscous(scene: Scene) -> bool:
-    """Whether the body's material has a retardation time, which not every integrator knows."""
-    return isinstance(scene.body, BodySpec) and scene.body.material.retardation_time > 0.0
+    """Whether the body has a drag, or its material a retardation time, which not every integrator knows."""
+    return isinstance(scene.body, BodySpec) and (scene.body.material.retardation_time > 0.0 or scene.body.damping > 0.0)
 
 
 def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:

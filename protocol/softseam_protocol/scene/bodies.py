@@ -5,13 +5,21 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    SerializationInfo,
+    SerializerFunctionWrapHandler,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 
 from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
 from softseam_protocol.scene.mesh_files import MeshPart
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.scene.regions import OwnRegions
-from softseam_protocol.scene.spec import BoxRegion, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
 from softseam_protocol.scene.tools import ToolName
 
 BodyName = ToolName
@@ -114,6 +122,19 @@ class BodySpec(OwnRegions):
     spin: Vector = Field(
         default=(0.0, 0.0, 0.0), description="initial angular velocity about the centre of mass [rad/s]"
     )
+    damping: NonNegative = Field(
+        default=0.0,
+        description="drag of still air, in every model: force over mass and velocity, so that an oscillation decays "
+        "with half of it [1/s]",
+    )
+
+    @model_serializer(mode="wrap")
+    def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
+        """In version 1 of the scene format bodies in cells say damping only where they have some: hashes hold it."""
+        said: dict[str, Any] = handler(self)
+        if self.damping == 0.0:
+            said.pop("damping", None)
+        return said
 
     @model_validator(mode="after")
     def _sized_once(self) -> BodySpec:

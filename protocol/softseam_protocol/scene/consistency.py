@@ -172,6 +172,8 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
         raise wrong(problem, "models", "fem", "integrator")
     if body.material.retardation_time > 0.0:
         scene.models.check_viscous(models)
+    if body.damping > 0.0:
+        scene.models.check_drag(models)
     own = isinstance(body.shape, MeshShape) and body.shape.cells == "own"
     if own and near:
         raise wrong(

@@ -100,7 +100,7 @@ class IntegratorFacts:
     seams         coupling schemes that give it no energy (docs/results/verification.md); of staggered, no more
                   than the scheme itself does
     meets_tools   a point that hits a tool comes to rest
-    viscous       it takes up the viscosity of a material, or has no use for it
+    viscous       it takes up the viscosity of a material and the drag of a body, or has no use for them
     radius        scenes may say how much it keeps of the fastest oscillations
     no_seam       why it cannot meet any seam; '' where it can, or where a seam would give it energy
     no_error      why it has no substeps by error; '' where it may

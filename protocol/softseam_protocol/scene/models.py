@@ -82,7 +82,7 @@ class ClassicSpec(Spec):
 class DampingSpec(Spec):
     """Rayleigh's damping of cells: the ratio of an oscillation of omega is (mass/omega + stiffness omega)/2."""
 
-    mass: NonNegative = Field(default=0.0, description="force over mass and velocity, as of still air [1/s]")
+    mass: NonNegative = Field(default=0.0, description="in place of body.damping, of xpbd alone [1/s]")
     stiffness: NonNegative = Field(
         default=0.0,
         description="stress over its own rate; implicit Euler's own damping, as of a substep's length, counts [s]",
@@ -148,6 +148,20 @@ class ModelsSpec(Spec):
 
     fem: FemSpec = FemSpec()
     pbd: PbdSpec = PbdSpec()
+
+    def check_drag(self, used: Set[str]) -> None:
+        """Raise if one of the models that are used cannot take up a body's drag."""
+        fem, pbd = self.fem, self.pbd
+        if "fem" in used and not INTEGRATORS[fem.integrator].viscous:
+            raise wrong(
+                f"{fem.integrator} does not know body.damping: use implicit_euler or midpoint",
+                *("models", "fem", "integrator"),
+            )
+        if "pbd" in used and pbd.damping.mass > 0.0:
+            raise wrong(
+                "body.damping says the same for both models: leave one of them out",
+                *("models", "pbd", "damping", "mass"),
+            )
 
     def check_viscous(self, used: Set[str]) -> None:
         """Raise if one of the models that are used cannot take up a material's retardation time."""

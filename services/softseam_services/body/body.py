@@ -112,6 +112,8 @@ class Body:
     """M_pqr of the part of each octant that the shape fills, see `filled`; (0, 8, 27) where all are full (C, 8, 27)"""
     boxes: bool = True
     """cells are boxes with `edges`; else hexahedra of any shape, wholly filled, whose shortest edge is in `edges`"""
+    damping: float = 0.0
+    """drag of still air: force over mass and velocity [1/s]"""
     notes: tuple[str, ...] = ()
     """what the importer repaired or wants to tell"""
 

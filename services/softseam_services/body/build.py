@@ -232,6 +232,7 @@ def assemble(
         v_initial=v_initial,
         moments=np.zeros((0, 8, 27)) if moments is None else moments,
         boxes=boxes,
+        damping=spec.damping,
         notes=notes,
     )
 

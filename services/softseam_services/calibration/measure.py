@@ -30,6 +30,7 @@ from softseam_protocol.scene.models import PbdSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.region import build_region
+from softseam_services.pbd.parameters import with_damping_of
 from softseam_services.pbd.solver import PbdSolver
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
@@ -173,9 +174,8 @@ class Bench:
 
     def _loss(self) -> float:
         """1 - exp(-2 pi zeta/sqrt(1 - zeta^2)) with zeta = (a/omega + b omega)/2, 1 where nothing oscillates."""
-        damping = self.scene.models.pbd.damping
-        time = self.body.material.retardation_time or damping.stiffness
-        ratio = 0.5 * (damping.mass / self._omega + time * self._omega)
+        damping = with_damping_of(self.body, self.scene.models.pbd).damping
+        ratio = 0.5 * (damping.mass / self._omega + damping.stiffness * self._omega)
         return 1.0 - math.exp(-2.0 * math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 1.0
 
     def _spec(self, substeps: int | str, sweeps: int) -> PbdSpec:

@@ -98,6 +98,8 @@ class FemParameters(NamedTuple):
     """Coulomb coefficient of each tool (t,) [1]"""
     retardation_time: float
     """of the material [s]; 0 where it is not viscous, see kernels/viscosity.py"""
+    drag: float
+    """`body.damping`: force over mass and velocity [1/s]"""
 
 
 def build_parameters(
@@ -119,6 +121,7 @@ def build_parameters(
         edge=float(body.edges.min()),
         friction=np.zeros(0) if tools is None else tools.friction,
         retardation_time=body.material.retardation_time,
+        drag=body.damping,
     )
 
 

@@ -82,6 +82,8 @@ def check_differentiable(scene: Scene, body: object) -> None:
             f"`body.material.retardation_time` is longer than a step, so that it damps, which gradients do not follow: "
             f"at most {scene.step:g}, or 0"
         )
+    if body.damping > 0.0:
+        raise NotDifferentiable("`body.damping`: gradients do not follow drag: leave it out")
     for name, tool in scene.tools.items():
         if isinstance(tool, SolidTool) and tool.force_limit is not None:
             raise NotDifferentiable(f"`tools.{name}.force_limit`: gradients go through motions that no force decides")

@@ -135,13 +135,18 @@ class PbdParameters:
         )
 
 
+def with_damping_of(body: Body, spec: PbdSpec) -> PbdSpec:
+    """With what the body says of both models' damping: its drag, and its material's retardation time."""
+    said = {"mass": body.damping, "stiffness": body.material.retardation_time}
+    damping = spec.damping.model_copy(update={part: value for part, value in said.items() if value > 0.0})
+    return spec.model_copy(update={"damping": damping})
+
+
 def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> PbdParameters:
     """The numbers of a region of the model's structure. Raises SettingError where the material has state."""
     if body.material.n_state:
         raise SettingError(f"regions: pbd does not know the state of {body.material.kind}: give all cells to fem")
-    if body.material.retardation_time > 0.0:
-        damping = spec.damping.model_copy(update={"stiffness": body.material.retardation_time})
-        spec = spec.model_copy(update={"damping": damping})
+    spec = with_damping_of(body, spec)
     blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)
     mass = model.levels.gathered(region.mass)
     inverse_mass = np.zeros(len(region.nodes))

@@ -33,8 +33,10 @@ _OCTANTS = np.array([(octant + _CORNERS) @ (1, 3, 9) for octant in _CORNERS])
 def linear(body: dict[str, Any]) -> tuple[float, float]:
     """Young's modulus [Pa] and Poisson's ratio of a body of the scene. Raises ValueError where these are not all."""
     material = body["material"]
-    if material["retardation_time"] or body["inclusions"] or any(body["spin"]):
-        raise ValueError("no retardation_time, inclusions or spin in a linear block: leave this body to fem or pbd")
+    if material["retardation_time"] or body.get("damping") or body["inclusions"] or any(body["spin"]):
+        raise ValueError(
+            "no retardation_time, damping, inclusions or spin in a linear block: leave this body to fem or pbd"
+        )
     return material["young"], material["poisson"]
 
 

@@ -30,6 +30,8 @@ class Scheme(NamedTuple):
     """arrays (n, 3) of a state beside x and v"""
     retardation_time: float = 0.0
     """of the material [s], see kernels/viscosity.py"""
+    drag: float = 0.0
+    """force over mass and velocity [1/s]; of implicit Euler and midpoint"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -51,16 +53,16 @@ def begin(scheme, dt, past, x0, v0, history, x_hat):
     """Fill x_hat (n, 3) [m]; returns share_M [1/s^2] and share [1] of eq. (1)."""
     kind, parameters = scheme.kind, scheme.parameters
     if _starts(scheme, past):
-        return midpoint.begin(dt, 0.5, x0, v0, x_hat), 0.5
+        return midpoint.begin(dt, 0.5, scheme.drag, x0, v0, x_hat), 0.5
     if kind == MIDPOINT:
-        return midpoint.begin(dt, parameters[0], x0, v0, x_hat), parameters[0]
+        return midpoint.begin(dt, parameters[0], scheme.drag, x0, v0, x_hat), parameters[0]
     if kind == BDF2:
         return bdf2.begin(dt, past, x0, v0, history, x_hat), 1.0
     if kind == GENERALISED_ALPHA:
         return generalised_alpha.begin(dt, parameters, x0, v0, history, x_hat), parameters[0]
     if kind == STATIC:
         return static.begin(x0, x_hat), 1.0
-    return implicit_euler.begin(dt, x0, v0, x_hat), 1.0
+    return implicit_euler.begin(dt, scheme.drag, x0, v0, x_hat), 1.0
 
 
 @njit(cache=True, error_model="numpy")

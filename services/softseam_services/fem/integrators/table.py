@@ -46,6 +46,11 @@ class Setting(NamedTuple):
         """Of the material [s]."""
         return self.parameters.retardation_time
 
+    @property
+    def drag(self) -> float:
+        """Of the body [1/s]."""
+        return self.parameters.drag
+
     def kept(self, free: float, touched: float) -> float:
         """The scene's radius, or the one for a free body and the one for a touched body: where tools touch,
         oscillations of the held points must die out within a few steps; elsewhere they should live."""
@@ -58,12 +63,12 @@ def of_family(share: float, am: float, beta: float, gamma: float) -> Scheme:
 
 
 def _implicit_euler(setting: Setting) -> Scheme:
-    return Scheme(IMPLICIT_EULER, np.ones(1), 0, setting.retardation_time)
+    return Scheme(IMPLICIT_EULER, np.ones(1), 0, setting.retardation_time, setting.drag)
 
 
 def _midpoint(setting: Setting) -> Scheme:
     theta = midpoint.theta(setting.kept(free=1.0, touched=0.5))
-    return Scheme(MIDPOINT, np.array([theta]), 0, setting.retardation_time)
+    return Scheme(MIDPOINT, np.array([theta]), 0, setting.retardation_time, setting.drag)
 
 
 def _bdf2(setting: Setting) -> Scheme:
