@@ -53,6 +53,8 @@ def apply_changes(model, parameters, count, v, work, out):
         out[i] = 0.0
     for c in range(count):
         point, change = work.pair[c, 0], work.change[c]
+        if work.state[c] == OPEN and work.factored_state[point, work.pair[c, 1]] == OPEN:
+            continue
         vx = vy = vz = 0.0
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
             place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
