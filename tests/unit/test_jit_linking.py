@@ -153,7 +153,7 @@ print(json.dumps(found))
 """
 
 BUDGET = {
-    "fem": ({"advance": 251}, 155_000),
+    "fem": ({"advance": 255}, 155_000),
     "pbd": ({"advance_step": 195, "probe_seam": 167, "highest_frequency": 65}, 140_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 55), and most instructions of all

@@ -3,9 +3,8 @@
 A factor A has contacts' symmetric tangents, eq. (2) of kernels/contact.py, as they were when it was made. With C the
 whole tangents of today's contacts without those, both of a few nodes only, a correction d solves
   (A + C) d = r,   or   (1 + A^-1 C) d = A^-1 r                                                                 (1)
-by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986), each of whose iterations is one solution with A. Whole:
-a slipping point with normal n, pressure p, trial force t, way e = t/|t| and B = mu p (Alart and Curnier, Comput.
-Methods Appl. Mech. Eng. 92, 1991) has
+by GMRES (kernels/gmres.py), each of whose iterations is one solution with A. Whole: a slipping point with normal n,
+pressure p, trial force t, way e = t/|t| and B = mu p (Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991) has
   -df/dx = r (n n^T + mu e n^T + (B/|t|)(1 - n n^T - e e^T)),                                                    (2)
 of which the second term is not symmetric. The last one only holds where the point slipped the same way in the iterate
 before: along e nothing resists, and what turns round at every iteration shall stop.
@@ -19,6 +18,7 @@ from softseam_services.fem.kernels.anderson import add_scaled
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, RELAXED, SLIP, TRACTION, TRIAL
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
+from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
 from softseam_services.jit import njit
 
 _TOLERANCE = 0.05
@@ -53,6 +53,8 @@ def apply_changes(model, parameters, count, v, work, out):
         out[i] = 0.0
     for c in range(count):
         point, change = work.pair[c, 0], work.change[c]
+        if work.state[c] == OPEN and work.factored_state[point, work.pair[c, 1]] == OPEN:
+            continue
         vx = vy = vz = 0.0
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
             place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
@@ -78,39 +80,16 @@ def solve_with_changes(model, parameters, tree, count, work):
     work.d_last, q and s of Anderson's method are lost.
     """
     basis, h, d, w = work.basis, work.hessenberg, work.d, work.d_last
-    most, first = len(basis) - 1, np.sqrt(dot(d, d))
+    left = first = np.sqrt(dot(d, d))
     find_changes(parameters, count, work)
-    left = last = first
+    begin_krylov(d, first, basis, h)
     n = 0
-    for i in range(len(d)):
-        basis[0, i] = d[i] / first
-    while n < most and left > _TOLERANCE * first:
+    while n < len(basis) - 1 and left > _TOLERANCE * first:
         apply_changes(model, parameters, count, basis[n], work, w)
         solve(tree, work.values, w, work.factoring)
         add_scaled(w, 1.0, basis[n])
-        for k in range(n + 1):
-            h[k, n] = along = dot(w, basis[k])
-            add_scaled(w, -along, basis[k])
-        beyond = np.sqrt(dot(w, w))
-        for i in range(len(d)):
-            basis[n + 1, i] = w[i] / beyond if beyond > 0.0 else 0.0
-        # Givens' rotations make h triangular; its last columns are the right side, their cosines and their sines
-        for k in range(n):
-            above = h[k, most + 1] * h[k, n] + h[k, most + 2] * h[k + 1, n]
-            h[k + 1, n] = h[k, most + 1] * h[k + 1, n] - h[k, most + 2] * h[k, n]
-            h[k, n] = above
-        size = np.sqrt(h[n, n] ** 2 + beyond**2)
-        h[n, most + 1], h[n, most + 2] = h[n, n] / size, beyond / size
-        h[n, most] = h[n, most + 1] * last
-        last = -h[n, most + 2] * last
-        h[n, n] = size
-        left = abs(last)
+        left = extend_krylov(n, w, basis, h)
         n += 1
-    for k in range(n - 1, -1, -1):
-        for m in range(k + 1, n):
-            h[k, most] -= h[k, m] * h[m, most]
-        h[k, most] /= h[k, k]
     for i in range(len(d)):
         d[i] = 0.0
-    for k in range(n):
-        add_scaled(d, h[k, most], basis[k])
+    add_solution(n, basis, h, d)

@@ -14,8 +14,7 @@ covers in part. Forward, a change d of the start and of inputs moves the end by
 The textbook's recursion lambda_(t-1) = (df_t/dx_t)^T lambda_t is that of explicit steps, x_t = f_t(x_(t-1)): for
 equations f_t = 0 it must solve, and each step adds its own part of the loss: (2) and (3).
 
-J is not factored: GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986) solves with the symmetric factor of a
-step near by.
+J is not factored: GMRES (kernels/gmres.py) solves with the symmetric factor of a step near by.
 """
 
 from __future__ import annotations
@@ -35,6 +34,7 @@ from softseam_services.fem.kernels.contact_derivative import (
 )
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
+from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
 from softseam_services.fem.kernels.tangent_product import multiply_tangent
 from softseam_services.jit import njit
 
@@ -133,12 +133,11 @@ def solve_whole(transposed, model, parameters, x, dt, count, tolerance, work, sl
     Returns iterations, -1 where these were not enough; `tolerance` is relative to w, as the factor weighs it.
     """
     tree, basis, h, d, inertia = model.tree, slopes.basis, slopes.hessenberg, slopes.d, 1.0 / (dt * dt)
-    most = len(basis) - 1
     _apply(transposed, x, inertia, model, parameters, count, w, work, slopes, d)
     for i in range(len(d)):
         d[i] = slopes.right[i] - d[i]
     solve(tree, work.values, d, work.factoring)
-    first = np.sqrt(dot(d, d))
+    left = first = np.sqrt(dot(d, d))
     size = 0.0
     for i in range(len(d)):
         size += (w[i] + d[i]) ** 2
@@ -146,37 +145,14 @@ def solve_whole(transposed, model, parameters, x, dt, count, tolerance, work, sl
     if first <= enough:
         add_scaled(w, 1.0, d)
         return 0
-    left = last = first
+    begin_krylov(d, first, basis, h)
     n = 0
-    for i in range(len(d)):
-        basis[0, i] = d[i] / first
-    while n < most and left > enough:
+    while n < len(basis) - 1 and left > enough:
         _apply(transposed, x, inertia, model, parameters, count, basis[n], work, slopes, d)
         solve(tree, work.values, d, work.factoring)
-        for k in range(n + 1):
-            h[k, n] = along = dot(d, basis[k])
-            add_scaled(d, -along, basis[k])
-        beyond = np.sqrt(dot(d, d))
-        for i in range(len(d)):
-            basis[n + 1, i] = d[i] / beyond if beyond > 0.0 else 0.0
-        # Givens' rotations make h triangular; its last columns are the right side, their cosines and their sines
-        for k in range(n):
-            above = h[k, most + 1] * h[k, n] + h[k, most + 2] * h[k + 1, n]
-            h[k + 1, n] = h[k, most + 1] * h[k + 1, n] - h[k, most + 2] * h[k, n]
-            h[k, n] = above
-        length = np.sqrt(h[n, n] ** 2 + beyond**2)
-        h[n, most + 1], h[n, most + 2] = h[n, n] / length, beyond / length
-        h[n, most] = h[n, most + 1] * last
-        last = -h[n, most + 2] * last
-        h[n, n] = length
-        left = abs(last)
+        left = extend_krylov(n, d, basis, h)
         n += 1
-    for k in range(n - 1, -1, -1):
-        for m in range(k + 1, n):
-            h[k, most] -= h[k, m] * h[m, most]
-        h[k, most] /= h[k, k]
-    for k in range(n):
-        add_scaled(w, h[k, most], basis[k])
+    add_solution(n, basis, h, w)
     return n if left <= enough else -1
 
 
