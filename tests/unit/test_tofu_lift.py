@@ -27,7 +27,7 @@ from softseam.gym.reward import (
 from softseam.gym.sight import SEEN
 
 Rule = Callable[[dict[str, Any]], list[float]]
-FULL: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
+FULL: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_rewards_add_up_to_the_potentials(env: TofuLift) -> None:
 def test_terms_are_changes_of_potentials() -> None:
     one = Grip(lift=0.0, air=0.02, force=0.0, slip=0.0, compression=0.0, stress=0.0, energy=0.0)
     other = Grip(lift=0.015, air=0.0, force=0.3, slip=1e-3, compression=0.2, stress=6e3, energy=2e-3)
-    terms = [
+    terms: list[Term[Grip]] = [
         Lift(2.0),
         Way(0.3),
         Touch(0.3),
