@@ -36,6 +36,7 @@ CLASSES = (
     ("softseam.gym.slice_lift", "SliceLift"),
     ("softseam.gym.push_gentle", "PushGentle"),
     ("softseam.gym.towel_fold", "TowelFold"),
+    ("softseam.gym.point_cloud", "PointCloud"),
     ("softseam.gym.batch_env", "BatchEnv"),
     ("softseam.gym.randomise", "Randomise"),
 )

@@ -16,6 +16,7 @@ except ModuleNotFoundError as error:
     raise missing_extra(error, "softseam.gym") from error
 
 from softseam.gym.batch_env import BatchEnv
+from softseam.gym.point_cloud import PointCloud
 from softseam.gym.push_gentle import PushGentle
 from softseam.gym.randomise import Randomise
 from softseam.gym.scene_env import SceneEnv
@@ -23,7 +24,7 @@ from softseam.gym.slice_lift import SliceLift
 from softseam.gym.tofu_lift import TofuLift
 from softseam.gym.towel_fold import TowelFold
 
-__all__ = ["BatchEnv", "PushGentle", "Randomise", "SceneEnv", "SliceLift", "TofuLift", "TowelFold"]
+__all__ = ["BatchEnv", "PointCloud", "PushGentle", "Randomise", "SceneEnv", "SliceLift", "TofuLift", "TowelFold"]
 
 gymnasium.register(
     id="softseam/TofuLift-v0",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -100,9 +101,9 @@ class PadLift(TaskEnv[Grip]):
     def vary(self, random: np.random.Generator) -> Sequence[str]:
         return self._randomise.settings(self.scene, PADS, random)
 
+    @abstractmethod
     def points_of_face(self, surface: Floats) -> int:
         """How many points (n, 3) [m] of a piece's surface a pad presses once it holds it, about."""
-        raise NotImplementedError
 
     def begin(self, observation: Observation) -> None:
         self._closed = self._risen = 0.0
