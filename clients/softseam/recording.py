@@ -92,6 +92,7 @@ class Recording:
                 yield codec.decode(message.data, kind)
 
     def reports(self) -> Iterator[StepReport]:
+        """Step after step."""
         return self.only(StepReport)
 
     def frames(self, body: str | None = None) -> Iterator[Frame]:
@@ -99,6 +100,7 @@ class Recording:
         return (frame for frame in self.only(Frame) if body in (None, frame.body))
 
     def events(self) -> Iterator[Event]:
+        """As they came."""
         return self.only(Event)
 
     def raw(self) -> Iterator[tuple[str, int, int, bytes]]:

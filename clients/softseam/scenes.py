@@ -9,7 +9,7 @@ from pathlib import Path
 
 from softseam.errors import SceneRefused
 from softseam_protocol.messages.participant import Bundle
-from softseam_protocol.scene.file import SceneError, bundle_scene, files_of, place_of
+from softseam_protocol.scene.file import SceneError, bundle_scene, files_from_here, files_of, place_of
 from softseam_protocol.scene.file import load_scene as _load
 from softseam_protocol.scene.keys import fields_of
 from softseam_protocol.scene.scene import Scene
@@ -53,18 +53,19 @@ def references_folder() -> Path:
     return _folder() / "references"
 
 
-def load_scene(name: str | Path) -> Scene:
+def load_scene(name: str | Path | Scene) -> Scene:
     """Read and validate a scene file, or a scene that comes with softseam. Raises SceneRefused."""
     return bundle_of(name)[0]
 
 
 def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
-    """A scene and what a participant needs to simulate it. Raises SceneRefused."""
-    if isinstance(scene, Scene):
-        if files_of(scene):
-            raise SceneRefused("a scene made in code cannot name a mesh file: write it to a file and open that")
-        return scene, bundle_scene(scene)
+    """A scene and what a participant needs to simulate it. Raises SceneRefused.
+
+    Paths of meshes are those from the scene's file, or, of a scene made in code, from the working folder.
+    """
     try:
+        if isinstance(scene, Scene):
+            return scene, bundle_scene(scene, files_from_here(scene))
         loaded = _load(scene_path(scene))
     except SceneError as error:
         raise SceneRefused(str(error)) from None
@@ -73,11 +74,9 @@ def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
 
 def inputs_of(scene: str | Path | Scene) -> dict[str, Path]:
     """Files that a scene is read from, by what they are: itself, and those that it names. Raises SceneRefused."""
-    if isinstance(scene, Scene):
-        return {}
-    path = scene_path(scene)
-    named = {f"the scene's {_dotted(at)}": path.parent / name for at, name in files_of(load_scene(scene))}
-    return {"the scene itself": path, **named}
+    itself = {} if isinstance(scene, Scene) else {"the scene itself": scene_path(scene)}
+    folder = next((path.parent for path in itself.values()), Path())
+    return itself | {f"the scene's {_dotted(at)}": folder / name for at, name in files_of(load_scene(scene))}
 
 
 def located(text: str, scene: str | Path | Scene, settings: Sequence[str] = ()) -> str:

@@ -34,6 +34,13 @@ CLASSES = (
     ("softseam.recording", "Recording"),
     ("softseam.report", "ReportBuilder"),
     ("softseam.gym.scene_env", "SceneEnv"),
+    ("softseam.gym.tofu_lift", "TofuLift"),
+    ("softseam.gym.slice_lift", "SliceLift"),
+    ("softseam.gym.push_gentle", "PushGentle"),
+    ("softseam.gym.towel_fold", "TowelFold"),
+    ("softseam.gym.point_cloud", "PointCloud"),
+    ("softseam.gym.batch_env", "BatchEnv"),
+    ("softseam.gym.randomise", "Randomise"),
 )
 
 
@@ -43,7 +50,7 @@ def _of_class(found: Class, module: str) -> list[str]:
     if found.attributes:
         lines += ["\n| | type | |", "|---|---|---|"]
         lines += [f"| `{a.name}` | `{cell(a.annotation)}` | {cell(a.text)} |" for a in found.attributes]
-    for method in found.methods:
+    for method in (each for each in found.methods if each.text):  # what overrides another says nothing of its own
         lines += [
             f"\n### {found.name}.{method.name}\n",
             f"```python\n{method.signature}\n```\n",

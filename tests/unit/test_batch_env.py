@@ -12,10 +12,10 @@ from gymnasium.vector import AutoresetMode
 
 from softseam.errors import BadInput, SceneRefused
 from softseam.gym import BatchEnv, Randomise, TofuLift
-from softseam.gym.reward import Lift, StressConcentration, Term, Touch, Way
+from softseam.gym.reward import Grip, Lift, StressConcentration, Term, Touch, Way
 from softseam.gym.sight import SEEN
 
-FULL: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
+FULL: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
 
 
 @pytest.fixture
@@ -195,3 +195,17 @@ def test_bad_calls_are_named_and_change_nothing(envs: BatchEnv) -> None:
     with pytest.raises(BadInput, match="seeds"):
         envs.reset(seed=[1, 2])
     assert [envs.snapshot(i)["body"] for i in range(5)] == before
+
+
+def test_a_piece_that_is_lost_ends_its_episode_and_tells_how_it_stood(envs: BatchEnv) -> None:
+    """Some random actions in a million leave a piece whose places are no numbers; nobody learns from those."""
+    envs.reset(seed=3)
+    *_, before = envs.step(np.tile([0.5, 0.0], (5, 1)))
+    state = envs.snapshot(1)
+    envs.restore(1, state | {"body": np.full(len(state["body"]) // 4, np.nan, np.float32).tobytes()})
+    seen, reward, terminated, _, info = envs.step(np.tile([0.5, 0.0], (5, 1)))
+    assert terminated.tolist() == [False, True, False, False, False] and reward[1] == -1.0
+    assert np.isfinite(seen).all() and all(np.isfinite(value).all() for value in info.values())
+    assert info["grip_force"][1] == before["grip_force"][1] and not info["is_success"][1]
+    seen, _, terminated, *_ = envs.step(np.tile([0.5, 0.0], (5, 1)))
+    assert not terminated.any() and not seen[1, :2].any()  # the next piece

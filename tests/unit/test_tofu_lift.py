@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from episodes import Rule, episode
 
 import softseam
 from softseam.gym import Randomise, TofuLift
@@ -26,8 +27,7 @@ from softseam.gym.reward import (
 )
 from softseam.gym.sight import SEEN
 
-Rule = Callable[[dict[str, Any]], list[float]]
-FULL: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
+FULL: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
 
 
 @pytest.fixture(scope="module")
@@ -43,15 +43,6 @@ def squeezed(part: float) -> Rule:
 
 def pressed(force: float) -> Rule:
     return lambda info: [0.4, 0.0] if info["grip_force"] < force else [0.0, 0.6]
-
-
-def episode(env: TofuLift, rule: Rule, seed: int) -> tuple[float, dict[str, Any]]:
-    _, info = env.reset(seed=seed)
-    total, over = 0.0, False
-    while not over:
-        _, reward, terminated, truncated, info = env.step(rule(info))
-        total, over = total + reward, terminated or truncated
-    return total, info
 
 
 def several(env: TofuLift, rule: Rule, pieces: int = 5) -> tuple[float, float, float]:
@@ -106,7 +97,7 @@ def test_rewards_add_up_to_the_potentials(env: TofuLift) -> None:
 def test_terms_are_changes_of_potentials() -> None:
     one = Grip(lift=0.0, air=0.02, force=0.0, slip=0.0, compression=0.0, stress=0.0, energy=0.0)
     other = Grip(lift=0.015, air=0.0, force=0.3, slip=1e-3, compression=0.2, stress=6e3, energy=2e-3)
-    terms = [
+    terms: list[Term[Grip]] = [
         Lift(2.0),
         Way(0.3),
         Touch(0.3),

@@ -18,10 +18,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from softseam.errors import BadInput
-from softseam.gym.lift_scene import ACT, CRUSHED, HEIGHT, PADS, SPEED, STEPS, SUBSTEPS, settings_of
+from softseam.gym.lift_scene import CRUSHED, HEIGHT, PADS, SPEED, STEPS, SUBSTEPS, settings_of
 from softseam.gym.randomise import Drawn, Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
 from softseam.gym.sight import BOUND, SEEN, Sight
+from softseam.gym.task_env import ACT
 from softseam.scenes import bundle_of
 from softseam.session import whole
 from softseam.variants import with_settings
@@ -53,7 +54,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self,
         num_envs: int = 64,
         *,
-        reward: Sequence[Term] = GENTLE,
+        reward: Sequence[Term[Grip]] = GENTLE,
         randomise: Randomise | None = Randomise(),  # noqa: B008 - it is frozen
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
@@ -157,6 +158,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         sound, (before, then) = self._act(taken), (self._sight, self._grip)
         self._count += 1.0
         self._sight, self._grip = self._look(then)
+        self._keep_where_lost(before, then)
         seen = self._sight.numbers(before, ACT, SPEED, HEIGHT)
         crushed = self._grip.compression >= CRUSHED
         success = (self._grip.lift >= HEIGHT) & ~crushed & sound
@@ -165,7 +167,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self.steps += int((~new).sum())
         reward = sum(term.of(then, self._grip, self.steps) for term in self._terms) - 2e-3
         reward = np.where(sound, reward + np.where(crushed, -1.0, success), -1.0)
-        self._seen = np.nan_to_num(seen, nan=0.0)
+        self._seen = seen
         if new.any():  # NEXT_STEP: what ended before begins now
             reward[new], terminated[new], truncated[new], success[new] = 0.0, False, False, False
             self._begin(new)
@@ -305,6 +307,15 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             energy=found.strain.astype(np.float64),
         )
         return sight, grip
+
+    def _keep_where_lost(self, before: Sight, then: Grip) -> None:
+        """A piece whose places are no numbers is told of as it stood before, as one is where a `TofuLift` fails."""
+        known = np.isfinite(self._found.middle.sum(axis=1) + self._found.force.sum(axis=(1, 2)))
+        if not known.all():
+            self._sight = Sight(*(np.where(known, *each) for each in zip(self._sight, before, strict=True)))
+            self._grip = Grip(
+                **{name: np.where(known, new, vars(then)[name]) for name, new in vars(self._grip).items()}
+            )
 
     def _look_anew(self, mask: Mask) -> None:
         """What is seen of the pieces that began where the mask is; they have not been stepped yet."""

@@ -1,20 +1,25 @@
-"""The scene of TofuLift: a piece of tofu between two pads, for each of the two models."""
+"""Scenes of lifts: what a body is lifted by, and how; of TofuLift, a piece of tofu, for each of the two models."""
 
 from __future__ import annotations
 
 from typing import Literal
 
+from softseam.gym.task_env import ACT
+
 HEIGHT = 0.03
-"""to lift the tofu by, which ends an episode [m]"""
+"""to lift the body by, which ends an episode [m]"""
 CRUSHED = 0.5
 """compression that ends it, too; FEM in a rigid box is right up to 0.6"""
 STEPS = 80
 """of an episode at most"""
-ACT = 0.04
-"""time between two actions [s]"""
 SPEED = 0.05
 """of a pad at an action of 1 [m/s]"""
 PADS = ("left", "right")
+THICKNESS = 0.01
+"""of a pad [m]"""
+BELOW = 1e-3
+"""how far pads reach below a piece, which stands on something small [m]"""
+QUANTITIES = "quantities=[grip_force, lift_height, slip, peak_von_mises, compression]"
 SUBSTEPS = 40
 """of XPBD in an action, 1 ms each: stable for all that `Randomise` draws by default (docs/decisions/54)"""
 
@@ -32,12 +37,16 @@ _OF_MODEL: dict[LiftModel, tuple[str, ...]] = {
 }
 
 
+def times_of(step: float) -> list[str]:
+    """Settings of any lift; step [s]."""
+    return [f"step={step!r}", f"duration={STEPS * ACT!r}", QUANTITIES]
+
+
 def settings_of(model: LiftModel, step: float) -> list[str]:
     """What the scene tofu_grasp is changed by, as `softseam run --set` takes it; step [s]."""
-    found = [f"step={step!r}", f"duration={STEPS * ACT!r}", *_OF_MODEL[model]]
-    found.append("quantities=[grip_force, lift_height, slip, peak_von_mises, compression]")
+    found = [*times_of(step), *_OF_MODEL[model]]
     for name, side in zip(PADS, (-1.0, 1.0), strict=True):
-        # Larger than any piece, so that no point slips off an edge, and clear of the largest. They reach 1 mm below the
-        # piece, which stands on something small.
-        found += [f"tools.{name}.size=[0.01, 0.09, 0.09]", f"tools.{name}.position=[{0.048 * side}, 0, 0.044]"]
+        # Larger than any piece, so that no point slips off an edge, and clear of the largest.
+        size, height = [THICKNESS, 0.09, 0.09], 0.5 * 0.09 - BELOW
+        found += [f"tools.{name}.size={size}", f"tools.{name}.position=[{0.048 * side}, 0, {height}]"]
     return found

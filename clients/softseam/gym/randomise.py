@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from softseam.errors import BadInput
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.scene import Scene
 
 
@@ -28,6 +28,8 @@ class Drawn:
     poisson: float
     size: tuple[float, float, float] | None
     """of a block [m]; None where it is the scene's"""
+    scale: float
+    """of a mesh, in parts of the scene's; 1 of a block"""
     friction: dict[str, float]
     """of the tools, by name"""
     turn: float
@@ -51,7 +53,7 @@ class Randomise:
     friction: float = 0.3
     """of the tools that grip, alike, and of each of the others"""
     size: float = 0.3
-    """of each edge of a block"""
+    """of each edge of a block; of a mesh, of all of it alike"""
     poisson: tuple[float, float] = (0.315, 0.4725)
     """least and greatest"""
     yaw: float = 9.0
@@ -92,11 +94,13 @@ class Randomise:
         if isinstance(body.shape, BlockShape) and self.size > 0.0:
             x, y, z = (edge * (1.0 + self.size * each) for edge, each in zip(body.shape.size, part[3:6], strict=True))
             size = (x, y, z)
+        scale = 1.0 if isinstance(body.shape, BlockShape) else 1.0 + self.size * part[3]
         return Drawn(
             young=body.material.young * (1.0 + self.young * part[0]),
             density=body.material.density * (1.0 + self.density * part[1]),
             poisson=0.5 * (low + high + part[2] * (high - low)),
             size=size,
+            scale=scale,
             friction=friction,
             turn=math.radians(self.yaw) * part[7],
             offset=(self.offset * part[8], self.offset * part[9]),
@@ -116,6 +120,11 @@ class Randomise:
             if isinstance(body.cell, tuple):
                 ratio = zip(body.cell, drawn.size, body.shape.size, strict=True)
                 found.append(f"body.cell={_list([cell * new / old for cell, new, old in ratio])}")
+        if isinstance(body.shape, MeshShape) and drawn.scale != 1.0:
+            found.append(f"body.shape.scale={body.shape.scale * drawn.scale:.9g}")
+            if body.cell is not None:
+                cell = (body.cell,) * 3 if isinstance(body.cell, float) else body.cell
+                found.append(f"body.cell={_list([edge * drawn.scale for edge in cell])}")
         found += [f"tools.{name}.friction={value:.6g}" for name, value in drawn.friction.items()]
         for pad in pads:
             at = drawn.place(scene.tools[pad].position)  # type: ignore[union-attr]

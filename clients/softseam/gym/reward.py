@@ -1,14 +1,16 @@
-"""What a grip is rewarded with: terms, each the change of a potential, times a weight that may grow with training.
+"""What a task is rewarded with: terms, each the change of a potential, times a weight that may grow with training.
 
-The rewards of an episode then add up to the potentials at its end, less those at its start, whatever the way there
-(Ng, Harada and Russell, Int. Conf. Machine Learning 1999, 278). Potentials are of order 1.
+A term goes with every task whose body stands in a way that has what the term looks at: `StressConcentration` with all
+that tell a stress. The rewards of an episode then add up to the potentials at its end, less those at its start,
+whatever the way there (Ng, Harada and Russell, Int. Conf. Machine Learning 1999, 278). Potentials are of order 1.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -36,6 +38,34 @@ class Grip:
 
 
 @dataclass(frozen=True)
+class Push:
+    """How a body stands that a finger pushes, at the end of an action."""
+
+    distance: float
+    """from its marker to the target [m]"""
+    air: float
+    """between finger and body, along the push; 0 when they touch [m]"""
+    force: float
+    """that the finger pushes with [N]"""
+    stress: float
+    """largest von Mises stress of any octant so far [Pa]"""
+    energy: float
+    """strain energy [J]"""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """How a cloth lies that is folded, at the end of an action."""
+
+    corners: float
+    """mean distance of the corners that are held from where they belong, in parts of the cloth's edge"""
+    area: float
+    """part of the free half that lies on its place on the other half"""
+    stretch: float
+    """largest relative change of a spring's length so far"""
+
+
+@dataclass(frozen=True)
 class Ramp:
     """A weight that is `start` until so many steps of all environments were taken, and `end` from a later one on."""
 
@@ -54,93 +84,182 @@ class Ramp:
         return self.start + part * (self.end - self.start)
 
 
+class HasAir(Protocol):
+    """What a tool comes closer to."""
+
+    @property
+    def air(self) -> Any: ...
+
+
+class HasForce(Protocol):
+    """What a tool presses."""
+
+    @property
+    def force(self) -> Any: ...
+
+
+class HasStress(Protocol):
+    """What is stressed."""
+
+    @property
+    def stress(self) -> Any: ...
+
+
+class HasEnergy(Protocol):
+    """What stores energy."""
+
+    @property
+    def energy(self) -> Any: ...
+
+
+Standing = TypeVar("Standing", contravariant=True)
+
+
 @dataclass(frozen=True)
-class Term(ABC):
-    """One row of a reward. A subclass says its potential."""
+class Term(ABC, Generic[Standing]):
+    """One row of a reward. A subclass says its potential of how a body stands: `Grip`, `Push`, `Fold`."""
 
     weight: float | Ramp
 
     @abstractmethod
-    def potential(self, grip: Grip) -> Any:
+    def potential(self, standing: Standing) -> Any:
         """Of order 1; more is better."""
 
-    def of(self, before: Grip, after: Grip, steps: float) -> Any:
+    def of(self, before: Standing, after: Standing, steps: float) -> Any:
         """What a step is rewarded with, after so many steps of training."""
         weight = self.weight.at(steps) if isinstance(self.weight, Ramp) else self.weight
         return weight * (self.potential(after) - self.potential(before)) if weight else 0.0
 
 
 @dataclass(frozen=True)
-class Lift(Term):
+class Lift(Term[Grip]):
     """Part of a height that the body was lifted by."""
 
     weight: float | Ramp = 2.0
     height: float = 0.03
     """[m]"""
 
-    def potential(self, grip: Grip) -> Any:
-        return np.minimum(grip.lift / self.height, 1.0)
+    def potential(self, standing: Grip) -> Any:
+        return np.minimum(standing.lift / self.height, 1.0)
 
 
 @dataclass(frozen=True)
-class Way(Term):
-    """That pads come closer to the body, in parts of 20 mm: a hint where to go."""
+class Way(Term[HasAir]):
+    """That tools come closer to the body, in parts of 20 mm: a hint where to go."""
 
     weight: float | Ramp = 0.3
 
-    def potential(self, grip: Grip) -> Any:
-        return -grip.air / 0.02
+    def potential(self, standing: HasAir) -> Any:
+        return -standing.air / 0.02
 
 
 @dataclass(frozen=True)
-class Touch(Term):
-    """That both pads press, however little: F/(F + 0.3 N)."""
+class Touch(Term[HasForce]):
+    """That all tools press, however little: F/(F + 0.3 N) of the weaker one."""
 
     weight: float | Ramp = 0.3
 
-    def potential(self, grip: Grip) -> Any:
-        return grip.force / (grip.force + 0.3)
+    def potential(self, standing: HasForce) -> Any:
+        return standing.force / (standing.force + 0.3)
 
 
 @dataclass(frozen=True)
-class StressConcentration(Term):
+class StressConcentration(Term[HasStress]):
     """That the largest stress grows no further, in parts of 3 kPa. Its growths add up to the peak of an episode."""
 
     weight: float | Ramp = Ramp(30e3, 150e3, 1.0)
 
-    def potential(self, grip: Grip) -> Any:
-        return -grip.stress / 3e3
+    def potential(self, standing: HasStress) -> Any:
+        return -standing.stress / 3e3
 
 
 @dataclass(frozen=True)
-class Deformation(Term):
+class Deformation(Term[Grip]):
     """That the body is squeezed no further, in parts of 10 %."""
 
     weight: float | Ramp = 0.1
 
-    def potential(self, grip: Grip) -> Any:
-        return -grip.compression / 0.1
+    def potential(self, standing: Grip) -> Any:
+        return -standing.compression / 0.1
 
 
 @dataclass(frozen=True)
-class GraspStability(Term):
+class GraspStability(Term[Grip]):
     """That nothing slips, in parts of 5 mm."""
 
     weight: float | Ramp = 0.1
 
-    def potential(self, grip: Grip) -> Any:
-        return -grip.slip / 5e-3
+    def potential(self, standing: Grip) -> Any:
+        return -standing.slip / 5e-3
 
 
 @dataclass(frozen=True)
-class Energy(Term):
+class Energy(Term[HasEnergy]):
     """That little energy is stored in the body, in mJ."""
 
     weight: float | Ramp = 0.01
 
-    def potential(self, grip: Grip) -> Any:
-        return -grip.energy / 1e-3
+    def potential(self, standing: HasEnergy) -> Any:
+        return -standing.energy / 1e-3
 
 
-GENTLE: tuple[Term, ...] = (Lift(), Way(), Touch(), StressConcentration())
+@dataclass(frozen=True)
+class Nearness(Term[Push]):
+    """That the body comes closer to its target, in parts of 50 mm."""
+
+    weight: float | Ramp = 2.0
+
+    def potential(self, standing: Push) -> Any:
+        return -standing.distance / 0.05
+
+
+@dataclass(frozen=True)
+class Corners(Term[Fold]):
+    """That the corners that are held come closer to where they belong, in parts of the cloth's edge."""
+
+    weight: float | Ramp = 2.0
+
+    def potential(self, standing: Fold) -> Any:
+        return -standing.corners
+
+
+@dataclass(frozen=True)
+class FoldedArea(Term[Fold]):
+    """That the free half lies on the other one, in parts of it."""
+
+    weight: float | Ramp = 1.0
+
+    def potential(self, standing: Fold) -> Any:
+        return standing.area
+
+
+@dataclass(frozen=True)
+class Stretch(Term[Fold]):
+    """That nothing is stretched further, in parts of 10 %."""
+
+    weight: float | Ramp = 0.05
+
+    def potential(self, standing: Fold) -> Any:
+        return -standing.stretch / 0.1
+
+
+GENTLE: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration())
 """first lift, then gently (docs/decisions/40)"""
+GENTLE_PUSH: tuple[Term[Push], ...] = (Nearness(), Way(), Touch(), StressConcentration())
+"""first push, then gently"""
+FOLD: tuple[Term[Fold], ...] = (Corners(), FoldedArea(), Stretch())
+
+
+def fitting(terms: Sequence[Term[Standing]], kind: type[Standing]) -> tuple[Term[Standing], ...]:
+    """Terms of a task whose body stands so, a dataclass of numbers. Raises BadInput for one that looks elsewhere."""
+    names = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+    still = kind(*(0.0 for _ in names))
+    for term in terms:
+        try:
+            term.potential(still)
+        except AttributeError as error:
+            raise BadInput(
+                f"reward: {type(term).__name__} looks at {error.name!r}, and this task has {', '.join(names)}: leave "
+                "it out, or take another term of softseam.gym.reward"
+            ) from None
+    return tuple(terms)

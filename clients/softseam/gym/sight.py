@@ -77,9 +77,9 @@ class Sight(NamedTuple):
         seen = [
             self.closed / CLOSING,
             self.risen / height,
-            _logarithm(self.left),
-            _logarithm(self.right),
-            _logarithm(self.pull),
+            logarithm(self.left),
+            logarithm(self.right),
+            logarithm(self.pull),
             self.pull / (self.left + self.right + FORCE),
             self.height / height,
             (self.height - past.height) / act / speed,
@@ -87,7 +87,7 @@ class Sight(NamedTuple):
             (self.risen - self.height) / SLIPPED,
             self.touching_left,
             self.touching_right,
-            _logarithm(self.weaker) - _logarithm(past.weaker),
+            logarithm(self.weaker) - logarithm(past.weaker),
             self.closing,
             self.rising,
             self.time,
@@ -95,6 +95,6 @@ class Sight(NamedTuple):
         return np.asarray(np.clip(np.stack(seen, axis=-1), -BOUND, BOUND), np.float32)
 
 
-def _logarithm(force: Any) -> Any:
+def logarithm(force: Any) -> Any:
     """Of a force [N], with its sign: linear below 0.3 N."""
     return np.sign(force) * np.log1p(np.abs(force) / FORCE)

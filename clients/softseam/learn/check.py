@@ -13,8 +13,9 @@ from rich.console import Console
 from rich.table import Table
 
 from softseam.gym.batch_env import BatchEnv
-from softseam.gym.lift_scene import ACT, HEIGHT, PADS, SPEED
+from softseam.gym.lift_scene import HEIGHT, PADS, SPEED
 from softseam.gym.sight import FORCE, SEEN
+from softseam.gym.task_env import ACT
 from softseam.gym.tofu_lift import TofuLift
 
 Floats = NDArray[np.float64]

@@ -86,7 +86,7 @@ def load_scene(path: str | Path) -> LoadedScene:
         line = raw.count(b"\n", 0, error.start) + 1
         raise SceneError(str(path), line, 1, "", "not UTF-8 text: is this a scene file?") from None
     scene, marked = _parse(text, str(path))
-    files = {named: _read_mesh(path, key, named, marked) for key, named in files_of(scene)}
+    files = {named: _read_mesh(path, key, named, marked.values[key]) for key, named in files_of(scene)}
     return LoadedScene(scene, Bundle(scene_json(scene), files), path, text)
 
 
@@ -141,6 +141,11 @@ def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:
             found.append(((*at, "path"), body.path))
     found += [(("tools", name, "path"), tool.path) for name, tool in scene.tools.items() if isinstance(tool, MeshTool)]
     return found
+
+
+def files_from_here(scene: Scene) -> dict[str, bytes]:
+    """Contents of the files that a scene made in code names, from the working folder on. Raises SceneError."""
+    return {named: _read_mesh(Path("<scene>"), key, named, Mark(1, 1)) for key, named in files_of(scene)}
 
 
 def bundle_scene(scene: Scene, files: dict[str, bytes] | None = None) -> Bundle:
@@ -328,9 +333,8 @@ def _beside(path: Path) -> str:
     return ", ".join(difflib.get_close_matches(path.name, names, 3, 0.5))
 
 
-def _read_mesh(scene_path: Path, key: marked_yaml.Path, named: str, marked: Marked) -> bytes:
-    """Content of the mesh file that a scene names at `key`. Raises SceneError."""
-    mark = marked.values[key]
+def _read_mesh(scene_path: Path, key: marked_yaml.Path, named: str, mark: Mark) -> bytes:
+    """Content of the mesh file that a scene names at `key`, which stands at `mark`. Raises SceneError."""
     where = (str(scene_path), mark.line, mark.column, _dotted(key))
     mesh = scene_path.parent / named
     try:
