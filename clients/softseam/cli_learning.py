@@ -27,7 +27,8 @@ TRAIN = (
 EVALUATE = (
     "[bold]Examples[/bold]\n\n"
     "softseam evaluate out/TofuLift-ppo-0\n\n"
-    "softseam evaluate out/TofuLift-ppo-0 --pieces 256 --record out/episodes"
+    "softseam evaluate out/TofuLift-ppo-0 --pieces 256 --record out/episodes\n\n"
+    "softseam evaluate out/TofuLift-ppo-0 --pieces 256 --ray 10.0.0.1:6379"
 )
 
 
@@ -64,9 +65,17 @@ def evaluate(
     record: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Record the gentlest episode and the worst, to replay.")
     ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Share the pieces out over a Ray cluster: HOST:PORT of its head, auto where this machine is part of "
+            "one, or local, this machine's processors alone.",
+        ),
+    ] = None,
 ) -> None:
     """Judge a policy on pieces that it has not seen, beside fixed rules."""
     from softseam.learn.evaluate import Wishes
     from softseam.learn.evaluate import evaluate as judge
 
-    judge(Wishes(policy, pieces, step, record), Console())
+    judge(Wishes(policy, pieces, step, record, ray), Console())
