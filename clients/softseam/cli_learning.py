@@ -16,7 +16,8 @@ LiftModel = Literal["xpbd", "fem"]
 TRAIN = (
     "[bold]What it does[/bold]\n\n"
     "Learns with stable-baselines3, from many pieces at once, by XPBD in this process, and leaves policy.zip, "
-    "training.json and curve.png in the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. "
+    "training.json and curve.png in the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. It learns "
+    "on coarse cells first, which are faster, then on fine ones, unless --no-stages. "
     "Beside it, FEM replays some episodes with the same actions, and the curve and a table say how far XPBD is off. "
     "softseam evaluate judges it by FEM.\n\n"
     "[bold]Examples[/bold]\n\n"
@@ -27,7 +28,8 @@ TRAIN = (
 EVALUATE = (
     "[bold]Examples[/bold]\n\n"
     "softseam evaluate out/TofuLift-ppo-0\n\n"
-    "softseam evaluate out/TofuLift-ppo-0 --pieces 256 --record out/episodes"
+    "softseam evaluate out/TofuLift-ppo-0 --pieces 256 --record out/episodes\n\n"
+    "softseam evaluate out/TofuLift-ppo-0 --pieces 256 --ray 10.0.0.1:6379"
 )
 
 
@@ -47,13 +49,21 @@ def train(
     check: Annotated[
         bool, typer.Option("--check/--no-check", help="Replay some episodes by FEM, in a process beside.")
     ] = True,
+    stages: Annotated[
+        bool,
+        typer.Option(
+            "--stages/--no-stages",
+            help="Coarse cells of XPBD for two thirds of the actions and until 95 % succeed, then fine ones. "
+            "With --set body.cell: those alone.",
+        ),
+    ] = True,
     settings: Settings = None,
 ) -> None:
     """Learn a policy, e.g. how to lift tofu gently."""
     from softseam.learn.train import Wishes
     from softseam.learn.train import train as learn
 
-    wishes = Wishes(task, algo, steps, seed, model, environments, out, resume, tuple(settings or ()), check)
+    wishes = Wishes(task, algo, steps, seed, model, environments, out, resume, tuple(settings or ()), check, stages)
     learn(wishes, Console())
 
 
@@ -64,9 +74,17 @@ def evaluate(
     record: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Record the gentlest episode and the worst, to replay.")
     ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Share the pieces out over a Ray cluster: HOST:PORT of its head, auto where this machine is part of "
+            "one, or local, this machine's processors alone.",
+        ),
+    ] = None,
 ) -> None:
     """Judge a policy on pieces that it has not seen, beside fixed rules."""
     from softseam.learn.evaluate import Wishes
     from softseam.learn.evaluate import evaluate as judge
 
-    judge(Wishes(policy, pieces, step, record), Console())
+    judge(Wishes(policy, pieces, step, record, ray), Console())

@@ -78,6 +78,7 @@ _EXTRA_OF = {
     "gymnasium": "gym",
     "stable_baselines3": "learn",
     "torch": "learn",
+    "ray": "ray",
 }
 
 

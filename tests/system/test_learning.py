@@ -10,7 +10,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
@@ -20,11 +21,14 @@ import pytest
 from rich.console import Console
 
 from softseam.errors import BadInput
+from softseam.gym.batch_env import BatchEnv
 from softseam.learn import train as training
 from softseam.learn.check_beside import Beside
+from softseam.learn.curriculum import Stage
 from softseam.learn.evaluate import Wishes as Judgement
 from softseam.learn.evaluate import evaluate
 from softseam.learn.policy import POLICY, TRAINING, read_training
+from softseam.learn.tasks import TASKS
 from softseam.learn.train import Wishes, train
 from softseam.recording import Recording
 
@@ -74,6 +78,49 @@ def test_a_training_is_kept_and_goes_on(trained: Path) -> None:
     spread = training.algorithm("ppo").load(trained / POLICY).policy.log_std.detach().numpy()
     assert spread == pytest.approx(training.LOG_STD[1], abs=0.15)  # 2048 of 2100 steps
     assert more.done == 4096 and more.seconds > found.seconds and more.curve[: len(found.curve)] == found.curve
+
+
+@learns
+@pytest.mark.slow
+def test_a_training_goes_from_stage_to_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When a part of it is over, and enough succeed; resumed, in the stage that it was in. FEM follows."""
+    batches: list[str] = []
+
+    class Seen(BatchEnv):
+        def __init__(self, *given: Any, settings: Sequence[str], **named: Any) -> None:
+            super().__init__(*given, settings=settings, **named)
+            batches.append(settings[0])
+
+    stages = (Stage(0.025, part=0.5), Stage(0.05))
+    monkeypatch.setitem(training.TASKS, "TofuLift", replace(training.TASKS["TofuLift"], batch=Seen, stages=stages))
+    wishes = Wishes(environments=8, steps=2000, out=tmp_path, check=False)
+    train(wishes, Console(quiet=True))
+    found = read_training(tmp_path)
+    assert found.done == 2048 and found.stages == stages and found.begun == ()
+    said = Console(file=StringIO())
+    train(replace(wishes, steps=4000, resume=True, check=True), said)
+    found = read_training(tmp_path)
+    assert isinstance(said.file, StringIO) and "cells of 50 mm from 2,048 steps on" in said.file.getvalue()
+    assert found.done == 4096 and found.begun == (2048,) and found.checks[0].steps > 2048
+    training.vectorised(found).close()
+    replace(found, stages=(replace(stages[0], success=1.1), stages[1]), begun=()).write(tmp_path)
+    train(replace(wishes, steps=4200, resume=True), Console(quiet=True))
+    assert read_training(tmp_path).begun == ()
+    coarse, fine = (f"body.cell=[{cell}, {cell}, {cell}]" for cell in (0.025, 0.05))
+    assert batches == [coarse, coarse, fine, fine, coarse]
+
+
+@pytest.mark.parametrize(
+    ("wishes", "stages"),
+    [
+        (Wishes(), TASKS["TofuLift"].stages),
+        (Wishes(stages=False), ()),
+        (Wishes(model="fem"), ()),
+        (Wishes(settings=("body.cell=[0.01, 0.01, 0.01]",)), ()),
+    ],
+)
+def test_cells_that_are_asked_for_have_no_stages(wishes: Wishes, stages: tuple[Stage, ...]) -> None:
+    assert training.stages_of(wishes) == stages
 
 
 @learns
@@ -164,6 +211,8 @@ def test_an_interrupted_training_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
         (lambda document: document | {"softseam_training": 2}, "another version of softseam"),
         (lambda document: {"softseam_training": 1}, "is corrupt"),
         (lambda document: document | {"checks": [{"steps": 5, "xpbd": [], "fem": []}]}, "is corrupt"),
+        (lambda document: document | {"stages": [{"cells": 3}]}, "is corrupt"),
+        (lambda document: document | {"stages": [{"cell": 0.01}], "begun": [5]}, "is corrupt"),
         (lambda document: [], "is corrupt"),
     ],
 )

@@ -106,9 +106,11 @@ def test_a_check_is_written_and_read() -> None:
 @pytest.mark.slow
 def test_a_process_beside_finds_the_same(episode: Episode, fem: TofuLift) -> None:
     """And episodes go on when it is ended from outside."""
-    batch = BatchEnv(PIECES, autoreset_mode="SAME_STEP")
-    beside = Beside(batch, every=1)
+    other, batch = (BatchEnv(count, autoreset_mode="SAME_STEP") for count in (1, PIECES))
+    other.reset(seed=5)
+    beside = Beside(other, every=1)
     try:
+        beside.follow(batch)  # that goes on where the other one stopped
         lifted(beside.see, batch, 110)
         check = beside.ended(60.0)
         assert check == compare(episode, replay(fem, episode))
@@ -120,3 +122,4 @@ def test_a_process_beside_finds_the_same(episode: Episode, fem: TofuLift) -> Non
     finally:
         beside.close()
         batch.close()
+        other.close()

@@ -49,6 +49,10 @@ class Beside:
         """Whether it can check any more."""
         return self._process.poll() is None
 
+    def follow(self, batch: BatchEnv) -> None:
+        """Another one, which goes on where that stopped."""
+        self._watched = Watched(batch)
+
     def see(self, actions: Any, told: Mapping[str, Any], over: Any) -> None:
         """A step of the batch: actions (k, 2), what it told, and which episodes ended with it (k,)."""
         episode = self._watched.see(actions[0], told, bool(over[0]))

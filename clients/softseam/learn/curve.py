@@ -21,6 +21,8 @@ def draw_curve(training: Training, path: Path) -> Path:
     text = (
         f"{training.done:,} steps of {training.environments} environments, seed {training.seed}; means of 100 episodes"
     )
+    if training.begun:
+        text += f"; dotted: from {' to '.join(map(str, training.stages[: len(training.begun) + 1]))}"
     if training.checks:
         text += f"; {summary(training.checks)}"
     heading(figure, f"{training.task}, {training.algorithm.upper()}", text)
@@ -31,6 +33,8 @@ def draw_curve(training: Training, path: Path) -> Path:
         plain(axes, title, "steps")
         axes.locator_params(axis="x", nbins=4)
         axes.plot(steps, values, color="#2f6fed", linewidth=1.8)
+        for begun in training.begun:
+            axes.axvline(begun, color="#8a8f98", linewidth=1.0, linestyle=":")
         axes.set_ylim(min(0.0, float(values.min())), 100.0 if "[%]" in title else None)
     if training.checks:
         _draw_checks(all_axes[-1], training.checks)

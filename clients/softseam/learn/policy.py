@@ -11,6 +11,7 @@ from typing import Any, Literal
 from softseam.errors import BadInput
 from softseam.gym.lift_scene import LiftModel
 from softseam.learn.check import Check
+from softseam.learn.curriculum import Stage
 from softseam.learn.tasks import TASKS, VERSION
 from softseam.report import write_json
 
@@ -41,7 +42,16 @@ class Training:
     """wall time that it took"""
     checks: tuple[Check, ...] = ()
     """of its episodes, by FEM"""
+    stages: tuple[Stage, ...] = ()
+    """one after the other; none: cells are the scene's"""
+    begun: tuple[int, ...] = ()
+    """after so many steps each stage but the first"""
     version: int = field(default=VERSION)
+
+    @property
+    def stage(self) -> Stage | None:
+        """That it is in."""
+        return self.stages[len(self.begun)] if self.stages else None
 
     def write(self, folder: Path) -> None:
         """Raises OSError."""
@@ -56,7 +66,11 @@ def read_training(folder: Path) -> Training:
         known = document.pop("softseam_training") == _FORMAT
         curve = tuple((int(a), float(b), float(c), float(d)) for a, b, c, d in document.pop("curve"))
         checks = tuple(Check.read(row) for row in document.pop("checks", ()))
-        training = Training(**document, curve=curve, checks=checks)
+        stages = tuple(Stage(**row) for row in document.pop("stages", ()))
+        begun = tuple(int(steps) for steps in document.pop("begun", ()))
+        if len(begun) >= max(len(stages), 1):
+            raise ValueError("more stages have begun than there are")
+        training = Training(**document, curve=curve, checks=checks, stages=stages, begun=begun)
         training = replace(training, settings=tuple(training.settings))
     except FileNotFoundError:
         raise BadInput(f"{folder} holds no policy: there is no {TRAINING}; softseam train TofuLift makes one") from None

@@ -8,6 +8,7 @@ from typing import Any
 
 from softseam.gym.batch_env import BatchEnv
 from softseam.gym.tofu_lift import TofuLift
+from softseam.learn.curriculum import COARSE_TO_FINE, Stage
 
 VERSION = 3
 """of what the tasks show and take; a policy of another one cannot be used"""
@@ -24,6 +25,8 @@ class Task:
     """that learning takes by default"""
     rules: dict[str, Callable[[dict[str, Any]], list[float]]]
     """actions from `info`, which policies do not see, by name"""
+    stages: tuple[Stage, ...]
+    """of a training by XPBD"""
 
 
 def _pressed(newton: float) -> Callable[[dict[str, Any]], list[float]]:
@@ -40,5 +43,6 @@ TASKS = {
         BatchEnv,
         300_000,
         {"close to 1 N": _pressed(1.0), "close to 2 N": _pressed(2.0), "squeeze by 15 %": _squeezed(0.15)},
+        COARSE_TO_FINE,
     )
 }

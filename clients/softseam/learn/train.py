@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ from softseam.errors import BadInput, missing_extra
 from softseam.gym.lift_scene import LiftModel
 from softseam.learn.check import show_checks
 from softseam.learn.check_beside import Beside
+from softseam.learn.curriculum import Stage
 from softseam.learn.policy import POLICY, Algorithm, Training, read_training
 from softseam.learn.tasks import TASKS
 from softseam.outputs import check_outputs
@@ -51,6 +53,8 @@ class Wishes:
     settings: tuple[str, ...] = ()
     check: bool = True
     """by FEM, of XPBD's episodes"""
+    stages: bool = True
+    """from coarse cells of XPBD to fine ones"""
 
 
 def train(wishes: Wishes, console: Console) -> Path:
@@ -74,10 +78,17 @@ def train(wishes: Wishes, console: Console) -> Path:
             *(wishes.task, wishes.algorithm, wishes.seed, wishes.environments, steps),
             model=wishes.model,
             settings=wishes.settings,
+            stages=stages_of(wishes),
         )
     check_outputs([("--out", folder / POLICY)], inputs={})
     _learn(training, folder, console, wishes)
     return folder
+
+
+def stages_of(wishes: Wishes) -> tuple[Stage, ...]:
+    """The task's; none by FEM, or on cells that were asked for."""
+    said = any(setting.startswith("body.cell") for setting in wishes.settings)
+    return TASKS[wishes.task].stages if wishes.stages and wishes.model == "xpbd" and not said else ()
 
 
 def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -> None:
@@ -113,7 +124,16 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
             return True
 
     try:
-        learner.learn(training.steps - training.done, callback=Watch(), reset_num_timesteps=not wishes.resume)
+        while (now := keeper.training).done < training.steps:
+            if keeper.go_on():
+                console.print(f"{keeper.training.stage} from {now.done:,} steps on", highlight=False)
+                vector.close()
+                vector = vectorised(keeper.training)
+                learner.set_env(vector)
+                if beside is not None:
+                    beside.follow(vector.batch)
+                    vector.watch = beside.see
+            learner.learn(keeper.until - now.done, callback=Watch(), reset_num_timesteps=False)
         keeper.wait()
     except KeyboardInterrupt:
         stop()
@@ -144,7 +164,8 @@ def vectorised(training: Training) -> Any:
     if training.model == "xpbd":
         from softseam.learn.vector import BatchVec
 
-        batch = task.batch(several, autoreset_mode="SAME_STEP", threads=cores(), settings=training.settings)
+        settings = (*(training.stage.settings if training.stage else ()), *training.settings)
+        batch = task.batch(several, autoreset_mode="SAME_STEP", threads=cores(), settings=settings)
         batch.steps = training.done
         vector: Any = BatchVec(batch)
     else:
@@ -218,6 +239,26 @@ class _Keeper:
         self._take_check()
         if steps >= self._saved + _SAVE:
             self.save()
+
+    @property
+    def until(self) -> int:
+        """How many steps it may take until it is looked at whether the next stage begins."""
+        now = self.training
+        if len(now.begun) + 1 >= len(now.stages):
+            return now.steps
+        assert now.stage is not None
+        return min(max(math.ceil(now.stage.part * now.steps), now.done + _ROW), now.steps)
+
+    def go_on(self) -> bool:
+        """Begin the next stage, if it is time."""
+        now = self.training
+        if len(now.begun) + 1 >= len(now.stages) or not self._rows:
+            return False
+        assert now.stage is not None
+        if not now.stage.over(now.done / now.steps, self._rows[-1][2]):
+            return False
+        self.training = replace(now, begun=(*now.begun, now.done))
+        return True
 
     def wait(self) -> None:
         """For the last check, if that does not take long."""

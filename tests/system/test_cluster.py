@@ -1,0 +1,132 @@
+"""Work shared out over a Ray cluster of two nodes: the same bits, whoever does it, and nothing lost with a worker.
+
+Needs Ray, which continuous integration installs; elsewhere: pip install 'softseam[learn,ray]'.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from softseam import cluster as sharing
+from softseam.cluster import share
+from softseam.errors import BadInput, NoConnection, ServicesFailed
+from softseam.learn.evaluate import Wishes, evaluate
+from softseam.learn.policy import POLICY, Training
+from softseam.learn.train import new_learner, vectorised
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(find_spec("ray") is None and not os.environ.get("CI"), reason="pip install 'softseam[ray]'"),
+]
+
+
+@pytest.fixture(scope="module")
+def two_nodes() -> Iterator[Any]:
+    """Of a processor each."""
+    from ray.cluster_utils import Cluster
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        patch.setenv("PYTHONPATH", str(Path(__file__).parent))  # workers know what is installed, and this file
+        cluster = Cluster()
+        for _ in range(2):
+            cluster.add_node(num_cpus=1, include_dashboard=False, object_store_memory=80_000_000)
+        yield cluster
+        cluster.shutdown()
+
+
+@dataclass
+class Outage:
+    """Ends the second node, from a worker in it; the first node's work lasts until then."""
+
+    first: str
+    mark: Path
+
+    def __call__(self, number: int) -> int:
+        import ray
+
+        if ray.get_runtime_context().get_node_id() != self.first:
+            self.mark.touch()
+            os.kill(os.getppid(), signal.SIGKILL)
+            signal.pause()  # it ends with its node
+        end = time.monotonic() + 60.0
+        while not self.mark.exists() and time.monotonic() < end:
+            time.sleep(0.05)  # nothing announces a file
+        return number * number
+
+
+def deadly() -> Any:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def spoilt() -> Any:
+    raise BadInput("what was given is spoilt")
+
+
+def test_policies_are_judged_alike_by_any_number_of_workers(two_nodes: Any, tmp_path: Path) -> None:
+    training = Training("TofuLift", "ppo", 0, 1, 1, model="fem")
+    vector = vectorised(training)
+    new_learner(training, vector).save(tmp_path / POLICY)
+    vector.close()
+    training.write(tmp_path)
+    alone, both = (
+        evaluate(Wishes(tmp_path, pieces=2, step=0.04, ray=ray), Console(quiet=True))
+        for ray in (None, two_nodes.address)
+    )
+    assert list(alone) == list(both) and alone["close to 2 N"].success.all()
+    for name, judged in alone.items():
+        for key, value in vars(judged).items():
+            np.testing.assert_array_equal(value, vars(both[name])[key])
+
+
+def test_work_that_ends_every_worker_is_given_up(two_nodes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "_LOSSES", 1)
+    with pytest.raises(ServicesFailed, match=rf"2 workers of the Ray cluster at {two_nodes.address} ended"):
+        share(two_nodes.address, deadly, [0], str)
+
+
+def test_what_workers_refuse_is_told(two_nodes: Any) -> None:
+    with pytest.raises(BadInput, match=r"^what was given is spoilt$"):
+        share(two_nodes.address, spoilt, [0], str)
+
+
+def test_an_address_that_nobody_answers_at_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "_ANSWER", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(NoConnection, match=rf"{address} \(timed out\): ray start"):
+            share(address, spoilt, [0], str)
+        server = threading.Thread(target=lambda: [silent.accept()[0].sendall(b"HTTP/1.1 400 ") for _ in range(2)])
+        server.start()
+        with pytest.raises(NoConnection, match=rf"{address} \(something else is there\)"):
+            share(address, spoilt, [0], str)
+        server.join()
+    with pytest.raises(NoConnection, match=rf"{address} .*refused"):
+        share(address, spoilt, [0], str)
+    for bad in ("there", "127.0.0.1", "127.0.0.1:port", ":6379"):
+        with pytest.raises(BadInput, match=f"--ray {bad}: give HOST:PORT"):
+            share(bad, spoilt, [0], str)
+
+
+def test_what_a_node_was_at_is_done_anew(two_nodes: Any, tmp_path: Path) -> None:
+    """The last test: one node is left."""
+    first = two_nodes.head_node.node_id
+    told: list[str] = []
+    found = share(two_nodes.address, partial(Outage, first, tmp_path / "ended"), range(6), told.append)
+    assert found == [number * number for number in range(6)]
+    open("/tmp/w/bexp/told", "w").write(chr(10).join(told))
+    assert told
