@@ -92,7 +92,7 @@ def test_a_training_goes_from_stage_to_stage(tmp_path: Path, monkeypatch: pytest
             batches.append(settings[0])
 
     stages = (Stage(0.025, part=0.5), Stage(0.05))
-    monkeypatch.setitem(training.TASKS, "TofuLift", replace(training.TASKS["TofuLift"], batch=Seen, stages=stages))
+    monkeypatch.setitem(TASKS, "TofuLift", replace(TASKS["TofuLift"], batch=Seen, stages=stages))
     wishes = Wishes(environments=8, steps=2000, out=tmp_path, check=False)
     train(wishes, Console(quiet=True))
     found = read_training(tmp_path)
