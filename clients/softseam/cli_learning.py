@@ -78,8 +78,7 @@ def evaluate(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Share the pieces out over a Ray cluster: HOST:PORT of its head, auto where this machine is part of "
-            "one, or local, this machine's processors alone.",
+            help="Share the pieces out over a Ray cluster: HOST:PORT of its head, or local, this machine's processors.",
         ),
     ] = None,
 ) -> None:

@@ -17,8 +17,8 @@ Result = TypeVar("Result")
 Make = Callable[[], Callable[[Work], Result]]
 """what a worker calls once, for what it does with each piece of work; importable where the workers are"""
 
-_HERE = ("local", "auto")
-"""of Ray: a cluster that this process starts for itself, and the one that this machine is a part of"""
+_LOCAL = "local"
+"""of Ray: a cluster that this process begins for itself"""
 _ANSWER = 5.0
 """longest wait for it [s]"""
 _PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
@@ -34,7 +34,7 @@ _LOSSES = 5
 def share(address: str, make: Make[Work, Result], work: Sequence[Work], told: Callable[[str], None]) -> list[Result]:
     """What each piece of work comes to, in the order of `work`, however many workers there are.
 
-    address  of a cluster that this machine is a part of: HOST:PORT of its head, or auto; local: this machine alone
+    address  of a cluster that this machine is a part of: HOST:PORT of its head; local: this machine alone
     told     of each worker that is lost
 
     Raises MissingExtra, BadInput for what is no address, NoConnection where nobody answers there, ServicesFailed where
@@ -48,7 +48,7 @@ def share(address: str, make: Make[Work, Result], work: Sequence[Work], told: Ca
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # of a cluster that begins here
     quiet = {"log_to_driver": False, "logging_level": logging.ERROR}
     try:
-        ray.init(address, **({"include_dashboard": False} if address == "local" else {}), **quiet)
+        ray.init(address, **({"include_dashboard": False} if address == _LOCAL else {}), **quiet)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise _nobody(address, str(error)) from error
     try:
@@ -59,11 +59,11 @@ def share(address: str, make: Make[Work, Result], work: Sequence[Work], told: Ca
 
 def _reach(address: str) -> None:
     """Ask whether somebody is there who speaks as Ray does: Ray itself tries for minutes, then ends this process."""
-    if address in _HERE:
+    if address == _LOCAL:
         return
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal():
-        raise BadInput(f"--ray {address}: give HOST:PORT of a cluster's head, {' or '.join(_HERE)}")
+        raise BadInput(f"--ray {address}: give HOST:PORT of a cluster's head, or {_LOCAL}")
     try:
         with socket.create_connection((host, int(port)), _ANSWER) as connection:
             connection.sendall(_PREFACE)

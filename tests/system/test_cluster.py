@@ -73,12 +73,14 @@ def deadly() -> Any:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def answer_otherwise(server: socket.socket) -> None:
+    """Whoever gave up, and the next one."""
+    for _ in range(2):
+        server.accept()[0].sendall(b"HTTP/1.1 400 ")
+
+
 def spoilt() -> Any:
     raise BadInput("what was given is spoilt")
-
-
-def unheard(text: str) -> None:
-    """Nobody is told of lost workers."""
 
 
 def test_policies_are_judged_alike_by_any_number_of_workers(two_nodes: Any, tmp_path: Path) -> None:
@@ -100,12 +102,12 @@ def test_policies_are_judged_alike_by_any_number_of_workers(two_nodes: Any, tmp_
 def test_work_that_ends_every_worker_is_given_up(two_nodes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "_LOSSES", 1)
     with pytest.raises(ServicesFailed, match=rf"2 workers of the Ray cluster at {two_nodes.address} ended"):
-        share(two_nodes.address, deadly, [0], unheard)
+        share(two_nodes.address, deadly, [0], print)
 
 
 def test_what_workers_refuse_is_told(two_nodes: Any) -> None:
     with pytest.raises(BadInput, match=r"^what was given is spoilt$"):
-        share(two_nodes.address, spoilt, [0], unheard)
+        share(two_nodes.address, spoilt, [0], print)
 
 
 def test_an_address_that_nobody_answers_at_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,22 +115,17 @@ def test_an_address_that_nobody_answers_at_is_named(monkeypatch: pytest.MonkeyPa
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(NoConnection, match=rf"{address} \(timed out\): ray start"):
-            share(address, spoilt, [0], unheard)
-
-        def answer() -> None:
-            for _ in range(2):  # once more for the connection that was given up above
-                silent.accept()[0].sendall(b"HTTP/1.1 400 ")
-
-        server = threading.Thread(target=answer)
+            share(address, spoilt, [0], print)
+        server = threading.Thread(target=answer_otherwise, args=(silent,))
         server.start()
         with pytest.raises(NoConnection, match=rf"{address} \(something else is there\)"):
-            share(address, spoilt, [0], unheard)
+            share(address, spoilt, [0], print)
         server.join()
     with pytest.raises(NoConnection, match=rf"{address} .*refused"):
-        share(address, spoilt, [0], unheard)
-    for bad in ("there", "127.0.0.1", "127.0.0.1:port", ":6379"):
+        share(address, spoilt, [0], print)
+    for bad in ("auto", "127.0.0.1", "127.0.0.1:port", ":6379"):
         with pytest.raises(BadInput, match=f"--ray {bad}: give HOST:PORT"):
-            share(bad, spoilt, [0], unheard)
+            share(bad, spoilt, [0], print)
 
 
 def test_what_a_node_was_at_is_done_anew(two_nodes: Any, tmp_path: Path) -> None:
@@ -137,4 +134,5 @@ def test_what_a_node_was_at_is_done_anew(two_nodes: Any, tmp_path: Path) -> None
     told: list[str] = []
     found = share(two_nodes.address, partial(Outage, first, tmp_path / "ended"), range(6), told.append)
     assert found == [number * number for number in range(6)]
+    open("/tmp/w/bexp/told", "w").write(chr(10).join(told))
     assert told
