@@ -141,3 +141,9 @@ def test_a_run_that_fails_says_with_which_values() -> None:
     missing = [*high, "motion=[{tools: [left, right], close: 0.5, until: {force: 5}}]"]
     with pytest.raises(SimulationFailed, match=r"with body.material.young=1\d+\.\d*: .*; vary less, or shorten `step`"):
         learn("tofu_grasp", [Varied("body.material.young", 10e3, 20e3)], ["grip_force"], 20, missing)
+
+
+def test_runs_that_have_no_squeeze_in_common_are_named() -> None:
+    curves = [(squeezes, np.zeros((1, 3))) for squeezes in (np.array([0.01, 0.02, 0.03]), np.array([0.05, 0.1, 0.2]))]
+    with pytest.raises(BadInput, match=r"ends squeezed by 0.03, another one's first step squeezes by 0.05: vary less"):
+        common_squeezes(curves)

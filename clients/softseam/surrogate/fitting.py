@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softseam.errors import BadInput
 from softseam.surrogate.surrogate import COVERED, terms
 from softseam.surrogate.varied import Floats
 
@@ -20,9 +21,14 @@ _DEGREES = (1, 2, 3)
 
 
 def common_squeezes(curves: Sequence[Curve]) -> Floats:
-    """Squeezes that all runs reach (g,)."""
+    """Squeezes that all runs reach (g,). Raises BadInput where there are none."""
     last = min(float(squeezes[-1]) for squeezes, _ in curves)
     first = max(_LEAST * last, *(float(squeezes[0]) for squeezes, _ in curves))
+    if not first < last:
+        raise BadInput(
+            f"one run ends squeezed by {last:.3g}, another one's first step squeezes by {first:.3g}: vary less, or "
+            "shorten `step`"
+        )
     return np.geomspace(first, last, SQUEEZES)
 
 
