@@ -32,7 +32,20 @@ class VolumeSpec(ConstraintSpec):
     bulk: Positive = Field(description="bulk modulus that it adds [Pa]")
 
 
-CONSTRAINTS: Table[type[ConstraintSpec]] = Table("constraint specifications", {"volume": VolumeSpec})
+class HingeSpec(ConstraintSpec):
+    """The triangles of a sheet bend at their edges, by their angle: beside what the sheet's own bending keeps flat."""
+
+    kind: Literal["hinge"] = "hinge"
+    bending: Positive = Field(description="moment per width and curvature that it adds [N m]")
+    curvature: tuple[float, float] = Field(
+        default=(0.0, 0.0),
+        description="that the sheet has at rest along its own x and y, positive where its ends rise along z [1/m]",
+    )
+
+
+CONSTRAINTS: Table[type[ConstraintSpec]] = Table(
+    "constraint specifications", {"volume": VolumeSpec, "hinge": HingeSpec}
+)
 """the specification of each kind: springs, bends and tetrahedra of a body need none; services have its constraint
 (softseam_services.pbd.particles.constraints.CONSTRAINTS)"""
 
@@ -100,6 +113,7 @@ class SheetBody(_Particles):
                 "show: lower shear, or choose more even divisions",
                 "shear" if self.shear is not None else "divisions",
             )
+        self._check_hinges(spacing)
         if self.self_contact and self.thickness is not None and self.thickness < COVERS * max(spacing):
             least = COVERS * max(spacing)
             raise wrong(
@@ -108,6 +122,18 @@ class SheetBody(_Particles):
                 "thickness",
             )
         return self
+
+    def _check_hinges(self, spacing: list[float]) -> None:
+        """Raise where a hinge's cylinder at rest is tighter than the lattice (spacings along x and y) shows."""
+        for i, spec in enumerate(self.constraints):
+            curvature = spec.curvature if isinstance(spec, HingeSpec) else (0.0, 0.0)
+            tightest = max(abs(k) * side for k, side in zip(curvature, spacing, strict=True))
+            if tightest > 1.0:
+                raise wrong(
+                    f"a radius at rest of {1.0 / tightest:.2g} spacings is less than one: choose more divisions, or a "
+                    "smaller curvature",
+                    *("constraints", i, "curvature"),
+                )
 
     def axial(self, shear: float) -> float:
         """C11 of a lattice, whose C12 is its shear stiffness: Y = C11 - C12^2/C11 is the stretch [N/m]."""

@@ -41,7 +41,7 @@ def _sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
     number = np.arange((nx + 1) * (ny + 1), dtype=np.int32).reshape(ny + 1, nx + 1)
     at = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, nx + 1), np.linspace(-0.5, 0.5, ny + 1)), axis=-1).reshape(-1, 2)
     x_rest = placed(spec, np.concatenate([at * size, np.zeros((len(at), 1))], axis=1))
-    shares = _line_shares(ny)[:, None] * _line_shares(nx)[None, :]
+    shares = line_shares(ny)[:, None] * line_shares(nx)[None, :]
     shear = 0.375 * spec.stretch if spec.shear is None else spec.shear
     c11 = spec.axial(shear)
     k_x, k_y = (c11 - shear * (a / b) ** 2) * b / a, (c11 - shear * (b / a) ** 2) * a / b  # eq. (1)
@@ -51,15 +51,15 @@ def _sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
     up = np.stack([number[:-1, :-1], number[1:, 1:]], axis=-1).reshape(-1, 2)
     down = np.stack([number[:-1, 1:], number[1:, :-1]], axis=-1).reshape(-1, 2)
     stiffness = [
-        np.repeat(k_x * _line_shares(ny), nx),
-        np.tile(k_y * _line_shares(nx), ny),
+        np.repeat(k_x * line_shares(ny), nx),
+        np.tile(k_y * line_shares(nx), ny),
         np.full(2 * nx * ny, k_d),
     ]
     nodes = np.concatenate([along_x.reshape(-1, 2), along_y.reshape(-1, 2), up, down])
     d = spec.bending
     bends = [
-        (_rows(number), np.array([1.0, -2.0, 1.0, 0.0]), np.repeat(d * b / a**3 * _line_shares(ny), max(nx - 1, 0))),
-        (_rows(number.T), np.array([1.0, -2.0, 1.0, 0.0]), np.repeat(d * a / b**3 * _line_shares(nx), max(ny - 1, 0))),
+        (_rows(number), np.array([1.0, -2.0, 1.0, 0.0]), np.repeat(d * b / a**3 * line_shares(ny), max(nx - 1, 0))),
+        (_rows(number.T), np.array([1.0, -2.0, 1.0, 0.0]), np.repeat(d * a / b**3 * line_shares(nx), max(ny - 1, 0))),
         (
             np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]], axis=-1).reshape(-1, 4),
             np.array([1.0, -1.0, -1.0, 1.0]),
@@ -99,7 +99,7 @@ def _rope(scene: Scene, spec: RopeBody) -> ParticleBody:
         scene,
         spec,
         x_rest=x_rest,
-        mass=spec.density * a * _line_shares(n),
+        mass=spec.density * a * line_shares(n),
         springs=springs_of(x_rest, nodes, np.full(n, spec.stretch / a)),
         bends=bends_of(bends),
         skin=rope_skin(n + 1, radius),
@@ -117,7 +117,7 @@ def _rows(number: Ints) -> Ints:
     return np.stack([left, middle, right, left], axis=-1).reshape(-1, 4)
 
 
-def _line_shares(n: int) -> Floats:
+def line_shares(n: int) -> Floats:
     """Spacings that each of n + 1 points on a line stands for (n + 1,)."""
     shares = np.ones(n + 1)
     shares[[0, -1]] = 0.5

@@ -23,13 +23,14 @@ from softseam_services.body.particles import ParticleBody
 
 from .batches import batches
 from .constraint import Constraint, Joins
+from .hinge import HINGE
 from .kernels.constraint import N_COLUMNS
 from .volume import VOLUME
 
 __all__ = ["CONSTRAINTS", "Constraint", "Joined", "Joins", "build_constraints", "constraints_of"]
 
 
-CONSTRAINTS: Table[Constraint] = Table("particle constraints", {"volume": VOLUME})
+CONSTRAINTS: Table[Constraint] = Table("particle constraints", {"volume": VOLUME, "hinge": HINGE})
 """the constraint of each specification in softseam_protocol.scene.particles.CONSTRAINTS"""
 
 
