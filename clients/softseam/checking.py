@@ -133,7 +133,7 @@ def _check_body(
 
 def _condition(setup: Setup, body: ParticleBody) -> dict[str, str]:
     """How hard XPBD's springs are to sweep; nothing where there are none."""
-    from softseam_services.pbd.particles.condition import spring_condition
+    from softseam_services.pbd.particles.condition import spring_spectrum
     from softseam_services.pbd.particles.model import build_model
     from softseam_services.pbd.particles.parameters import build_parameters
 
@@ -141,8 +141,12 @@ def _condition(setup: Setup, body: ParticleBody) -> dict[str, str]:
     if pbd.method != "xpbd" or not len(body.springs.rest):
         return {}
     substeps = build_parameters(build_model(body, pbd), body, setup.tools, pbd).substeps(scene.step)
-    number = spring_condition(body, scene.step / substeps)
-    return {"condition": f"number {number:.3g} of the springs' system, in {substeps} substeps a step"}
+    found = spring_spectrum(body, scene.step / substeps)
+    omega = "diverges" if found.omega is None else f"suggests omega = {found.omega:.3g}"
+    return {
+        "condition": f"number {found.condition:.3g} of the springs' system, in {substeps} substeps a step",
+        "sweeps": f"Gauss-Seidel's; Jacobi's radius {found.jacobi:.4g} {omega}",
+    }
 
 
 def print_doubts(doubts: Sequence[str], name: str, settings: Sequence[str], console: Console) -> None:

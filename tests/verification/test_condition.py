@@ -1,4 +1,4 @@
-"""The condition number of XPBD's springs against closed forms and a dense matrix built spring by spring."""
+"""The condition number of XPBD's springs, and Jacobi's radius: closed forms, a dense matrix built spring by spring."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from particle_run import ParticleRun, particle_scene
 
 from softseam_services.body.particles import ParticleBody
-from softseam_services.pbd.particles.condition import spring_condition
+from softseam_services.pbd.particles.condition import spring_spectrum
 
 CLAMP = {"min": (-1.0, -1.0, -1.0), "max": (-0.49, 1.0, 1.0)}
 
@@ -25,12 +25,12 @@ def test_two_springs_have_a_closed_form(substep: float) -> None:
     body = rope(2)
     end, middle = 1.0 / body.mass[:2]
     d = end + middle + 1.0 / (body.springs.stiffness[0] * substep**2)
-    assert spring_condition(body, substep) == pytest.approx((d + middle) / (d - middle), rel=1e-12)
+    assert spring_spectrum(body, substep).condition == pytest.approx((d + middle) / (d - middle), rel=1e-12)
 
 
 def test_it_grows_with_the_square_of_a_stiff_rope_s_spacings() -> None:
     """The least eigenvalue of -1, 2, -1 on n springs falls as 1/n^2: twice as many, four times the number."""
-    few, many = (spring_condition(rope(n, stretch=1e12, fixed=(CLAMP,)), 0.01) for n in (50, 100))
+    few, many = (spring_spectrum(rope(n, stretch=1e12, fixed=(CLAMP,)), 0.01).condition for n in (50, 100))
     assert many / few == pytest.approx(4.0, rel=0.03)
 
 
@@ -48,11 +48,15 @@ def test_a_sheet_against_a_dense_matrix(substep: float) -> None:
     A += np.diag(1.0 / (body.springs.stiffness * substep**2))
     scale = np.diag(A) ** -0.5
     values = np.linalg.eigvalsh(scale[:, None] * A * scale)
-    assert spring_condition(body, substep) == pytest.approx(values[-1] / values[0], rel=1e-5)
+    found = spring_spectrum(body, substep)
+    assert found.condition == pytest.approx(values[-1] / values[0], rel=1e-5)
+    iteration = np.linalg.eigvals(np.eye(len(A)) - A / np.diag(A)[:, None])
+    assert found.jacobi == pytest.approx(np.abs(iteration).max(), rel=1e-5)
+    assert (found.omega is None) == (substep == 1e-2)
 
 
 def test_short_substeps_leave_each_spring_alone() -> None:
     """The chapter's claim (9.4.4): compliance and step bound it; as h goes to 0 it goes to 1."""
     body = rope(60, stretch=5e3)
-    numbers = [spring_condition(body, h) for h in (1e-2, 1e-3, 1e-4, 1e-6)]
+    numbers = [spring_spectrum(body, h).condition for h in (1e-2, 1e-3, 1e-4, 1e-6)]
     assert numbers == sorted(numbers, reverse=True) and numbers[-1] == pytest.approx(1.0, abs=0.01)
