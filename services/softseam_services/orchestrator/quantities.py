@@ -160,6 +160,10 @@ def _error(name: str) -> Measurement:
     return Measurement("indicators", measure)
 
 
+def _constraint_residual(look: Look) -> float:
+    return max(reply.residual for reply in look.replies.values())
+
+
 def _traction_jump(look: Look) -> float:
     assert look.fields.indicators is not None
     return root_mean_square(look.fields.indicators.traction_jump)
@@ -187,6 +191,7 @@ MEASUREMENTS: Table[Measurement] = Table(
         "model_error": _error("model_error"),
         "mesh_error": _error("mesh_error"),
         "traction_jump": Measurement("indicators", _traction_jump),
+        "constraint_residual": Measurement("step", _constraint_residual),
     }
     | {
         name: _of_particles(name)
