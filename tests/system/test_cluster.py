@@ -134,5 +134,4 @@ def test_what_a_node_was_at_is_done_anew(two_nodes: Any, tmp_path: Path) -> None
     told: list[str] = []
     found = share(two_nodes.address, partial(Outage, first, tmp_path / "ended"), range(6), told.append)
     assert found == [number * number for number in range(6)]
-    open("/tmp/w/bexp/told", "w").write(chr(10).join(told))
     assert told
