@@ -6,7 +6,8 @@ import logging
 import os
 import socket
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from softseam.errors import BadInput, NoConnection, ServicesFailed, missing_extra
@@ -34,31 +35,20 @@ _LOSSES = 5
 def share(address: str, make: Make[Work, Result], work: Sequence[Work], told: Callable[[str], None]) -> list[Result]:
     """What each piece of work comes to, in the order of `work`, however many workers there are.
 
-    address  of a cluster that this machine is a part of: HOST:PORT of its head; local: this machine alone
-    told     of each worker that is lost
-
-    Raises MissingExtra, BadInput for what is no address, NoConnection where nobody answers there, ServicesFailed where
-    workers end again and again or none can begin, and what `make` and its product raise.
+    Arguments, and what is raised, are those of `Workers`.
     """
-    try:
-        import ray
-    except ImportError as error:
-        raise missing_extra(error, "a cluster") from error
-    _reach(address)
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # of a cluster that begins here
-    quiet = {"log_to_driver": False, "logging_level": logging.ERROR}
-    try:
-        ray.init(address, **({"include_dashboard": False} if address == _LOCAL else {}), **quiet)
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise _nobody(address, str(error)) from error
-    try:
-        return _Sharing(address, make, work, told).run()
-    finally:
-        ray.shutdown()
+    with Workers(address, make, told) as workers:
+        for each in work:
+            workers.begin(each)
+        found = dict(workers.ended(0))
+    return [found[number] for number in range(len(work))]
 
 
-def _reach(address: str) -> None:
-    """Ask whether somebody is there who speaks as Ray does: Ray itself tries for minutes, then ends this process."""
+def reach(address: str) -> None:
+    """Ask whether somebody is there who speaks as Ray does: Ray itself tries for minutes, then ends this process.
+
+    Raises BadInput for what is no address, and NoConnection.
+    """
     if address == _LOCAL:
         return
     host, _, port = address.rpartition(":")
@@ -92,49 +82,88 @@ class _Worker:
         return self._do(work)
 
 
-class _Sharing(Generic[Work, Result]):
-    """Who does what, and what came of it."""
+class Workers(Generic[Work, Result]):
+    """Those of a Ray cluster, at most one a processor, which take pieces of work as these come. A context manager.
 
-    def __init__(
-        self, address: str, make: Make[Work, Result], work: Sequence[Work], told: Callable[[str], None]
-    ) -> None:
-        import ray
+    address  of a cluster that this machine is a part of: HOST:PORT of its head; local: this machine alone
+    told     of each worker that is lost
 
-        self._ray, self._work, self._told = ray, work, told
+    Entering it raises MissingExtra, BadInput for what is no address, NoConnection where nobody answers there; `ended`
+    ServicesFailed where workers end again and again or none can begin, and what `make` and its product raise.
+    """
+
+    def __init__(self, address: str, make: Make[Work, Result], told: Callable[[str], None]) -> None:
+        self._address, self._make, self._told = address, make, told
         self._workers = f"of the Ray cluster at {address}"
-        self._worker, self._make = ray.remote(num_cpus=1, max_restarts=0)(_Worker), ray.put(make)
-        self._waiting = deque(range(len(work)))
+        self.size = 1
+        """how many there may be: processors of the cluster"""
+        self._n_workers = self._n_begun = 0
+        self._work = dict[int, Work]()
+        """by its number, until it is done"""
+        self._waiting = deque[int]()
         self._idle: list[Any] = []
         self._under_way: dict[Any, tuple[Any, int | None]] = {}
-        """worker and place of its work by what is waited for; None: it begins"""
-        self._found: dict[int, Result] = {}
+        """worker and number of its work by what is waited for; None: it begins"""
         self._losses = 0
         """one after the other"""
 
-    def run(self) -> list[Result]:
-        """All results, in the order of the work."""
-        for _ in range(min(max(int(self._ray.cluster_resources().get("CPU", 0)), 1), len(self._work))):
+    def __enter__(self) -> Workers[Work, Result]:
+        try:
+            import ray
+        except ImportError as error:
+            raise missing_extra(error, "a cluster") from error
+        reach(self._address)
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # of a cluster that begins here
+        quiet = {"log_to_driver": False, "logging_level": logging.ERROR}
+        try:
+            ray.init(self._address, **({"include_dashboard": False} if self._address == _LOCAL else {}), **quiet)
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            raise _nobody(self._address, str(error)) from error
+        self._ray, self._given = ray, ray.put(self._make)
+        self._worker = ray.remote(num_cpus=1, max_restarts=0)(_Worker)
+        self.size = max(int(ray.cluster_resources().get("CPU", 0)), 1)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ray.shutdown()
+
+    def begin(self, work: Work) -> int:
+        """Have it done, as soon as a worker is free; its number, 0 for the first."""
+        number, self._n_begun = self._n_begun, self._n_begun + 1
+        self._work[number] = work
+        self._waiting.append(number)
+        if self._n_workers < min(self.size, len(self._work)):
+            self._n_workers += 1
             self._start()
-        while len(self._found) < len(self._work):
+        self._hand_out()
+        return number
+
+    def ended(self, most: int) -> Iterator[tuple[int, Result]]:
+        """Number and result of what is done, waiting until no more than so many pieces are not."""
+        while len(self._work) > most:
             ready, _ = self._ray.wait(list(self._under_way), timeout=_BEGIN)
-            if not ready and all(place is None for _, place in self._under_way.values()):
+            if not ready and all(number is None for _, number in self._under_way.values()):
                 raise ServicesFailed(
                     f"no worker {self._workers} began within {_BEGIN:g} s: are its processors taken (ray status)?"
                 )
-            for each in ready:
-                self._take(each)
-            while self._waiting and self._idle:
-                worker, place = self._idle.pop(), self._waiting.popleft()
-                self._under_way[worker.do.remote(self._work[place])] = worker, place
-        return [self._found[place] for place in range(len(self._work))]
+            done = [self._take(each) for each in ready]
+            self._hand_out()
+            yield from (one for one in done if one is not None)
+
+    def _hand_out(self) -> None:
+        while self._waiting and self._idle:
+            worker, number = self._idle.pop(), self._waiting.popleft()
+            self._under_way[worker.do.remote(self._work[number])] = worker, number
 
     def _start(self) -> None:
         worker = self._worker.remote()
-        self._under_way[worker.begin.remote(self._make)] = worker, None
+        self._under_way[worker.begin.remote(self._given)] = worker, None
 
-    def _take(self, answer: Any) -> None:
-        """What a worker answered, or that it is lost."""
-        worker, place = self._under_way.pop(answer)
+    def _take(self, answer: Any) -> tuple[int, Result] | None:
+        """What a worker did; None where it has begun, or is lost."""
+        worker, number = self._under_way.pop(answer)
         try:
             result = self._ray.get(answer)
         except self._ray.exceptions.RayTaskError as error:
@@ -142,20 +171,23 @@ class _Sharing(Generic[Work, Result]):
                 raise ServicesFailed(f"a worker {self._workers} cannot begin: {_why(error.cause)}") from error
             raise error.cause from None
         except self._ray.exceptions.RayError as error:
-            self._lose(place, _why(error))
-            return
-        if place is not None:
-            self._found[place], self._losses = result, 0
+            self._lose(number, _why(error))
+            return None
         self._idle.append(worker)
+        if number is None:
+            return None
+        self._losses = 0
+        del self._work[number]
+        return number, result
 
-    def _lose(self, place: int | None, why: str) -> None:
+    def _lose(self, number: int | None, why: str) -> None:
         self._losses += 1
         if self._losses > _LOSSES:
             raise ServicesFailed(
                 f"{self._losses} workers {self._workers} ended one after the other, the last because: {why}"
             )
-        if place is not None:
-            self._waiting.appendleft(place)
+        if number is not None:
+            self._waiting.appendleft(number)
         self._told(f"a worker is lost, and what it did is done anew ({why})")
         self._start()
 

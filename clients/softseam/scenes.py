@@ -9,12 +9,21 @@ from pathlib import Path
 
 from softseam.errors import SceneRefused
 from softseam_protocol.messages.participant import Bundle
-from softseam_protocol.scene.file import SceneError, bundle_scene, files_from_here, files_of, place_of
+from softseam_protocol.scene.file import (
+    SceneError,
+    bundle_scene,
+    files_from_here,
+    files_of,
+    place_of,
+    scene_from_bundle,
+)
 from softseam_protocol.scene.file import load_scene as _load
 from softseam_protocol.scene.keys import fields_of
 from softseam_protocol.scene.scene import Scene
 
 _NAMED = re.compile(rf"(?:^|: )((?:{'|'.join(fields_of(Scene))})(?:\.[\w-]+)*): ")
+Source = str | Path | Scene | Bundle
+"""a file or the name of a scene that comes with softseam, a scene made in code, one that came with its files"""
 _CHECKOUT = Path(__file__).parents[2] / "scenes"
 _INSTALLED = Path(__file__).parents[1] / "softseam_scenes"
 
@@ -58,12 +67,14 @@ def load_scene(name: str | Path | Scene) -> Scene:
     return bundle_of(name)[0]
 
 
-def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
+def bundle_of(scene: Source) -> tuple[Scene, Bundle]:
     """A scene and what a participant needs to simulate it. Raises SceneRefused.
 
     Paths of meshes are those from the scene's file, or, of a scene made in code, from the working folder.
     """
     try:
+        if isinstance(scene, Bundle):
+            return scene_from_bundle(scene), scene
         if isinstance(scene, Scene):
             return scene, bundle_scene(scene, files_from_here(scene))
         loaded = _load(scene_path(scene))
@@ -72,14 +83,16 @@ def bundle_of(scene: str | Path | Scene) -> tuple[Scene, Bundle]:
     return loaded.scene, loaded.bundle
 
 
-def inputs_of(scene: str | Path | Scene) -> dict[str, Path]:
+def inputs_of(scene: Source) -> dict[str, Path]:
     """Files that a scene is read from, by what they are: itself, and those that it names. Raises SceneRefused."""
+    if isinstance(scene, Bundle):
+        return {}
     itself = {} if isinstance(scene, Scene) else {"the scene itself": scene_path(scene)}
     folder = next((path.parent for path in itself.values()), Path())
     return itself | {f"the scene's {_dotted(at)}": folder / name for at, name in files_of(load_scene(scene))}
 
 
-def located(text: str, scene: str | Path | Scene, settings: Sequence[str] = ()) -> str:
+def located(text: str, scene: Source, settings: Sequence[str] = ()) -> str:
     """A refusal, from the key on that it names, and where that stands: in a setting, or in file, line and column.
 
     Whoever builds a body or a solver knows the scene, not the file that it was read from.
@@ -87,7 +100,7 @@ def located(text: str, scene: str | Path | Scene, settings: Sequence[str] = ()) 
     found = _NAMED.search(text)
     if found is not None:
         key, text = found[1], text[found.start(1) :]
-    elif isinstance(scene, Scene):
+    elif isinstance(scene, Scene | Bundle):
         return text
     else:
         # what is wrong in a mesh begins with its file
@@ -100,7 +113,7 @@ def located(text: str, scene: str | Path | Scene, settings: Sequence[str] = ()) 
         # the key itself, one that it lies in, or one of those that it stands for
         if f"{key}.".startswith(f"{given}.") or given.startswith(f"{key}."):
             return f"--set {setting}: {text}"
-    if isinstance(scene, Scene):
+    if isinstance(scene, Scene | Bundle):
         return text
     path = scene_path(scene)
     line, column = place_of(path, key)

@@ -18,7 +18,7 @@ from softseam.gradient import Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
 from softseam.one_thread import one_thread
-from softseam.scenes import bundle_of, inputs_of, located
+from softseam.scenes import Source, bundle_of, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.arrays import Vector3
@@ -92,7 +92,7 @@ def whole(value: object) -> int | None:
 
 
 def open_as_given(
-    scene: str | Path | Scene,
+    scene: Source,
     connect: str | None = None,
     *,
     model: Model | None = None,
@@ -113,7 +113,7 @@ def open_as_given(
     return Session(varied, bundle, backend, model)
 
 
-def _read(scene: str | Path | Scene, model: Model | None, settings: Sequence[str]) -> tuple[Scene, Bundle]:
+def _read(scene: Source, model: Model | None, settings: Sequence[str]) -> tuple[Scene, Bundle]:
     """The scene as it is simulated, and what a participant needs for it. Raises SceneRefused and BadInput."""
     parsed, bundle = bundle_of(scene)
     varied = _varied(parsed, model, settings)

@@ -6,6 +6,7 @@ Needs Ray, which continuous integration installs; elsewhere: pip install 'softse
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import socket
 import threading
@@ -27,6 +28,14 @@ from softseam.errors import BadInput, NoConnection, ServicesFailed
 from softseam.learn.evaluate import Wishes, evaluate
 from softseam.learn.policy import POLICY, Training
 from softseam.learn.train import new_learner, vectorised
+from softseam.study.chart_command import Wishes as Charting
+from softseam.study.chart_command import chart
+from softseam.study.configurations import Configuration, Fem
+from softseam.study.store import Identity, Store
+from softseam.study.study import study_of
+from softseam.study.sweep import sweep
+
+SCENES = Path(__file__).parents[2] / "scenes"
 
 pytestmark = [
     pytest.mark.slow,
@@ -99,6 +108,25 @@ def test_policies_are_judged_alike_by_any_number_of_workers(two_nodes: Any, tmp_
             np.testing.assert_array_equal(value, vars(both[name])[key])
 
 
+def test_charts_are_swept_alike_by_any_number_of_workers(
+    two_nodes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scene and the mesh that it names lie where workers do not look."""
+    for suffix in ("obj", "yaml"):
+        shutil.copy(SCENES / f"dumpling.{suffix}", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    study = study_of("dumpling.yaml", ("duration=0.05",))
+    wanted = [Fem(study.frame, study.frame.across(n), 0.01).configuration() for n in (1, 2)]
+    wanted.append(Configuration("bad", "FEM", "bad", ("step=5.0",), 1e-3))
+    found = []
+    for ray in (None, two_nodes.address):
+        store = Store(tmp_path / str(ray is None), Identity("scene", "code"), "")
+        ended = sweep(study, wanted, store, 60.0, lambda what, rough: lambda done: None, 0, ray=ray)
+        assert {path.stem for path in store.folder.glob("*.json")} == {*ended} == {one.key for one in wanted}
+        found.append({key: (one.status, one.series and one.series.as_json()) for key, one in ended.items()})
+    assert found[0] == found[1] and [status for status, _ in found[0].values()] == ["done", "done", "refused"]
+
+
 def test_work_that_ends_every_worker_is_given_up(two_nodes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "_LOSSES", 1)
     with pytest.raises(ServicesFailed, match=rf"2 workers of the Ray cluster at {two_nodes.address} ended"):
@@ -110,7 +138,7 @@ def test_what_workers_refuse_is_told(two_nodes: Any) -> None:
         share(two_nodes.address, spoilt, [0], print)
 
 
-def test_an_address_that_nobody_answers_at_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_address_that_nobody_answers_at_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sharing, "_ANSWER", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"127.0.0.1:{silent.getsockname()[1]}"
@@ -126,6 +154,9 @@ def test_an_address_that_nobody_answers_at_is_named(monkeypatch: pytest.MonkeyPa
     for bad in ("auto", "127.0.0.1", "127.0.0.1:port", ":6379"):
         with pytest.raises(BadInput, match=f"--ray {bad}: give HOST:PORT"):
             share(bad, spoilt, [0], print)
+    with pytest.raises(NoConnection, match="no Ray cluster answers"):
+        chart(Charting("cantilever", out=tmp_path / "chart", ray=address), Console(quiet=True))
+    assert not (tmp_path / "chart").exists()  # no minutes went into a reference
 
 
 def test_what_a_node_was_at_is_done_anew(two_nodes: Any, tmp_path: Path) -> None:

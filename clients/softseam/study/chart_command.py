@@ -10,6 +10,7 @@ from time import perf_counter
 
 from rich.console import Console
 
+from softseam.cluster import reach
 from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
 from softseam.outputs import check_outputs
 from softseam.report import write_json
@@ -44,6 +45,8 @@ class Wishes:
     fresh: bool = False
     jobs: int = 1
     """configurations that run side by side, each in a process of its own"""
+    ray: str | None = None
+    """address of a Ray cluster that runs them, see `Workers`"""
 
 
 def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
@@ -54,6 +57,8 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     if not 0.0 < wishes.minutes < 1e5:
         raise BadInput(f"--minutes {wishes.minutes:g}: give a number above zero")
     require_extra("view", "drawing a chart")
+    if wishes.ray is not None:
+        reach(wishes.ray)  # before a reference is made, which may take minutes
     study = study_of(wishes.scene, wishes.settings)
     names = study.names()
     rivals = read_rivals(wishes.rivals, study.scene.name) if wishes.rivals is not None else []
@@ -73,18 +78,30 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
         progress.known(reference)
         left = max(REFERENCE_SHARE * budget, budget - (perf_counter() - began))
         progress.expect(wanted, left)
-        outcomes = sweep(study, wanted, store, left * wishes.jobs, progress.configuration, jobs=wishes.jobs)
+        outcomes = sweep(
+            study,
+            wanted,
+            store,
+            left,
+            progress.configuration,
+            jobs=wishes.jobs,
+            ray=wishes.ray,
+            lost=progress.lost,
+        )
     rows = rows_of(wanted, outcomes, reference)
     if all(row.error is None for row in rows):
         least = min(rows, key=lambda row: row.configuration.seconds)
         told = f"{least.configuration.label}: {least.outcome.reason}"
         raise SoftseamError(f"none of {len(rows)} configurations ran to its end, there is nothing to draw ({told})")
-    _write(folder, study, rows, reference, rivals)
+    here = study.identity.machine if wishes.ray is None else f"processors of the Ray cluster at {wishes.ray}"
+    _write(folder, study, here, rows, reference, rivals)
     _tell(console, folder, rows, reference, perf_counter() - began)
     return rows, reference
 
 
-def _write(folder: Path, study: Study, rows: Sequence[Row], reference: Reference, rivals: Sequence[Landmark]) -> None:
+def _write(
+    folder: Path, study: Study, here: str, rows: Sequence[Row], reference: Reference, rivals: Sequence[Landmark]
+) -> None:
     try:
         from softseam.study.draw import draw_chart
     except ImportError as error:
@@ -93,7 +110,6 @@ def _write(folder: Path, study: Study, rows: Sequence[Row], reference: Reference
     from softseam.view.paper import write
 
     title, asked = study.scene.name.replace("_", " "), asked_of(study.scene.name)
-    here = study.identity.machine
     document = {
         "chart_version": CHART_VERSION,
         "scene": {"name": study.scene.name, "hash": study.identity.scene},

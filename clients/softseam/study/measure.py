@@ -5,13 +5,13 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any, Literal, get_args
 
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SceneRefused, SimulationFailed
 from softseam.observation import Observation
+from softseam.scenes import Source
 from softseam.session import Session, open_as_given
 from softseam.study.series import Series, SeriesBuilder
 from softseam_protocol.quantities import QUANTITIES, probed
@@ -153,7 +153,7 @@ class _Stopped(Exception):
 
 
 def measure(
-    scene: str | Path | Scene,
+    scene: Source,
     settings: Sequence[str],
     names: tuple[str, ...],
     *,

@@ -58,6 +58,10 @@ class ChartProgress:
         text = f"the reference {origin(reference)}"
         self._console.print(text, highlight=False, style="dim")
 
+    def lost(self, text: str) -> None:
+        """A worker of a cluster is lost."""
+        self._console.print(text, style="yellow", highlight=False)
+
     def expect(self, wanted: Sequence[Configuration], budget: float) -> None:
         """The sweep begins; it ends within the budget [s], but for compiling."""
         self._end = perf_counter() + budget

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import Any
 
+from softseam.scenes import bundle_of
 from softseam.study.configurations import Configuration
-from softseam.study.measure import RUNS, Outcome, Told, measure
+from softseam.study.measure import RUNS, Outcome, Told
 from softseam.study.store import Store
 from softseam.study.study import Study
-from softseam_protocol.extensions import load_extensions
+from softseam.study.workers import Here, Measuring, OnCluster, Processes, Runners
 
 SLACK = 3.0
 """a run may take this many times what it was foreseen to, where the budget has it [1]"""
@@ -39,14 +35,18 @@ def sweep(
     watch: Watch,
     runs: int = RUNS,
     jobs: int = 1,
+    ray: str | None = None,
+    lost: Callable[[str], None] = print,
 ) -> dict[str, Outcome]:
     """Outcome of every configuration, by key; what is not run for its cost is an outcome with that reason.
 
-    budget  processor time of the runs, without compiling [s]; what was stored before costs nothing
+    budget  wall time of the runs, without compiling [s]; what was stored before costs nothing
     runs    timed runs of a configuration
     jobs    processes that run configurations side by side
+    ray     address of a Ray cluster that runs them in place of this machine, see `Workers`
+    lost    told of each of its workers that is lost
     """
-    outcomes, pace, spent, names = finished(store, wanted), dict[str, float](), 0.0, study.names()
+    outcomes, pace, spent = finished(store, wanted), dict[str, float](), 0.0
     for one in wanted:
         if one.key in outcomes:
             learn(pace, one, outcomes[one.key])
@@ -60,11 +60,13 @@ def sweep(
         learn(pace, one, outcome)
 
     with ExitStack() as stack:
-        pool = _Pool(jobs, stack)
+        there = study.name if ray is None else bundle_of(study.name)[1]
+        runners = _runners(Measuring(there, study.names(), runs, study.frame.length), jobs, ray, lost, stack)
+        budget *= runners.size
         for one in wanted:
             if one.key in outcomes:
                 continue
-            for earlier, outcome in pool.ended(jobs - 1):
+            for earlier, outcome in runners.ended(runners.size - 1):
                 done(earlier, outcome)
             once, left = one.seconds * pace.get(one.method, 1.0), budget - spent
             if once > min(left, LONGEST * budget):
@@ -72,49 +74,18 @@ def sweep(
                 continue
             told = watch(one, (1 + runs) * once)
             limit = min(left, max(SLACK * once, LONGEST * budget))
-            how = {"runs": runs, "limit": limit, "length": study.frame.length, "look": 1}
-            pool.begin(one, told, study.name, (*study.settings, *one.settings), names, **how)
-        for one, outcome in pool.ended(0):
+            runners.begin(one, ((*study.settings, *one.settings), limit), told)
+        for one, outcome in runners.ended(0):
             done(one, outcome)
     return outcomes
 
 
-class _Pool:
-    """Runs configurations in processes side by side; of one job, in this process."""
-
-    def __init__(self, jobs: int, stack: ExitStack) -> None:
-        self._pool, self._begun = None, dict[Future[Outcome], Configuration]()
-        if jobs > 1:
-            context = multiprocessing.get_context("spawn")
-            self._pool = stack.enter_context(ProcessPoolExecutor(jobs, context, initializer=_begin_process))
-
-    def begin(self, one: Configuration, told: Told, *what: Any, **how: Any) -> None:
-        """Have this configuration run: `measure` of what is given."""
-        if self._pool is not None:
-            run = self._pool.submit(measure, *what, **how)
-        else:
-            run = Future()
-            run.set_result(measure(*what, told=told, **how))
-        self._begun[run] = one
-
-    def ended(self, most: int) -> Iterator[tuple[Configuration, Outcome]]:
-        """Those that ended, waiting until no more than so many run."""
-        while len(self._begun) > most:
-            for run in wait(self._begun, return_when=FIRST_COMPLETED).done:
-                yield self._begun.pop(run), run.result()
-
-
-def _begin_process() -> None:
-    """End with the process that this one works for, whatever ends that."""
-    load_extensions()
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def end_with() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=end_with, daemon=True).start()
+def _runners(
+    measuring: Measuring, jobs: int, ray: str | None, lost: Callable[[str], None], stack: ExitStack
+) -> Runners:
+    if ray is not None:
+        return OnCluster(measuring, ray, lost, stack)
+    return Processes(measuring, jobs, stack) if jobs > 1 else Here(measuring)
 
 
 def learn(pace: dict[str, float], configuration: Configuration, outcome: Outcome) -> None:
