@@ -11,6 +11,7 @@ _TURNS = 2.0
 """more full turns are unlike a hand's"""
 _FAR = 30.0
 """moves so many times as long as the body are unlike a hand's"""
+_OF_GRIP = ("grip_force", "compression")
 
 
 def odd_motion(scene: Scene, size: float) -> list[str]:
@@ -18,7 +19,7 @@ def odd_motion(scene: Scene, size: float) -> list[str]:
 
     size  largest extent of the body [m]
     """
-    found = []
+    found = _never_gripped(scene)
     for number, phase in enumerate(scene.motion):
         key = f"motion.{number}"
         if isinstance(phase, TurnPhase):
@@ -39,3 +40,14 @@ def odd_motion(scene: Scene, size: float) -> list[str]:
                     "or `compression`, too; the first that is met ends the phase"
                 )
     return found
+
+
+def _never_gripped(scene: Scene) -> list[str]:
+    """That quantities of a grip are asked for where no phase closes tools; who moves tools by hand may still do so."""
+    asked = [name for name in scene.quantities if name in _OF_GRIP]
+    if not asked or not scene.motion or any(isinstance(phase, ClosePhase) for phase in scene.motion):
+        return []
+    return [
+        f"quantities: {' and '.join(asked)}: no phase of the motion closes two tools, of which that would be: add one "
+        "with `close`, or leave it out"
+    ]
