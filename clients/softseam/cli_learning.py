@@ -15,14 +15,16 @@ LiftModel = Literal["xpbd", "fem"]
 
 TRAIN = (
     "[bold]What it does[/bold]\n\n"
-    "Learns with stable-baselines3, from many pieces at once, by XPBD in this process, and leaves policy.zip, "
-    "training.json and curve.png in the folder, every 20,000 steps, too. Ctrl-C is safe: --resume goes on. It learns "
-    "on coarse cells first, which are faster, then on fine ones, unless --no-stages. "
+    "Learns with stable-baselines3 and leaves policy.zip, training.json and curve.png in the folder, every 20,000 "
+    "steps, too. Ctrl-C is safe: --resume goes on. TofuLift is learned from many pieces at once, by XPBD in this "
+    "process: on coarse cells first, which are faster, then on fine ones, unless --no-stages. "
     "Beside it, FEM replays some episodes with the same actions, and the curve and a table say how far XPBD is off. "
-    "softseam evaluate judges it by FEM.\n\n"
+    "SliceLift, PushGentle and TowelFold are learned from sessions, in a process for each processor. "
+    "softseam evaluate judges the policy, but for TowelFold by FEM.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam train TofuLift\n\n"
     "softseam train TofuLift --algo sac --steps 50000 --seed 1 --out out/mine\n\n"
+    "softseam train SliceLift --shape bread.stl --set body.shape.scale=0.001\n\n"
     "softseam train TofuLift --set body.material.young=10e3"
 )
 EVALUATE = (
@@ -34,37 +36,49 @@ EVALUATE = (
 
 
 def train(
-    task: Annotated[str, typer.Argument(help="What to learn.")] = "TofuLift",
+    task: Annotated[
+        str, typer.Argument(help="What to learn: TofuLift, SliceLift, PushGentle or TowelFold.")
+    ] = "TofuLift",
     algo: Annotated[Algorithm, typer.Option(help="How.")] = "ppo",
     steps: Annotated[int | None, typer.Option(metavar="N", help="Actions in all; default: the task's.")] = None,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the pieces and of the learner.")] = 0,
     model: Annotated[
-        LiftModel, typer.Option(help="That simulates the pieces: a batch of XPBD, or FEM, slower.")
-    ] = "xpbd",
-    environments: Annotated[int, typer.Option(metavar="N", help="Pieces at a time.")] = 64,
+        LiftModel | None,
+        typer.Option(
+            help="That simulates the pieces; default: the task's, of TofuLift a batch of XPBD. FEM is slower."
+        ),
+    ] = None,
+    environments: Annotated[
+        int | None, typer.Option(metavar="N", help="Pieces at a time; default: the task's, 64 in a batch, else 16.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where it goes; default: out/TASK-ALGO-SEED.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where the folder's training stopped.")] = False,
     check: Annotated[
-        bool, typer.Option("--check/--no-check", help="Replay some episodes by FEM, in a process beside.")
-    ] = True,
+        bool | None,
+        typer.Option("--check/--no-check", help="Replay some episodes of a batch by FEM, in a process beside."),
+    ] = None,
     stages: Annotated[
-        bool,
+        bool | None,
         typer.Option(
             "--stages/--no-stages",
             help="Coarse cells of XPBD for two thirds of the actions and until 95 % succeed, then fine ones. "
             "With --set body.cell: those alone.",
         ),
-    ] = True,
+    ] = None,
+    shape: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Of SliceLift's body: a mesh, or a scene with a body; default: dumpling."),
+    ] = None,
     settings: Settings = None,
 ) -> None:
     """Learn a policy, e.g. how to lift tofu gently."""
     from softseam.learn.train import Wishes
     from softseam.learn.train import train as learn
 
-    wishes = Wishes(task, algo, steps, seed, model, environments, out, resume, tuple(settings or ()), check, stages)
-    learn(wishes, Console())
+    given = (task, algo, steps, seed, model, environments, out, resume, tuple(settings or ()), check, stages, shape)
+    learn(Wishes(*given), Console())
 
 
 def evaluate(

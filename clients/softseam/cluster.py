@@ -32,15 +32,26 @@ _LOSSES = 5
 """one after the other, nothing done between them, that are borne"""
 
 
-def share(address: str, make: Make[Work, Result], work: Sequence[Work], told: Callable[[str], None]) -> list[Result]:
+def share(
+    address: str,
+    make: Make[Work, Result],
+    work: Sequence[Work],
+    told: Callable[[str], None],
+    over: Callable[[Result], object] = lambda result: None,
+) -> list[Result]:
     """What each piece of work comes to, in the order of `work`, however many workers there are.
 
-    Arguments, and what is raised, are those of `Workers`.
+    over  called with each result as it comes in
+
+    Other arguments, and what is raised, are those of `Workers`.
     """
+    found = dict[int, Result]()
     with Workers(address, make, told) as workers:
         for each in work:
             workers.begin(each)
-        found = dict(workers.ended(0))
+        for number, result in workers.ended(0):
+            found[number] = result
+            over(result)
     return [found[number] for number in range(len(work))]
 
 

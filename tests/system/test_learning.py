@@ -76,7 +76,7 @@ def test_a_training_is_kept_and_goes_on(trained: Path) -> None:
     more = read_training(trained)
     assert more.checks == found.checks  # kept, and none without asking
     spread = training.algorithm("ppo").load(trained / POLICY).policy.log_std.detach().numpy()
-    assert spread == pytest.approx(training.LOG_STD[1], abs=0.15)  # 2048 of 2100 steps
+    assert spread == pytest.approx(TASKS["TofuLift"].spread[1], abs=0.15)  # 2048 of 2100 steps
     assert more.done == 4096 and more.seconds > found.seconds and more.curve[: len(found.curve)] == found.curve
 
 
@@ -163,11 +163,11 @@ def test_a_policy_is_judged_beside_rules(trained: Path, tmp_path: Path) -> None:
     said = Console(file=StringIO(), width=120)
     found = evaluate(Judgement(trained, pieces=3, step=0.04, record=tmp_path / "episodes"), said)
     assert list(found) == ["the policy", "close to 1 N", "close to 2 N", "squeeze by 15 %"]
-    assert found["close to 2 N"].success.all()
-    assert 500.0 < found["close to 2 N"].stress.mean() < found["squeeze by 15 %"].stress.mean()
+    assert (found["close to 2 N"].ending == "lifted").all()
+    assert 500.0 < found["close to 2 N"].hardship.mean() < found["squeeze by 15 %"].hardship.mean()
     assert isinstance(said.file, StringIO)
     told = said.file.getvalue()
-    assert "100.0%" in told and "softseam replay" in told
+    assert "100.0%" in told and "softseam replay" in told and "TofuLift, judged: 12 of 12 episodes" in told
     recorded = sorted((tmp_path / "episodes").glob("*.mcap"))
     assert recorded and Recording(recorded[0]).counts["StepReport"] > 5
 

@@ -14,9 +14,7 @@ python -m softseam.examples.gentlest_lift [FOLDER OF A POLICY]
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +22,9 @@ from scipy.optimize import minimize
 
 from softseam.errors import BadInput
 from softseam.gym import TofuLift
-from softseam.learn.evaluate import episode
+from softseam.learn.evaluate import episode, learned
+from softseam.learn.policy import POLICY, read_training
+from softseam.learn.rules import Rule
 from softseam.learn.tasks import TASKS
 from softseam.losses import Run, Slope
 
@@ -46,9 +46,9 @@ def main(policy: Path | None = None) -> None:
     tell("begun with", along(first))
     tell("found by gradient", along(plan))
     for name, rule in TASKS["TofuLift"].rules.items():
-        tell(name, lambda seen, info, rule=rule: rule(info))  # type: ignore[misc]
+        tell(name, rule)
     if policy is not None:
-        tell("learned", learned(policy))
+        tell("learned", learned((policy / POLICY).read_bytes(), read_training(policy).algorithm))
 
 
 def squeeze_and_rise() -> Floats:
@@ -111,25 +111,16 @@ def hard_to_hold(run: Run) -> tuple[float, Slope]:
     return norm + WORTH * lacks * lacks, Slope(by_force, by_position)
 
 
-def along(plan: Floats) -> Callable[[Any, dict[str, Any]], Any]:
+def along(plan: Floats) -> Rule:
     """Take a plan's actions, one after the other, and stand still when they are over."""
-    left = iter([*plan, *np.zeros((200, 2))])
+    left = iter([*plan.tolist(), *np.zeros((200, 2)).tolist()])
     return lambda seen, info: next(left)
 
 
-def learned(policy: Path) -> Callable[[Any, dict[str, Any]], Any]:
-    """What a policy does, as `softseam train` left it in a folder."""
-    from softseam.learn.policy import POLICY, read_training
-    from softseam.learn.train import algorithm
-
-    learner = algorithm(read_training(policy).algorithm).load(policy / POLICY, device="cpu")
-    return lambda seen, info: learner.predict(seen, deterministic=True)[0]
-
-
-def tell(name: str, act: Callable[[Any, dict[str, Any]], Any]) -> None:
+def tell(name: str, act: Rule) -> None:
     """Lift the piece at steps of 10 ms, and print what came of it."""
     env = TofuLift(randomise=None, step=0.01)
-    _, info = episode(env, act, 0)
+    info = episode(env, act, 0)
     env.close()
     print(f"{name:20s} {'yes' if info['is_success'] else 'no':>6s}  {1e-3 * info['stress']:10.2f} kPa")
 

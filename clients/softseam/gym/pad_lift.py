@@ -16,9 +16,8 @@ from softseam.gym.randomise import Randomise
 from softseam.gym.reward import Grip, Term, fitting
 from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import SEEN, Sight
-from softseam.gym.task_env import ACT, TaskEnv
+from softseam.gym.task_env import ACT, Frame, TaskEnv
 from softseam.observation import Observation
-from softseam.variants import Model
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -57,45 +56,20 @@ def top_middle(surface: Floats) -> int:
 
 
 class PadLift(TaskEnv[Grip]):
-    """Two pads grip a piece and lift it by 3 cm, within 3.2 s: what `TofuLift` and `SliceLift` share.
+    """Actions, what is seen and endings of `TofuLift`, which says them, and of `SliceLift`."""
 
-    An action has two numbers from -1 to 1: how fast each pad closes and both rise, in parts of 5 cm/s, for 0.04 s. Pads
-    open no wider than they began and sink no lower. Seen is what a robot could measure, `SEEN`: the pads' ways, their
-    forces, how much of them touches, and a marker in the middle of the piece's top. `info` has what it could not: the
-    piece's constants, stress, compression, lift.
-
-    An episode ends "lifted", or "crushed", squeezed by half.
-    """
-
-    GOAL = "lifted"
+    GOAL, BAD = "lifted", ("crushed",)
 
     def __init__(
         self,
         scene: str | Path | Scene,
+        frame: Frame,
         *,
         reward: Sequence[Term[Grip]],
         randomise: Randomise | None,
-        step: float,
-        environments: int,
-        model: Model,
-        settings: Sequence[str],
-        connect: str | None,
-        record: str | Path | None,
     ) -> None:
-        """Arguments as for `TaskEnv`, and randomise: how pieces differ; None: not at all."""
-        super().__init__(
-            scene,
-            seen=SEEN,
-            actions=2,
-            felt=PADS,
-            reward=fitting(reward, Grip),
-            step=step,
-            environments=environments,
-            model=model,
-            settings=settings,
-            connect=connect,
-            record=record,
-        )
+        """reward: terms; randomise: how pieces differ; None: not at all"""
+        super().__init__(scene, frame, seen=SEEN, actions=2, felt=PADS, reward=fitting(reward, Grip))
         self._randomise = Randomise.nothing(self.scene) if randomise is None else randomise
 
     def vary(self, random: np.random.Generator) -> Sequence[str]:

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from softseam.errors import BadInput
 from softseam.gym.pad_lift import top_middle
 from softseam.gym.randomise import Randomise
-from softseam.gym.reward import GENTLE_PUSH, Push, Term, fitting
+from softseam.gym.reward import GENTLE_PUSH, Push, Ramp, Term, fitting
 from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import BOUND, logarithm
-from softseam.gym.task_env import ACT, TaskEnv
+from softseam.gym.task_env import ACT, Frame, TaskEnv
 from softseam.observation import Observation
 
 FINGER = "finger"
@@ -71,12 +71,12 @@ class PushGentle(TaskEnv[Push]):
 
     reward        terms that are rewarded beside; see `softseam.gym.reward`
     randomise     how pieces differ; None: not at all. The target is drawn in any case
-    stress_limit  that a piece bears [Pa]
+    stress_limit  that a piece bears; a `Ramp` where it falls while an agent learns [Pa]
     step          of the simulation: a whole part of 0.04 s; longer ones do not show how hard a piece is met [s]
     environments  that learn together: weights that grow with training count the steps of all of them
     """
 
-    GOAL = "reached"
+    GOAL, BAD = "reached", ("bruised", "passed")
     speed = 0.4
 
     def __init__(
@@ -84,7 +84,7 @@ class PushGentle(TaskEnv[Push]):
         *,
         reward: Sequence[Term[Push]] = GENTLE_PUSH,
         randomise: Randomise | None = STRAIGHT,
-        stress_limit: float = STRESS_LIMIT,
+        stress_limit: float | Ramp = STRESS_LIMIT,
         step: float = 0.01,
         environments: int = 1,
         settings: Sequence[str] = (),
@@ -92,23 +92,26 @@ class PushGentle(TaskEnv[Push]):
         record: str | Path | None = None,
     ) -> None:
         """Other arguments as for `SceneEnv`."""
-        if not stress_limit > 0.0:
+        limit = Ramp.of(stress_limit)
+        if not min(limit.start, limit.end) > 0.0:
             raise BadInput(f"stress_limit={stress_limit!r}: give more than 0 Pa")
         super().__init__(
             "tofu_push",
+            Frame(
+                step=step,
+                environments=environments,
+                model="fem",
+                settings=(*_settings(step), *settings),
+                connect=connect,
+                record=record,
+            ),
             seen=SEEN,
             actions=2,
             felt=(FINGER,),
             reward=fitting(reward, Push),
-            step=step,
-            environments=environments,
-            model="fem",
-            settings=(*_settings(step), *settings),
-            connect=connect,
-            record=record,
         )
         self._randomise = Randomise.nothing(self.scene) if randomise is None else randomise
-        self._stress_limit = stress_limit
+        self._stress_limit = limit
 
     def vary(self, random: np.random.Generator) -> Sequence[str]:
         drawn = self._randomise.settings(self.scene, (FINGER,), random)
@@ -169,7 +172,7 @@ class PushGentle(TaskEnv[Push]):
         )
 
     def ending(self, observation: Observation, standing: Push) -> str:
-        if standing.stress > self._stress_limit:
+        if standing.stress > self._stress_limit.at(self.trained):
             return "bruised"
         if standing.distance <= NEAR:
             return self.GOAL

@@ -67,7 +67,7 @@ class Fold:
 
 @dataclass(frozen=True)
 class Ramp:
-    """A weight that is `start` until so many steps of all environments were taken, and `end` from a later one on."""
+    """A number that is `start` until so many steps of all environments were taken, and `end` from a later one on."""
 
     first: float
     last: float
@@ -76,7 +76,12 @@ class Ramp:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.first < self.last:
-            raise BadInput(f"a weight that grows from step {self.first!r} to {self.last!r}: the first comes first")
+            raise BadInput(f"a number that changes from step {self.first!r} to {self.last!r}: the first comes first")
+
+    @classmethod
+    def of(cls, number: float | Ramp) -> Ramp:
+        """A number that stays as it is, or one that is a ramp already."""
+        return number if isinstance(number, Ramp) else cls(0.0, 1.0, number, number)
 
     def at(self, steps: float) -> float:
         """After so many steps."""
@@ -127,7 +132,7 @@ class Term(ABC, Generic[Standing]):
 
     def of(self, before: Standing, after: Standing, steps: float) -> Any:
         """What a step is rewarded with, after so many steps of training."""
-        weight = self.weight.at(steps) if isinstance(self.weight, Ramp) else self.weight
+        weight = Ramp.of(self.weight).at(steps)
         return weight * (self.potential(after) - self.potential(before)) if weight else 0.0
 
 

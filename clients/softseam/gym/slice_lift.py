@@ -13,7 +13,7 @@ from softseam.gym.lift_scene import BELOW, PADS, STEPS, THICKNESS, times_of
 from softseam.gym.pad_lift import Floats, PadLift
 from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
-from softseam.gym.task_env import ACT
+from softseam.gym.task_env import ACT, Frame
 from softseam.opening import open as open_session
 from softseam.scenes import load_scene, scene_path
 from softseam_protocol.scene.bodies import BodySpec, MeshShape
@@ -74,14 +74,16 @@ class SliceLift(PadLift):
         more = 1.0 if randomise is None else 1.0 + randomise.size
         super().__init__(
             scene,
+            Frame(
+                step=step,
+                environments=environments,
+                model="fem",
+                settings=(*_of_any_lift(step), _pads(more * extent, axis, reach), *settings),
+                connect=connect,
+                record=record,
+            ),
             reward=reward,
             randomise=randomise,
-            step=step,
-            environments=environments,
-            model="fem",
-            settings=(*_of_any_lift(step), _pads(more * extent, axis, reach), *settings),
-            connect=connect,
-            record=record,
         )
         self._axis = axis
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -31,6 +31,20 @@ COST = 2e-3
 Standing = TypeVar("Standing")
 
 
+@dataclass(frozen=True)
+class Frame:
+    """How a task is simulated: what the constructor of each hands on; for what is not said here see `SceneEnv`."""
+
+    step: float
+    """of the simulation: a whole part of 0.04 s [s]"""
+    environments: int
+    """that learn together: weights that grow with training count the steps of all of them"""
+    model: Model
+    settings: Sequence[str]
+    connect: str | None
+    record: str | Path | None
+
+
 class TaskEnv(SceneEnv, Generic[Standing]):
     """A task with a scene: what is rewarded are changes of how the body stands, `Standing`, and how an episode ends.
 
@@ -41,37 +55,39 @@ class TaskEnv(SceneEnv, Generic[Standing]):
 
     GOAL: str
     """word of an episode that ended well"""
+    BAD: tuple[str, ...]
+    """the task's own words of those that ended badly"""
 
     def __init__(
         self,
         scene: str | Path | Scene,
+        frame: Frame,
         *,
         seen: Sequence[str],
         actions: int,
         felt: Sequence[str],
         reward: Sequence[Term[Standing]],
-        step: float,
-        environments: int,
-        model: Model,
-        settings: Sequence[str],
-        connect: str | None,
-        record: str | Path | None,
     ) -> None:
-        """Other arguments as for `SceneEnv`.
-
-        seen          names of the numbers that `look` returns
-        actions       numbers of an action
-        felt          tools whose forces are felt: means over an action, whatever the step
-        reward        terms
-        step          of the simulation: a whole part of 0.04 s [s]
-        environments  that learn together: weights that grow with training count the steps of all of them
         """
-        if environments < 1:
-            raise BadInput(f"environments={environments!r}: give 1 or more")
-        repeat = parts_of_an_action(step)
-        super().__init__(scene, model=model, settings=settings, connect=connect, repeat=repeat, record=record)
-        self._terms, self._environments = tuple(reward), environments
-        self._felt_tools, self._means = tuple(felt), model == "pbd"
+        seen     names of the numbers that `look` returns
+        actions  numbers of an action
+        felt     tools whose forces are felt: means over an action, whatever the step
+        reward   terms
+
+        Raises BadInput.
+        """
+        if frame.environments < 1:
+            raise BadInput(f"environments={frame.environments!r}: give 1 or more")
+        super().__init__(
+            scene,
+            settings=frame.settings,
+            model=frame.model,
+            connect=frame.connect,
+            repeat=parts_of_an_action(frame.step),
+            record=frame.record,
+        )
+        self._terms, self._environments = tuple(reward), frame.environments
+        self._felt_tools, self._means = tuple(felt), frame.model == "pbd"
         self.steps = 0
         """of training, in this environment; set it to go on where another one stopped"""
         self.action_space = Box(-1.0, 1.0, (actions,), np.float32)
@@ -100,6 +116,11 @@ class TaskEnv(SceneEnv, Generic[Standing]):
         """What `info` tells beside the scene's quantities."""
         return {}
 
+    @property
+    def trained(self) -> int:
+        """Steps of training in all environments that learn together."""
+        return self.steps * self._environments
+
     # ---- what SceneEnv and Gymnasium call
 
     def reset(
@@ -121,7 +142,7 @@ class TaskEnv(SceneEnv, Generic[Standing]):
     def reward(self, before: Observation, after: Observation) -> float:
         then, self._standing = self._standing, self.stands(after, self._standing)
         self.steps += 1
-        steps = self.steps * self._environments
+        steps = self.trained
         self._word = self.ending(after, self._standing)
         ended = 0.0 if not self._word else 1.0 if self._word == self.GOAL else -1.0
         return float(sum(term.of(then, self._standing, steps) for term in self._terms)) - COST + ended

@@ -11,7 +11,7 @@ from softseam.gym.lift_scene import LiftModel, settings_of
 from softseam.gym.pad_lift import Floats, PadLift
 from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
-from softseam.gym.task_env import ACT, parts_of_an_action
+from softseam.gym.task_env import ACT, Frame, parts_of_an_action
 
 
 class TofuLift(PadLift):
@@ -50,14 +50,16 @@ class TofuLift(PadLift):
         self._lift_model = model
         super().__init__(
             "tofu_grasp",
+            Frame(
+                step=step,
+                environments=environments,
+                model="pbd" if model == "xpbd" else model,
+                settings=(*settings_of(model, step), *settings),
+                connect=connect,
+                record=record,
+            ),
             reward=reward,
             randomise=randomise,
-            step=step,
-            environments=environments,
-            model="pbd" if model == "xpbd" else model,
-            settings=(*settings_of(model, step), *settings),
-            connect=connect,
-            record=record,
         )
 
     def points_of_face(self, surface: Floats) -> int:

@@ -13,7 +13,7 @@ from softseam.errors import BadInput
 from softseam.gym.reward import FOLD, Fold, Term, fitting
 from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import BOUND, logarithm
-from softseam.gym.task_env import ACT, TaskEnv
+from softseam.gym.task_env import ACT, Frame, TaskEnv
 from softseam.observation import Observation
 from softseam.scenes import load_scene
 from softseam.session import whole
@@ -67,7 +67,7 @@ class TowelFold(TaskEnv[Fold]):
     environments  that learn together: weights that grow with training count the steps of all of them
     """
 
-    GOAL = "folded"
+    GOAL, BAD = "folded", ("torn",)
     speed = 0.5
 
     def __init__(
@@ -90,16 +90,18 @@ class TowelFold(TaskEnv[Fold]):
             raise BadInput(f"spread={spread!r}: give a part of what the scene says, from 0 to below 1")
         super().__init__(
             "cloth_fold",
+            Frame(
+                step=step,
+                environments=environments,
+                model="pbd",
+                settings=(*_settings(number, step), *settings),
+                connect=connect,
+                record=record,
+            ),
             seen=SEEN,
             actions=6,
             felt=GRIPPERS,
             reward=fitting(reward, Fold),
-            step=step,
-            environments=environments,
-            model="pbd",
-            settings=(*_settings(number, step), *settings),
-            connect=connect,
-            record=record,
         )
         cloth = self.scene.body
         assert isinstance(cloth, SheetBody)

@@ -10,12 +10,14 @@ from matplotlib.figure import Figure
 
 from softseam.learn.check import Check, ratios, summary
 from softseam.learn.policy import Training
+from softseam.learn.tasks import TASKS
 from softseam.view.paper import PAPER, heading, plain, write
 
 
 def draw_curve(training: Training, path: Path) -> Path:
-    """Return, success and stress of the last 100 episodes against steps, and beside them what FEM says of some."""
-    steps, reward, success, stress = np.array(training.curve).T
+    """Success, what bodies suffered and return of the last 100 episodes against steps, and what FEM says of some."""
+    steps, reward, success, suffered = np.array(training.curve).T
+    hardship = TASKS[training.task].hardship
     panels = 4 if training.checks else 3
     figure = Figure(figsize=(11.0 * panels / 3, 3.4), dpi=150, facecolor=PAPER)
     text = (
@@ -27,7 +29,11 @@ def draw_curve(training: Training, path: Path) -> Path:
         text += f"; {summary(training.checks)}"
     heading(figure, f"{training.task}, {training.algorithm.upper()}", text)
     figure.subplots_adjust(left=0.05, right=0.985, top=0.68, bottom=0.15, wspace=0.2)
-    shown = (("succeeded [%]", 100.0 * success), ("largest stress [kPa]", 1e-3 * stress), ("return", reward))
+    shown = (
+        ("succeeded [%]", 100.0 * success),
+        (f"{hardship.title} [{hardship.unit}]", suffered / hardship.scale),
+        ("return", reward),
+    )
     all_axes = figure.subplots(1, panels)
     for axes, (title, values) in zip(all_axes, shown, strict=False):
         plain(axes, title, "steps")

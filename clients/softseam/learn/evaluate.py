@@ -10,22 +10,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from softseam.bar import Bar
 from softseam.cluster import share
 from softseam.errors import BadInput, missing_extra
-from softseam.gym.tofu_lift import TofuLift
-from softseam.learn.policy import POLICY, Training, read_training
+from softseam.gym.task_env import TaskEnv
+from softseam.learn.policy import POLICY, Algorithm, Training, read_training
+from softseam.learn.rules import Rule
 from softseam.learn.tasks import TASKS
 
 UNSEEN = 1_000_000
 """the first seed of pieces that no training begins with"""
 THE_POLICY = "the policy"
 """its row beside those of the rules"""
-Act = Callable[[Any, dict[str, Any]], Any]
-Ending = tuple[bool, bool, float]
-"""of an episode: whether it succeeded, whether the piece was crushed, its largest stress [Pa]"""
+ANY_TASK = ("failed", "time")
+"""words with which an episode of any task may end: without a solution, out of time"""
+Ending = tuple[str, float]
+"""of an episode: its word, and the hardship of its task"""
 
 
 @dataclass(frozen=True)
@@ -44,21 +48,23 @@ class Wishes:
 class Judged:
     """What became of each of n pieces."""
 
-    success: np.ndarray[Any, np.dtype[np.bool_]]
-    """(n,)"""
-    crushed: np.ndarray[Any, np.dtype[np.bool_]]
-    """squeezed by half, or beyond what has a solution (n,)"""
-    stress: np.ndarray[Any, np.dtype[np.float64]]
-    """largest (n,) [Pa]"""
+    ending: NDArray[np.str_]
+    """word of each (n,)"""
+    hardship: NDArray[np.float64]
+    """largest of each, see `Task` (n,)"""
 
     @classmethod
     def of(cls, endings: Sequence[Ending]) -> Judged:
-        success, crushed, stress = zip(*endings, strict=True)
-        return cls(np.array(success), np.array(crushed), np.array(stress, dtype=np.float64))
+        words, hardship = zip(*endings, strict=True)
+        return cls(np.array(words), np.array(hardship, dtype=np.float64))
+
+    def part(self, word: str) -> float:
+        """Of the pieces that ended so."""
+        return float((self.ending == word).mean())
 
 
 class Judge:
-    """Lifts unseen pieces by a policy, or by a rule of its task; what becomes of one does not depend on those before.
+    """Plays unseen pieces by a policy, or by a rule of its task; what becomes of one does not depend on those before.
 
     policy    what stable-baselines3 saved
     training  that made it
@@ -68,32 +74,31 @@ class Judge:
 
     def __init__(self, policy: bytes, training: Training, step: float, record: Path | None = None) -> None:
         """Raises BadInput and MissingExtra."""
-        try:
-            import torch
-
-            from softseam.learn.train import algorithm
-
-            learner = algorithm(training.algorithm).load(BytesIO(policy), device="cpu")
-        except ImportError as error:
-            raise missing_extra(error, "judging a policy") from error
-        torch.set_num_threads(1)  # networks this small are slower on two
         task = TASKS[training.task]
-        self._rules: dict[str, Act] = {name: partial(_by_rule, rule) for name, rule in task.rules.items()}
-        self._rules[THE_POLICY] = lambda seen, info: learner.predict(seen, deterministic=True)[0]
-        self._env = task.make(step=step, settings=training.settings, record=record)
+        self._rules = {**task.rules, THE_POLICY: learned(policy, training.algorithm)}
+        self._env, self._hardship = task.environment(step=step, record=record, **training.options), task.hardship.name
 
     def __call__(self, work: tuple[str, int]) -> Ending:
         """By whom, and the number of the piece."""
         name, number = work
-        terminated, info = episode(self._env, self._rules[name], UNSEEN + number)
-        return bool(info["is_success"]), terminated and not info["is_success"], float(info["stress"])
+        info = episode(self._env, self._rules[name], UNSEEN + number)
+        return info["ending"], float(info[self._hardship])
 
     def close(self) -> None:
         self._env.close()
 
 
-def _by_rule(rule: Callable[[dict[str, Any]], list[float]], seen: Any, info: dict[str, Any]) -> list[float]:
-    return rule(info)
+def learned(policy: bytes, algorithm: Algorithm) -> Rule:
+    """What a policy does, as stable-baselines3 saved it. Raises MissingExtra."""
+    try:
+        import torch
+
+        from softseam.learn.train import algorithm as class_of
+    except ImportError as error:
+        raise missing_extra(error, "judging a policy") from error
+    torch.set_num_threads(1)  # networks this small are slower on two
+    learner = class_of(algorithm).load(BytesIO(policy), device="cpu")
+    return lambda seen, info: learner.predict(seen, deterministic=True)[0]
 
 
 def evaluate(wishes: Wishes, console: Console) -> dict[str, Judged]:
@@ -101,48 +106,78 @@ def evaluate(wishes: Wishes, console: Console) -> dict[str, Judged]:
     if wishes.pieces < 1:
         raise BadInput(f"--pieces {wishes.pieces}: give 1 or more")
     training = read_training(wishes.policy)
+    task = TASKS[training.task]
     make = partial(Judge, (wishes.policy / POLICY).read_bytes(), training, wishes.step)
-    names = (THE_POLICY, *TASKS[training.task].rules)
+    names = (THE_POLICY, *task.rules)
     work = [(name, number) for name in names for number in range(wishes.pieces)]
-    judge = make()
-    if wishes.ray is None:
-        endings = [judge(each) for each in work]
-    else:
-        endings = share(wishes.ray, make, work, lambda text: console.print(text, style="yellow", highlight=False))
-    judge.close()
+    judge, progress = make(), _Progress(console, training.task, work)
+    try:
+        if wishes.ray is None:
+            endings = [progress.see(judge(each)) for each in work]
+        else:
+            endings = share(wishes.ray, make, work, progress.warn, progress.see)
+    finally:
+        progress.stop()
+        judge.close()
     each = (endings[place : place + wishes.pieces] for place in range(0, len(work), wishes.pieces))
     found = dict(zip(names, map(Judged.of, each), strict=True))
     _print(console, training.task, found, wishes)
     if wishes.record is not None:
-        _record(partial(make, record=wishes.record), found[THE_POLICY], wishes.record, console)
+        _record(partial(make, record=wishes.record), found[THE_POLICY], task.make.GOAL, wishes.record, console)
     return found
 
 
-def episode(env: TofuLift, act: Act, seed: int) -> tuple[bool, dict[str, Any]]:
-    """Whether it ended before its time was over, and what is known of its end."""
+def episode(env: TaskEnv[Any], act: Rule, seed: int) -> dict[str, Any]:
+    """What is known at its end."""
     seen, info = env.reset(seed=seed)
     while True:
         seen, _, terminated, truncated, info = env.step(act(seen, info))
         if terminated or truncated:
-            return terminated, {"stress": 0.0, **info}
+            return info
 
 
-def _print(console: Console, task: str, found: dict[str, Judged], wishes: Wishes) -> None:
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    console.print(f"{task}, {wishes.pieces} pieces, steps of {1e3 * wishes.step:g} ms", highlight=False)
+class _Progress:
+    """How many episodes are over: a bar on a terminal, else a line every tenth."""
+
+    def __init__(self, console: Console, task: str, work: Sequence[tuple[str, int]]) -> None:
+        self._console, self._title, self._total, self._over = console, f"{task}, judged", len(work), 0
+        self._bar = Bar(console, self._title, float(len(work)), "") if console.is_terminal else None
+
+    def see(self, ending: Ending) -> Ending:
+        """One that is over."""
+        self._over += 1
+        state = f"{self._over:,} of {self._total:,} episodes"
+        if self._bar is not None:
+            self._bar.show(float(self._over), state)
+        elif 10 * self._over // self._total > 10 * (self._over - 1) // self._total:
+            self._console.print(f"{self._title}: {state}", highlight=False)
+        return ending
+
+    def warn(self, text: str) -> None:
+        self._console.print(text, style="yellow", highlight=False)
+
+    def stop(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _print(console: Console, name: str, found: dict[str, Judged], wishes: Wishes) -> None:
+    """A row a player: how its episodes ended, with the words of the task, and what bodies suffered."""
+    task, table = TASKS[name], Table(box=None, pad_edge=False, header_style="dim")
+    console.print(f"{name}, {wishes.pieces} pieces, steps of {1e3 * wishes.step:g} ms", highlight=False)
+    words = (task.make.GOAL, *task.make.BAD, *ANY_TASK)
     table.add_column("")
-    for heading in ("succeeded", "dropped", "crushed", "largest stress", "worst"):
+    for heading in (*words, task.hardship.title, "worst"):
         table.add_column(heading, justify="right")
-    for name, of in found.items():
-        dropped = ~of.success & ~of.crushed
-        shares = [f"{share.mean():.1%}" for share in (of.success, dropped, of.crushed)]
-        table.add_row(name, *shares, f"{1e-3 * of.stress.mean():.2f} kPa", f"{1e-3 * of.stress.max():.2f} kPa")
+    for player, of in found.items():
+        numbers = (of.hardship.mean(), of.hardship.max())
+        table.add_row(player, *(f"{of.part(word):.1%}" for word in words), *map(task.hardship.text, numbers))
     console.print(table)
 
 
-def _record(make: Callable[[], Judge], of: Judged, folder: Path, console: Console) -> None:
+def _record(make: Callable[[], Judge], of: Judged, goal: str, folder: Path, console: Console) -> None:
     """The gentlest success, and the failure or else the hardest success."""
-    cost, before = np.where(of.success, of.stress, np.inf), set(folder.glob("*.mcap"))
+    cost, before = np.where(of.ending == goal, of.hardship, np.inf), set(folder.glob("*.mcap"))
     judge = make()
     for number in dict.fromkeys((int(np.argmin(cost)), int(np.argmax(cost)))):
         judge((THE_POLICY, number))

@@ -34,9 +34,11 @@ class Training:
     done: int = 0
     """taken"""
     curve: tuple[tuple[int, float, float, float], ...] = ()
-    """after so many steps: return, part that succeeded and mean of the largest stress [Pa] of the last 100 episodes"""
+    """after so many steps: return, part that succeeded and mean of what bodies suffered, of the last 100 episodes"""
     model: LiftModel = "fem"
     """that it learned in"""
+    shape: str | None = None
+    """of the body, where the task has one of the user's: None is the task's own"""
     settings: tuple[str, ...] = ()
     seconds: float = 0.0
     """wall time that it took"""
@@ -47,6 +49,11 @@ class Training:
     begun: tuple[int, ...] = ()
     """after so many steps each stage but the first"""
     version: int = field(default=VERSION)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Of the environment, whoever learns in it or judges."""
+        return {"settings": self.settings} | ({} if self.shape is None else {"shape": self.shape})
 
     @property
     def stage(self) -> Stage | None:

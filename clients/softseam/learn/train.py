@@ -7,21 +7,25 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import VectorEnv
 from rich.console import Console
 
 from softseam.bar import Bar
-from softseam.errors import BadInput, missing_extra
+from softseam.errors import BadInput, SoftseamError, missing_extra
 from softseam.gym.lift_scene import LiftModel
+from softseam.gym.task_env import TaskEnv
 from softseam.learn.check import show_checks
 from softseam.learn.check_beside import Beside
 from softseam.learn.curriculum import Stage
 from softseam.learn.policy import POLICY, Algorithm, Training, read_training
-from softseam.learn.tasks import TASKS
+from softseam.learn.sessions import Sessions
+from softseam.learn.tasks import TASKS, Task, task_of
 from softseam.outputs import check_outputs
 from softseam_protocol.facts import cores
 
@@ -31,9 +35,6 @@ _ROW = 2_000
 """steps between rows of the curve"""
 _SAVE = 20_000
 """steps between checkpoints"""
-LOG_STD = (-0.5, -3.0)
-"""logarithm of the spread of PPO's actions at the beginning of a training, and at its end: an action of 1 squeezes by a
-twelfth, so who explores widely to the end cannot learn to be gentle"""
 _WAIT = 20.0
 """for the last check [s]"""
 
@@ -46,25 +47,26 @@ class Wishes:
     algorithm: Algorithm = "ppo"
     steps: int | None = None
     seed: int = 0
-    model: LiftModel = "xpbd"
-    environments: int = 64
+    model: LiftModel | None = None
+    environments: int | None = None
     out: Path | None = None
     resume: bool = False
     settings: tuple[str, ...] = ()
-    check: bool = True
-    """by FEM, of XPBD's episodes"""
-    stages: bool = True
-    """from coarse cells of XPBD to fine ones"""
+    check: bool | None = None
+    """by FEM, of XPBD's episodes; None: where the task has that"""
+    stages: bool | None = None
+    """from coarse cells of XPBD to fine ones; None: where the task has them"""
+    shape: str | None = None
+    """of the body, where the task has one of the user's"""
 
 
 def train(wishes: Wishes, console: Console) -> Path:
     """Learn, and return the folder; interrupted, what was learned is kept. Raises BadInput and MissingExtra."""
-    if wishes.task not in TASKS:
-        raise BadInput(f"no task is called {wishes.task!r} (there are: {', '.join(TASKS)})")
-    task = TASKS[wishes.task]
+    task = task_of(wishes.task)
     folder = wishes.out or Path("out") / f"{wishes.task}-{wishes.algorithm}-{wishes.seed}"
     steps = task.steps if wishes.steps is None else wishes.steps
-    if steps < 1 or wishes.environments < 1:
+    environments = task.environments if wishes.environments is None else wishes.environments
+    if steps < 1 or environments < 1:
         raise BadInput("--steps and --environments: give 1 or more")
     if wishes.resume:
         known = read_training(folder)
@@ -74,9 +76,11 @@ def train(wishes: Wishes, console: Console) -> Path:
     else:
         if (folder / POLICY).exists():
             raise BadInput(f"{folder} holds a policy already: go on with --resume, or choose another folder with --out")
+        _check(wishes, task)
         training = Training(
-            *(wishes.task, wishes.algorithm, wishes.seed, wishes.environments, steps),
-            model=wishes.model,
+            *(wishes.task, wishes.algorithm, wishes.seed, environments, steps),
+            model=wishes.model or task.models[0],
+            shape=wishes.shape,
             settings=wishes.settings,
             stages=stages_of(wishes),
         )
@@ -85,10 +89,27 @@ def train(wishes: Wishes, console: Console) -> Path:
     return folder
 
 
+def _check(wishes: Wishes, task: Task) -> None:
+    """Raises BadInput where the task has not what is asked for."""
+    if wishes.model is not None and wishes.model not in task.models:
+        raise BadInput(f"--model {wishes.model}: {wishes.task} is learned by {' or '.join(task.models)}: leave it out")
+    if wishes.shape is not None and not task.shaped:
+        shaped = ", ".join(name for name, each in TASKS.items() if each.shaped)
+        raise BadInput(f"--shape {wishes.shape}: {wishes.task} has a body of its own: leave it out, or learn {shaped}")
+    batched = task.batch is not None and (wishes.model or task.models[0]) == "xpbd"
+    for option, asked in (("--stages", wishes.stages), ("--check", wishes.check)):
+        if asked and not batched:
+            raise BadInput(
+                f"{option} goes with batches of XPBD, and {wishes.task} is learned in single sessions: leave it out"
+            )
+
+
 def stages_of(wishes: Wishes) -> tuple[Stage, ...]:
-    """The task's; none by FEM, or on cells that were asked for."""
+    """The task's; none without batches of XPBD, or on cells that were asked for."""
+    task = TASKS[wishes.task]
     said = any(setting.startswith("body.cell") for setting in wishes.settings)
-    return TASKS[wishes.task].stages if wishes.stages and wishes.model == "xpbd" and not said else ()
+    xpbd = (wishes.model or task.models[0]) == "xpbd"
+    return task.stages if wishes.stages is not False and xpbd and not said else ()
 
 
 def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -> None:
@@ -102,11 +123,12 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
     except ImportError as error:
         raise missing_extra(error, "training") from error
     torch.set_num_threads(1)  # networks this small are slower on two
+    task = TASKS[training.task]
     vector = vectorised(training)
     model = algorithm(training.algorithm)
     learner = model.load(folder / POLICY, env=vector) if wishes.resume else new_learner(training, vector)
     beside = None
-    if wishes.check and training.model == "xpbd":
+    if wishes.check is not False and batched(training):
         beside = Beside(vector.batch, training.settings)
         vector.watch = beside.see
     keeper = _Keeper(training, folder, learner, beside)
@@ -116,7 +138,7 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
         def _on_rollout_start(self) -> None:
             if training.algorithm == "ppo":
                 part = min(self.num_timesteps / training.steps, 1.0)
-                learner.policy.log_std.data.fill_(float(np.interp(part, (0.0, 1.0), LOG_STD)))
+                learner.policy.log_std.data.fill_(float(np.interp(part, (0.0, 1.0), task.spread)))
 
         def _on_step(self) -> bool:
             keeper.see(self.num_timesteps, self.locals["infos"], self.locals["dones"])
@@ -135,10 +157,10 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
                     vector.watch = beside.see
             learner.learn(keeper.until - now.done, callback=Watch(), reset_num_timesteps=False)
         keeper.wait()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SoftseamError):
         stop()
         keeper.save()
-        console.print(f"interrupted after {keeper.training.done:,} steps; go on with: softseam train --resume "
+        console.print(f"stopped after {keeper.training.done:,} steps; go on with: softseam train --resume "
                       f"--out {folder}", soft_wrap=True, highlight=False)  # fmt: skip
         raise
     finally:
@@ -159,27 +181,34 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
 
 
 def vectorised(training: Training) -> Any:
-    """The environments, in this process: XPBD's in a batch, FEM's one after another."""
+    """The environments: a batch of XPBD in this process, where the task has that, or sessions in others."""
+    from softseam.learn.vector import BatchVec
+
     task, several = TASKS[training.task], training.environments
-    if training.model == "xpbd":
-        from softseam.learn.vector import BatchVec
-
+    many: VectorEnv[Any, Any, Any]
+    if batched(training):
+        assert task.batch is not None
         settings = (*(training.stage.settings if training.stage else ()), *training.settings)
-        batch = task.batch(several, autoreset_mode="SAME_STEP", threads=cores(), settings=settings)
-        batch.steps = training.done
-        vector: Any = BatchVec(batch)
+        many = task.batch(several, autoreset_mode="SAME_STEP", threads=cores(), settings=settings)
+        many.steps = training.done
     else:
-        from stable_baselines3.common.monitor import Monitor
-        from stable_baselines3.common.vec_env import DummyVecEnv
-
-        def make() -> Any:
-            env = task.make(environments=several, settings=training.settings)
-            env.steps = training.done // several
-            return Monitor(env)
-
-        vector = DummyVecEnv([make] * several)
+        many = Sessions(partial(one_of, training), several, cores())
+    vector = BatchVec(many, task.hardship.name, task.deadline)
     vector.seed(training.seed + training.done)
     return vector
+
+
+def batched(training: Training) -> bool:
+    """Whether it learns from batches of XPBD."""
+    return TASKS[training.task].batch is not None and training.model == "xpbd"
+
+
+def one_of(training: Training) -> TaskEnv[Any]:
+    """One of its environments, which goes on where the training is."""
+    task = TASKS[training.task]
+    env = task.environment(environments=training.environments, **task.learning, **training.options)
+    env.steps = training.done // training.environments
+    return env
 
 
 def algorithm(name: Algorithm) -> Any:
@@ -190,8 +219,8 @@ def algorithm(name: Algorithm) -> Any:
 
 
 def new_learner(training: Training, vector: Any) -> Any:
-    """With constants that learn TofuLift (docs/decisions/40, 59)."""
-    net = {"net_arch": [64, 64]}
+    """With constants that learn the tasks (docs/decisions/40, 59)."""
+    task, net = TASKS[training.task], {"net_arch": [64, 64]}
     shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "learning_rate": 5e-4}
     if training.algorithm == "sac":
         # rewards are small beside the entropy that it begins with by default, and change with the weight of stress
@@ -210,10 +239,10 @@ def new_learner(training: Training, vector: Any) -> Any:
         "MlpPolicy",
         vector,
         gamma=0.998,
-        n_steps=max(2048 // training.environments, 8),
-        batch_size=512,
+        n_steps=max(task.rollout // training.environments, 8),
+        batch_size=task.rollout // 4,
         n_epochs=10,
-        policy_kwargs=net | {"log_std_init": LOG_STD[0]},
+        policy_kwargs=net | {"log_std_init": task.spread[0]},
         **shared,
     )
 
@@ -223,6 +252,7 @@ class _Keeper:
 
     def __init__(self, training: Training, folder: Path, learner: Any, beside: Beside | None) -> None:
         self.training, self._folder, self._learner, self._beside = training, folder, learner, beside
+        self._hardship = TASKS[training.task].hardship
         self._began, self._spent = perf_counter(), training.seconds
         self._episodes: deque[tuple[float, float, float]] = deque(maxlen=_KEPT)
         self._rows, self._checks = list(training.curve), list(training.checks)
@@ -232,7 +262,7 @@ class _Keeper:
         """One step of all environments."""
         for info, done in zip(infos, dones, strict=True):
             if done:
-                self._episodes.append((info["episode"]["r"], info["is_success"], info["stress"]))
+                self._episodes.append((info["episode"]["r"], info["is_success"], info["hardship"]))
         self.training = replace(self.training, done=steps)
         if self._episodes and steps >= (self._rows[-1][0] if self._rows else 0) + _ROW:
             self._add(steps)
@@ -268,16 +298,16 @@ class _Keeper:
     def state(self) -> str:
         if not self._rows:
             return "none is over yet"
-        _, reward, success, stress = self._rows[-1]
-        return f"{success:.0%} succeed, return {reward:.2f}, stress {1e-3 * stress:.2f} kPa"
+        _, reward, success, hardship = self._rows[-1]
+        return f"{success:.0%} succeed, return {reward:.2f}, {self._hardship.title} {self._hardship.text(hardship)}"
 
     def _take_check(self, seconds: float = 0.0) -> None:
         if self._beside is not None and (check := self._beside.ended(seconds)) is not None:
             self._checks.append(check)
 
     def _add(self, steps: int) -> None:
-        reward, success, stress = (float(value) for value in np.mean(self._episodes, axis=0))
-        self._rows.append((steps, reward, success, stress))
+        reward, success, hardship = (float(value) for value in np.mean(self._episodes, axis=0))
+        self._rows.append((steps, reward, success, hardship))
 
     def save(self) -> None:
         """The policy first, all or nothing, then how it was learned, then the curve."""

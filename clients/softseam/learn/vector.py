@@ -1,4 +1,4 @@
-"""`BatchEnv` as stable-baselines3 takes many environments."""
+"""Many environments of Gymnasium as stable-baselines3 takes them."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
-
-from softseam.gym.batch_env import BatchEnv
 
 Watch = Callable[[Any, Mapping[str, Any], Any], None]
 """what sees each step: actions (k, 2), what the batch told, and which episodes ended with it (k,)"""
@@ -18,10 +16,13 @@ Watch = Callable[[Any, Mapping[str, Any], Any], None]
 class BatchVec(VecEnv):  # type: ignore[misc]
     """Episodes that end are followed at once; `infos` are empty but where one ended."""
 
-    def __init__(self, batch: BatchEnv) -> None:
-        if batch.autoreset_mode is not AutoresetMode.SAME_STEP:
+    def __init__(self, batch: VectorEnv[Any, Any, Any], hardship: str = "stress", deadline: bool = False) -> None:
+        """hardship  what is told of an episode that ended, beside its success: a name in `info`
+        deadline  whether one that runs out of time has ended, and nothing that would have come counts
+        """
+        if batch.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
             raise ValueError("stable-baselines3 wants episodes to follow at once: autoreset_mode SAME_STEP")
-        self.batch = batch
+        self.batch, self._hardship, self._deadline = batch, hardship, deadline
         self.watch: Watch | None = None
         super().__init__(batch.num_envs, batch.single_observation_space, batch.single_action_space)
         self._taken: Any = None
@@ -49,9 +50,9 @@ class BatchVec(VecEnv):  # type: ignore[misc]
             last = told["final_info"]
             infos[i] = {
                 "terminal_observation": told["final_obs"][i],
-                "TimeLimit.truncated": bool(truncated[i]),
+                "TimeLimit.truncated": bool(truncated[i]) and not self._deadline,
                 "is_success": bool(last["is_success"][i]),
-                "stress": float(last["stress"][i]),
+                "hardship": float(last[self._hardship][i]),
                 "episode": {"r": float(self._returned[i]), "l": int(self._length[i])},
             }
         self._returned[done], self._length[done] = 0.0, 0
