@@ -6,6 +6,7 @@ Needs stable-baselines3, which continuous integration installs; elsewhere: pip i
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
@@ -13,14 +14,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from rich.console import Console
 
 from softseam.errors import BadInput
 from softseam.gym.task_env import TaskEnv
 from softseam.learn import train as training
-from softseam.learn.evaluate import THE_POLICY, episode, evaluate
+from softseam.learn.evaluate import THE_POLICY, episode, evaluate, learned
 from softseam.learn.evaluate import Wishes as Judgement
 from softseam.learn.policy import POLICY, TRAINING, Training, read_training
+from softseam.learn.rules import Rule
 from softseam.learn.tasks import TASKS
 from softseam.learn.train import Wishes, one_of, train
 from softseam.scenes import scene_path
@@ -90,3 +93,36 @@ def test_a_shape_goes_with_the_training() -> None:
 def test_what_a_task_has_not_is_refused(wishes: Wishes, why: str) -> None:
     with pytest.raises(BadInput, match=why):
         train(wishes, Console(quiet=True))
+
+
+@learns
+@pytest.mark.slow
+def test_a_little_training_pushes_better_than_chance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one piece that bears much, at long steps: its policy is worth more than doing nothing and than noise."""
+    given = {"step": 0.04, "randomise": None, "stress_limit": 2e3}
+    task = TASKS["PushGentle"]
+    monkeypatch.setitem(TASKS, "PushGentle", replace(task, learning={"reward": task.learning["reward"], **given}))
+    monkeypatch.setattr(training, "Sessions", in_this_process)
+    train(Wishes("PushGentle", steps=3072, out=tmp_path), Console(quiet=True))
+    env = TASKS["PushGentle"].environment(**TASKS["PushGentle"].learning)
+    policy, random = learned((tmp_path / POLICY).read_bytes(), "ppo"), np.random.default_rng(0)
+    worth = [
+        np.mean([returned(env, rule, seed) for seed in range(4)])
+        for rule in (policy, lambda seen, info: [0.0, 0.0], lambda seen, info: random.normal(0.0, 0.5, 2).tolist())
+    ]
+    env.close()
+    assert worth[0] > max(worth[1:]) + 0.3
+
+
+def in_this_process(make: Any, count: int, processes: int) -> Any:
+    """What `Sessions` is for, by Gymnasium."""
+    return SyncVectorEnv([make] * count, autoreset_mode=AutoresetMode.SAME_STEP)
+
+
+def returned(env: TaskEnv[Any], rule: Rule, seed: int) -> float:
+    """The sum of an episode's rewards."""
+    (seen, info), total, over = env.reset(seed=seed), 0.0, False
+    while not over:
+        seen, reward, terminated, truncated, info = env.step(rule(seen, info))
+        total, over = total + reward, terminated or truncated
+    return total

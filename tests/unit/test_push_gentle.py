@@ -34,7 +34,7 @@ def towards(speed: float) -> Rule:
         if now["finger in contact"] == 0.0 and now["force ahead"] == 0.0:
             return [speed, 0.0]
         ahead, aside = 0.05 * now["target ahead of the marker"], 0.01 * now["target aside of it"]
-        return [speed, 1.5 * speed * float(np.clip(aside / max(ahead, NEAR), -0.5, 0.5))]
+        return [speed, 6.0 * speed * float(np.clip(aside / max(ahead, NEAR), -0.5, 0.5))]
 
     return rule
 
@@ -76,7 +76,7 @@ def test_each_part_of_a_push_pays(env: PushGentle) -> None:
 
 def test_who_goes_past_the_target_has_failed() -> None:
     env = PushGentle(reward=FULL, randomise=None, stress_limit=1e5)
-    total, info = push(env, lambda seen: [0.2, 0.15 if seen[1] < 0.4 else 0.0], 0)
+    total, info = push(env, lambda seen: [0.2, 0.6 if seen[1] < 0.4 else 0.0], 0)
     env.close()
     assert info["ending"] == "passed" and not info["is_success"] and info["distance"] >= BEYOND
     assert total < 1.0
@@ -99,7 +99,7 @@ def test_targets_are_drawn_by_the_seed_whatever_else_varies(env: PushGentle) -> 
 def test_the_finger_goes_no_farther_back_than_it_began_nor_far_aside(env: PushGentle) -> None:
     env.reset(seed=0)
     start = env.session.last.tools["finger"].position
-    for _ in range(3):
+    for _ in range(6):
         env.step([-1.0, 1.0])
     at = env.session.last.tools["finger"].position
     np.testing.assert_allclose(at - start, [0.0, 0.02, 0.0], atol=1e-9)
@@ -117,7 +117,7 @@ def test_an_episode_knows_nothing_of_those_before_it(env: PushGentle) -> None:
         ({"stress_limit": 0.0}, "stress_limit=0.0"),
         ({"stress_limit": float("nan")}, "stress_limit=nan"),
         ({"step": 0.03}, "step=0.03"),
-        ({"reward": [Lift()]}, "Lift looks at 'lift', and this task has distance, air, force, stress, energy"),
+        ({"reward": [Lift()]}, "Lift looks at 'lift', and this task has distance, aside, air, force, stress, energy"),
     ],
 )
 def test_what_cannot_be_an_environment_is_refused(given: dict[str, Any], told: str) -> None:

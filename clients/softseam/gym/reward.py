@@ -43,6 +43,8 @@ class Push:
 
     distance: float
     """from its marker to the target [m]"""
+    aside: float
+    """of it, across the way ahead [m]"""
     air: float
     """between finger and body, along the push; 0 when they touch [m]"""
     force: float
@@ -219,6 +221,16 @@ class Nearness(Term[Push]):
 
 
 @dataclass(frozen=True)
+class Heading(Term[Push]):
+    """That the target lies straight ahead, in parts of 10 mm: far from it, its distance hardly tells what is aside."""
+
+    weight: float | Ramp = 0.5
+
+    def potential(self, standing: Push) -> Any:
+        return -standing.aside / 0.01
+
+
+@dataclass(frozen=True)
 class Corners(Term[Fold]):
     """That the corners that are held come closer to where they belong, in parts of the cloth's edge."""
 
@@ -250,7 +262,7 @@ class Stretch(Term[Fold]):
 
 GENTLE: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration())
 """first lift, then gently (docs/decisions/40)"""
-GENTLE_PUSH: tuple[Term[Push], ...] = (Nearness(), Way(), Touch(), StressConcentration())
+GENTLE_PUSH: tuple[Term[Push], ...] = (Nearness(), Heading(), Way(), Touch(), StressConcentration())
 """first push, then gently"""
 FOLD: tuple[Term[Fold], ...] = (Corners(), FoldedArea(), Stretch())
 

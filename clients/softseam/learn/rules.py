@@ -34,7 +34,7 @@ def pushed(speed: float) -> Rule:
         if now["finger in contact"] == 0.0 and now["force ahead"] == 0.0:
             return [speed, 0.0]
         ahead, aside = 0.05 * now["target ahead of the marker"], 0.01 * now["target aside of it"]
-        return [speed, 1.5 * speed * min(max(aside / max(ahead, push_gentle.NEAR), -0.5), 0.5)]
+        return [speed, 6.0 * speed * min(max(aside / max(ahead, push_gentle.NEAR), -0.5), 0.5)]
 
     return rule
 

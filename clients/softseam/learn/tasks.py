@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from softseam.errors import BadInput
 from softseam.gym.batch_env import BatchEnv
 from softseam.gym.lift_scene import LiftModel
-from softseam.gym.push_gentle import PushGentle
+from softseam.gym.push_gentle import STRESS_LIMIT, PushGentle
+from softseam.gym.reward import Heading, Nearness, Ramp, StressConcentration, Touch, Way
 from softseam.gym.slice_lift import SliceLift
 from softseam.gym.task_env import TaskEnv
 from softseam.gym.tofu_lift import TofuLift
@@ -57,6 +58,8 @@ class Task:
     """logarithm of the spread of PPO's actions at the beginning of a training, and at its end"""
     rollout: int = 2048
     """actions in all environments between PPO's updates: few where they are dear"""
+    gamma: float = 0.998
+    """what PPO discounts rewards by, an action: the less, the more haste pays"""
     deadline: bool = False
     """whether an episode that runs out of time is worth no more to the learner: who may put off the job for ever, and
     is rewarded as if, does"""
@@ -78,6 +81,8 @@ class Task:
 
 _LIFTS = {"close to 1 N": pressed(1.0), "close to 2 N": pressed(2.0), "squeeze by 15 %": squeezed(0.15)}
 _SMALL_LIFTS = {"close to 0.25 N": pressed(0.25), "close to 0.5 N": pressed(0.5), "squeeze by 15 %": squeezed(0.15)}
+
+_FIRST_PUSH = (Nearness(), Heading(), Way(), Touch(), StressConcentration(Ramp(30e3, 80e3, 1.0)))
 
 TASKS = {
     "TofuLift": Task(
@@ -106,7 +111,12 @@ TASKS = {
         rules={"ahead at 12 % of full speed": pushed(0.12), "at full speed": pushed(1.0)},
         steps=100_000,
         environments=16,
-        spread=(-2.0, -3.5),
+        spread=(-0.7, -3.5),
+        rollout=1024,
+        gamma=0.99,
+        deadline=True,
+        # noise alone bruises: so first a piece bears more, then it is pushed gently
+        learning={"stress_limit": Ramp(20e3, 70e3, end=STRESS_LIMIT, start=4e3), "reward": _FIRST_PUSH},
     ),
     "TowelFold": Task(
         TowelFold,

@@ -238,7 +238,7 @@ def new_learner(training: Training, vector: Any) -> Any:
     return algorithm("ppo")(
         "MlpPolicy",
         vector,
-        gamma=0.998,
+        gamma=task.gamma,
         n_steps=max(task.rollout // training.environments, 8),
         batch_size=task.rollout // 4,
         n_epochs=10,
