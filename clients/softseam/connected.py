@@ -26,7 +26,7 @@ from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Bundle, Failure
-from softseam_protocol.messages.recording import End, Recorded
+from softseam_protocol.messages.recording import End, Recorded, SurfaceMesh
 from softseam_protocol.messages.session import (
     Close,
     Closed,
@@ -120,6 +120,9 @@ class ConnectedBackend:
 
     def estimate(self) -> ErrorEstimate | None:
         return self._ask(Estimate(self._header()), Estimated, SimulationFailed).estimate
+
+    def surface_meshes(self) -> Mapping[str, SurfaceMesh]:
+        raise BadInput("surfaces to draw need the simulation in this process: open the session without connect")
 
     def differentiate(
         self,

@@ -16,7 +16,7 @@ from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import EventKind, FailureKind
 from softseam_protocol.messages.participant import Bundle
-from softseam_protocol.messages.recording import Recorded
+from softseam_protocol.messages.recording import Recorded, SurfaceMesh
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.consistency import candidates
@@ -106,6 +106,12 @@ class EmbeddedBackend:
     def estimate(self) -> ErrorEstimate | None:
         with translated():
             return self.simulation.estimate()
+
+    def surface_meshes(self) -> Mapping[str, SurfaceMesh]:
+        from softseam_services.recorder.begin import begin
+
+        bodies = {name: one.body for name, one in self.simulation.bodies.items()}
+        return begin(self._bundle, bodies, self.simulation.tools).surfaces
 
     def differentiate(
         self,

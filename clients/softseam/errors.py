@@ -76,6 +76,7 @@ _EXTRA_OF = {
     "pyarrow": "view",
     "matplotlib": "view",
     "gymnasium": "gym",
+    "embreex": "camera",
     "stable_baselines3": "learn",
     "torch": "learn",
     "ray": "ray",

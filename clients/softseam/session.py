@@ -23,7 +23,7 @@ from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.participant import Bundle
-from softseam_protocol.messages.recording import Recorded
+from softseam_protocol.messages.recording import Recorded, SurfaceMesh
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.motion import LARGEST_TURN
 from softseam_protocol.scene.scene import Scene
@@ -60,6 +60,8 @@ class Backend(Protocol):
     def load(self, state: bytes) -> messages.Observation: ...
 
     def estimate(self) -> messages.ErrorEstimate | None: ...
+
+    def surface_meshes(self) -> Mapping[str, SurfaceMesh]: ...
 
     def differentiate(
         self,
@@ -362,6 +364,14 @@ class Session:
         session that is stepped by hand has no end, so it says it when asked. It costs about a step.
         """
         return self._begun().estimate()
+
+    @one_thread
+    def surface_meshes(self) -> Mapping[str, SurfaceMesh]:
+        """What draws the points of each body's surface, by body: triangles, cells behind it, tools that are meshes.
+
+        Raises BadInput where the simulation is not in this process.
+        """
+        return self._running().surface_meshes()
 
     def replan(self) -> bool:
         """Plan anew where the body as it stands errs more than it did in the run that the plan was found by.

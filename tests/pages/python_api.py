@@ -39,6 +39,7 @@ CLASSES = (
     ("softseam.gym.push_gentle", "PushGentle"),
     ("softseam.gym.towel_fold", "TowelFold"),
     ("softseam.gym.point_cloud", "PointCloud"),
+    ("softseam.gym.camera", "Camera"),
     ("softseam.gym.batch_env", "BatchEnv"),
     ("softseam.gym.randomise", "Randomise"),
 )

@@ -30,7 +30,8 @@ class Camera:
         forward = self.target - self.eye
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, [0.0, 0.0, 1.0])
-        right /= np.linalg.norm(right)
+        length = np.linalg.norm(right)
+        right = right / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])  # straight down or up: x to the right
         return np.stack([right, np.cross(right, forward), forward])
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
