@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo dev chart rivals references plans atlas claims results pages figures course bus pbd batch test lint types lock clean
+.PHONY: help demo dev chart rivals lifts references plans atlas claims results pages figures course bus pbd batch test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -25,6 +25,9 @@ chart: $(VENV)/.dev ## regenerate docs/results/chart.md: accuracy against speed 
 
 rivals: $(VENV)/.dev ## measure other simulators, installed in out/, for the marks in docs/results/chart.md
 	@PYTHONPATH=tests $(PY) tests/benchmarks/rivals.py
+
+lifts: $(VENV)/.dev ## regenerate docs/results/lifts.md: many lifts at once, beside MuJoCo's flex
+	@PYTHONPATH=tests $(PY) tests/benchmarks/lifts.py
 
 references: $(VENV)/.dev ## make the references that ship with the scenes anew: hours
 	@PYTHONPATH=tests $(PY) tests/benchmarks/truths.py

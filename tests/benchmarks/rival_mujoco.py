@@ -66,31 +66,60 @@ def beam(cells: tuple[int, int, int], step: float) -> dict[str, Any]:
     return {"scene": "cantilever", "label": label, "simulated": 0.6} | timed(run)
 
 
-def cube(dof: str, n: int, step: float) -> dict[str, Any]:
-    """Scene tofu_grasp: grip force, lift and sag over time."""
+def tofu_and_plates(
+    dof: str, n: int, step: float, apart: float = 0.0431, half: float = 0.03, height: float = 0.029, hard: bool = True
+) -> Any:
+    """The model of a cube of tofu of n x n x n flex cells on the ground, between two plates that are driven.
+
+    apart   from the cube's middle to a plate's [m]
+    half    of a plate's edge, and height of its middle [m]
+    hard    contacts as stiff as they may be at this step, or MuJoCo's defaults
+    """
+    contact = f'solref="{2 * step} 1" {HARD}' if hard else ""
     law = (
         '<elasticity young="20e3" poisson="0.45" damping="0.001"/>'
-        f'<contact selfcollide="none" condim="3" friction="0.6" solref="{2 * step} 1" {HARD}/>'
+        f'<contact selfcollide="none" condim="3" friction="0.6" {contact}/>'
     )
     body = flex("tofu", (0.05, 0.05, 0.05), "0 0 0.0251", 1050 * 0.05**3, dof, (n, n, n), law)
     plates = "".join(
-        f'<body name="{name}" pos="{x} 0 0.029" gravcomp="1"><joint type="slide" axis="1 0 0"/>'
-        f'<joint type="slide" axis="0 0 1"/><geom name="{name}" type="box" size="0.005 0.03 0.03" mass="{HEAVY}" '
-        f'friction="0.6" condim="3" solref="{2 * step} 1" {HARD}/></body>'
-        for name, x in (("left", -0.0431), ("right", 0.0431))
+        f'<body name="{name}" pos="{x} 0 {height}" gravcomp="1"><joint type="slide" axis="1 0 0"/>'
+        f'<joint type="slide" axis="0 0 1"/><geom name="{name}" type="box" size="0.005 {half} {half}" mass="{HEAVY}" '
+        f'friction="0.6" condim="3" {contact}/></body>'
+        for name, x in (("left", -apart), ("right", apart))
     )
     xml = (
         f'<mujoco><option timestep="{step}" gravity="0 0 -9.81" integrator="discrete" cone="elliptic"/>'
         f'<size memory="500M"/><worldbody><geom name="ground" type="plane" size="1 1 0.1" friction="0.6" condim="3" '
-        f'solref="{2 * step} 1" {HARD}/>'
+        f"{contact}/>"
         f'{plates}{body}</worldbody><contact><exclude body1="left" body2="world"/>'
         f'<exclude body1="right" body2="world"/></contact></mujoco>'
     )
-    model = mujoco.MjModel.from_xml_string(xml)
-    geoms = [model.geom(name).id for name in ("left", "right")]
+    return mujoco.MjModel.from_xml_string(xml)
+
+
+def grip(model: Any, data: Any) -> float:
+    """Mean normal force on the plates [N]."""
+    geoms, plane = [model.geom(name).id for name in ("left", "right")], model.geom("ground").id
+    total, force = 0.0, np.zeros(6)
+    for i, contact in enumerate(data.contact[: data.ncon]):
+        touched = [geom for geom in contact.geom if geom in geoms]
+        if touched and plane not in contact.geom:
+            mujoco.mj_contactForce(model, data, i, force)
+            total += abs(float((contact.frame.reshape(3, 3).T @ force[:3])[0]))
+    return 0.5 * total
+
+
+def places_of(model: Any) -> tuple[list[int], list[int]]:
+    """Where the positions and where the velocities of the two plates begin."""
     joints = [int(model.body_dofadr[model.body(name).id]) for name in ("left", "right")]
     places = [int(model.jnt_qposadr[model.body_jntadr[model.body(name).id]]) for name in ("left", "right")]
-    plane = model.geom("ground").id
+    return places, joints
+
+
+def cube(dof: str, n: int, step: float) -> dict[str, Any]:
+    """Scene tofu_grasp: grip force, lift and sag over time."""
+    model = tofu_and_plates(dof, n, step)
+    places, joints = places_of(model)
     closing = (0.0431 - 0.005 - 0.5 * 0.85 * 0.05) / 0.02
     ends = np.cumsum([0.3, closing, 0.3, 1.0, 0.3])
 
@@ -99,17 +128,6 @@ def cube(dof: str, n: int, step: float) -> dict[str, Any]:
         near = float(np.clip(time - ends[0], 0.0, closing))
         up = float(np.clip(time - ends[2], 0.0, 1.0))
         return 0.02 * near, 0.02 * (0.0 < near < closing), 0.05 * up, 0.05 * (0.0 < up < 1.0)
-
-    def grip(data: Any) -> float:
-        """Mean normal force on the plates [N]."""
-        total = 0.0
-        force = np.zeros(6)
-        for i, contact in enumerate(data.contact[: data.ncon]):
-            touched = [geom for geom in contact.geom if geom in geoms]
-            if touched and plane not in contact.geom:
-                mujoco.mj_contactForce(model, data, i, force)
-                total += abs(float((contact.frame.reshape(3, 3).T @ force[:3])[0]))
-        return 0.5 * total
 
     def run() -> tuple[dict[str, list[float]], Clock]:
         data = mujoco.MjData(model)
@@ -124,7 +142,7 @@ def cube(dof: str, n: int, step: float) -> dict[str, Any]:
                 data.qvel[joint : joint + 2] = sign * closing_speed, rising
             with clock:
                 mujoco.mj_step(model, data)
-            force = grip(data)
+            force = grip(model, data)
             mujoco.mj_kinematics(model, data)
             mujoco.mj_flex(model, data)
             x = data.flexvert_xpos
