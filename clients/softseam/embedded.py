@@ -126,6 +126,7 @@ class EmbeddedBackend:
         if self._record is not None:
             raise BadInput("a gradient begins the run anew, which a recording does not show: open without record")
         compile_first(self.simulation.scene)
+        tell_of_derivatives()
         with translated():
             gradient = differentiate(self.simulation, loss, names, commands, steps, near)
         self._last = self.simulation.report
@@ -227,6 +228,14 @@ def compile_first(scene: Scene) -> None:
         if sys.stderr.isatty():
             print("compiling the solvers for this machine, once: a minute or so", file=sys.stderr)
         compile_side_by_side(fresh)
+
+
+def tell_of_derivatives() -> None:
+    """Say that those of steps are compiled first, where no process has done it yet on this machine."""
+    from softseam_services.warm_up import never_compiled
+
+    if never_compiled("fem", "step_derivative") and sys.stderr.isatty():
+        print("compiling the derivatives of steps for this machine, once: half a minute", file=sys.stderr)
 
 
 @contextmanager

@@ -153,15 +153,15 @@ def _ask_everything(model: str, mesh: bool) -> None:
     ask(Release(header(2)))
 
 
-def never_compiled(model: str) -> bool:
-    """Whether the kernels of `model` are nowhere beside their sources, but could be."""
+def never_compiled(model: str, module: str = "*") -> bool:
+    """Whether kernels of `model`, all or those of one module, are nowhere beside their sources, but could be."""
     spec = find_spec(f"softseam_services.{model}.kernels")
     assert spec is not None and spec.origin is not None
     folder = Path(spec.origin).parent
     settings = vars(config)
     if settings["DISABLE_JIT"] or settings["CACHE_DIR"] or not os.access(folder, os.W_OK):
         return False
-    return next((folder / "__pycache__").glob("*.nbi"), None) is None
+    return next((folder / "__pycache__").glob(f"{module}.*.nbi"), None) is None
 
 
 def compile_side_by_side(models: Iterable[str]) -> None:

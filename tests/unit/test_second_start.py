@@ -8,8 +8,11 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
+from gradient_cases import grasp, squeeze
 from numba import config
 
+import softseam
+from softseam.losses import tool_force
 from softseam_services import warm_up
 
 STEP = """
@@ -55,6 +58,29 @@ def test_a_model_is_compiled_ahead_where_it_never_was_and_can_be_kept(
     assert warm_up.never_compiled("fem")
     (tmp_path / "__pycache__" / "step.advance-1.py311.nbi").touch()
     assert not warm_up.never_compiled("fem")
+    assert warm_up.never_compiled("fem", "step_derivative") and not warm_up.never_compiled("fem", "step")
+
+
+@pytest.mark.parametrize(("never", "seen", "told"), [(True, True, True), (True, False, False), (False, True, False)])
+def test_the_first_gradient_says_that_it_compiles(
+    never: bool, seen: bool, told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a terminal, and once on a machine."""
+    asked: list[tuple[str, ...]] = []
+
+    def never_compiled(*names: str) -> bool:
+        asked.append(names)
+        return never
+
+    monkeypatch.setattr(warm_up, "never_compiled", never_compiled)
+    with softseam.open(grasp(0.4)) as sim:
+        sim.reset()
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: seen)
+        asked.clear()
+        monkeypatch.setattr(warm_up, "compile_side_by_side", lambda models: None)
+        sim.gradient(tool_force("left", [1.0, 0.0, 0.0]), ["young"], commands=squeeze(1))
+    assert ("fem", "step_derivative") in asked
+    assert ("derivatives of steps" in capsys.readouterr().err) == told
 
 
 @pytest.mark.parametrize(("setting", "value"), [("DISABLE_JIT", 1), ("CACHE_DIR", "elsewhere")])
