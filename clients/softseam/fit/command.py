@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from softseam.differentiating import forces_with_slopes
-from softseam.embedded import EmbeddedBackend, translated
+from softseam.embedded import EmbeddedBackend, tell_of_derivatives, translated
 from softseam.errors import BadInput
 from softseam.fit.curve import Curve, check_times, read_curve, read_off
 from softseam.fit.least_squares import Answer, Floats, fit
@@ -84,6 +84,7 @@ class _Model:
         bundle = bundle_scene(varied, self._files)
         if self._backend is None:
             self._backend = EmbeddedBackend(bundle)
+            tell_of_derivatives()
         else:
             self._backend.reset(varied.seed, bundle)
         with translated():
