@@ -93,7 +93,7 @@ def _check_body(
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     if isinstance(built, ParticleBody):
-        for fact, value in {**built.facts(), **_condition(setup, built)}.items():
+        for fact, value in {**built.facts(), **_added(setup, built), **_condition(setup, built)}.items():
             table.add_row(fact, value)
         table.add_row("models", _models(setup))
         table.add_row("steps", _steps(scene))
@@ -129,6 +129,18 @@ def _check_body(
         table.add_row("coarse", blocks)
     table.add_row("steps", _steps(scene))
     return table, doubts, [*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)]
+
+
+def _added(setup: Setup, body: ParticleBody) -> dict[str, str]:
+    """Constraints that the scene adds to the body's own; nothing where it adds none."""
+    from softseam_services.pbd.particles.constraints import build_constraints, constraints_of
+    from softseam_services.pbd.particles.kernels.constraint import FIRST, LAST
+
+    specs = constraints_of(setup.scene)
+    families = build_constraints(body, specs).families
+    counts = (families[:, LAST] - families[:, FIRST]).tolist()
+    told = ", ".join(f"{count} of kind {spec.kind}" for spec, count in zip(specs, counts, strict=True))
+    return {"added": told} if specs else {}
 
 
 def _condition(setup: Setup, body: ParticleBody) -> dict[str, str]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from conjugate_gradients import compressed, conjugate_gradients, incomplete_cholesky, substitute
+from conjugate_gradients import Floats, compressed, conjugate_gradients, incomplete_cholesky, substitute
 from scipy.sparse import csr_array, kron, tril
 
 LINE = np.diag(np.full(12, 2.1)) - np.eye(12, k=1) - np.eye(12, k=-1)
@@ -26,13 +28,20 @@ def test_they_solve_a_plane_and_the_factor_saves_iterations(kind: str) -> None:
     assert incomplete_cholesky(lower, 0.0)
     b = np.random.default_rng(0).standard_normal(144)
 
-    def by_factor(r: np.ndarray) -> np.ndarray:
+    def by_factor(r: Floats) -> Floats:
         z = r.copy()
         substitute(lower, z)
         return z
 
-    by = {"none": np.copy, "jacobi": lambda r: r / PLANE.diagonal(), "incomplete_cholesky": by_factor}[kind]
-    x, iterations = conjugate_gradients(compressed(PLANE), b, by, 1e-12)
+    def by_diagonal(r: Floats) -> Floats:
+        return np.asarray(r / PLANE.diagonal())
+
+    ways: dict[str, Callable[[Floats], Floats]] = {
+        "none": np.copy,
+        "jacobi": by_diagonal,
+        "incomplete_cholesky": by_factor,
+    }
+    x, iterations = conjugate_gradients(compressed(PLANE), b, ways[kind], 1e-12)
     np.testing.assert_allclose(x, np.linalg.solve(PLANE.toarray(), b), rtol=1e-9)
     assert iterations < (25 if kind == "incomplete_cholesky" else 60)
 

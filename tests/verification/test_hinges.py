@@ -61,7 +61,7 @@ def bent_by(body: ParticleBody, x: Floats, spec: HingeSpec) -> float:
     """Energy of the hinges at x [J]."""
     found = joins(spec, body)
     pairs = zip(found.particles, found.parameters, found.compliance, strict=True)
-    return sum(0.5 * angle(x[nodes], rest[0])[0] ** 2 / compliance for nodes, rest, compliance in pairs)
+    return float(sum(0.5 * angle(x[nodes], rest[0])[0] ** 2 / compliance for nodes, rest, compliance in pairs))
 
 
 @pytest.mark.parametrize("divisions", [(20, 16), (5, 6), (2, 1), (1, 2)])

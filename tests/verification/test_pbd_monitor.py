@@ -131,7 +131,7 @@ def residuals_of_a_blow(**changes: Any) -> list[float]:
 
 
 def test_the_residual_is_a_quantity_of_each_step() -> None:
-    """A blow leaves the blocks' stress behind their shape, in the first step less so with more sweeps; FEM has no sweeps."""
+    """A blow leaves the blocks' stress behind their shape, in the first step less so with more sweeps; FEM's none."""
     once = residuals_of_a_blow()
     often = residuals_of_a_blow(models={"pbd": {"sweeps": 8}})
     assert once[0] > 0.1 and often[0] < 0.3 * once[0]
