@@ -154,10 +154,13 @@ def _condition(setup: Setup, body: ParticleBody) -> dict[str, str]:
         return {}
     substeps = build_parameters(build_model(body, pbd), body, setup.tools, pbd).substeps(scene.step)
     found = spring_spectrum(body, scene.step / substeps)
-    omega = "diverges" if found.omega is None else f"suggests omega = {found.omega:.3g}"
+    if found.omega is None:
+        meaning = "diverges"
+    else:  # Young's formula is right for a chain of springs, not for a lattice
+        meaning = f"suggests omega = {found.omega:.3g}" if body.kind == "rope" else "converges"
     return {
         "condition": f"number {found.condition:.3g} of the springs' system, in {substeps} substeps a step",
-        "sweeps": f"Gauss-Seidel's; Jacobi's radius {found.jacobi:.4g} {omega}",
+        "sweeps": f"Gauss-Seidel's; Jacobi's radius {found.jacobi:.4g} {meaning}",
     }
 
 

@@ -39,3 +39,11 @@ def test_a_sheet_s_hinges_are_counted(tmp_path: Path) -> None:
 def test_jacobi_s_radius_suggests_an_omega_for_a_rope_and_none_for_a_towel() -> None:
     assert "suggests omega = 1." in check("rope")
     assert "diverges" in check("cloth_fold")
+
+
+def test_a_sheet_in_short_substeps_converges_without_an_omega(tmp_path: Path) -> None:
+    """Its springs are no chain: Young's formula is not its."""
+    file = tmp_path / "towel.yaml"
+    file.write_text(SHEET.replace("ADDED", "") + "models: {pbd: {substeps: 200}}\n")
+    said = check(str(file))
+    assert "converges" in said and "omega" not in said
