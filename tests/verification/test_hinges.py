@@ -77,6 +77,20 @@ def test_small_deflections_have_the_energy_of_the_bends_without_an_angle(divisio
     assert bent_by(body, x, HingeSpec(bending=BENDING)) == pytest.approx(isometric, rel=1e-6)
 
 
+@pytest.mark.parametrize("curvature", [(0.3, 0.0), (0.0, 0.3), (-0.3, 0.0), (0.0, -0.3)])
+def test_a_sheet_rolled_by_its_curvature_at_rest_has_no_energy(curvature: tuple[float, float]) -> None:
+    """Along either side, ends up where it is positive, on spacings of 10 x 12.5 mm; rolled the other way four times
+    that of a flat one."""
+    body = ParticleRun(particle_scene(sheet())).body
+    spec, energies = HingeSpec(bending=BENDING, curvature=curvature), []
+    for share in (1.0, 0.0, -1.0):
+        x = body.x_rest.copy()
+        x[:, 2] = 0.5 * share * (body.x_rest[:, :2] ** 2 @ np.array(curvature))
+        energies.append(bent_by(body, x, spec))
+    assert energies[0] < 1e-5 * energies[1]
+    assert energies[2] == pytest.approx(4.0 * energies[1], rel=1e-3)
+
+
 def strip(**other: Any) -> ParticleRun:
     """20 x 2 spacings of 10 mm, that sags by 2 % of its length where it is clamped at its first two rows."""
     length = 0.2
