@@ -89,7 +89,6 @@ QUANTITIES: Table[Quantity] = Table(
             of="cells",
             at_rest=0.0,
             group="error",
-            settles=False,
         ),
         "worst_stretch": _of_particles("1", "largest relative change of a spring's length, or strain of a tetrahedron"),
         "stretch_violation": _of_particles("1", "farthest that a spring is from its own law, relative to its length"),

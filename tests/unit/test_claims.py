@@ -183,6 +183,13 @@ def report(outcome: str = "lifted") -> dict[str, Any]:
     return {"verdict": {"outcome": outcome}, "quantities": {"grip_force": grip}, "wall": {"total": 2.0, "cpu": 1.0}}
 
 
+def test_nothing_is_claimed_of_what_a_run_says_of_its_own_errors() -> None:
+    """A residual is this run's alone; the sag beside it is claimed."""
+    here, there = ({"time": [0.1, 0.2], "values": values} for values in ([1.0, 2.0], [1.1, 2.1]))
+    run, sibling = ({"sag": entry, "constraint_residual": entry} for entry in (here, there))
+    assert set(claims(run, sibling, 2.0)) == {"sag"}
+
+
 def test_outcomes_that_differ_are_not_settled(block: str) -> None:
     """No number stands beside a body that one run lifts and the other drops."""
     other = {"outcome": "dropped", "quantities": report()["quantities"], "seconds": 0.25}

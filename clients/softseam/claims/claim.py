@@ -33,11 +33,11 @@ def claims(run: Mapping[str, Any], sibling: Mapping[str, Any], factor: float) ->
     """By quantity: `absolute`, eq. (1) in its unit, and `share`, over the run's own |J|, None of one that is nothing.
 
     run, sibling: `quantities` of both reports. Both are taken at the sibling's times at which it was measured, the run
-    between its own by straight lines.
+    between its own by straight lines. What says how far this one run is off, such as a residual, is claimed nothing of.
     """
     found: dict[str, dict[str, float | None]] = {}
     for name, entry in run.items():
-        if name not in sibling:
+        if name not in sibling or quantity(name).group == "error":
             continue
         off, size = difference(entry, sibling[name])
         if np.isfinite(off):
