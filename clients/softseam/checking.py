@@ -104,9 +104,11 @@ def _check_body(
     table.add_row("volume, mass", f"{1e6 * body.volume:.4g} cm^3, {1e3 * body.mass:.4g} g")
     edges = " x ".join(f"{1e3 * edge:.4g}" for edge in body.edges)
     whose = "in the block" if isinstance(scene.body.shape, BlockShape) else "of the file"
-    own = f"{body.n_cells} hexahedra {whose}, shortest edge {1e3 * body.edges[0]:.3g} mm"
+    kind = f"tetrahedra ({scene.models.fem.element})" if scene.body.tetrahedral else "hexahedra"
+    own = f"{body.n_cells} {kind} {whose}, shortest edge {1e3 * body.edges[0]:.3g} mm"
     table.add_row("cells", f"{body.n_cells} of {edges} mm" if body.boxes else own)
-    table.add_row("filled", f"{body.full_cells} cells wholly; the emptiest to {100.0 * body.smallest_fill:.3g} %")
+    if not scene.body.tetrahedral:
+        table.add_row("filled", f"{body.full_cells} cells wholly; the emptiest to {100.0 * body.smallest_fill:.3g} %")
     table.add_row(
         "unknowns", f"{3 * (body.n_nodes - body.n_fixed)} ({body.n_nodes} nodes, {body.n_fixed} of them clamped)"
     )

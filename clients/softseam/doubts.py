@@ -173,7 +173,9 @@ def _locks(scene: Scene) -> list[str]:
     near, body = scene.regions.near, scene.body
     if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):
         return []
-    found = element_warning(scene.models.fem.element, max(material.poisson for material in body.materials))
+    found = element_warning(
+        scene.models.fem.element, max(material.poisson for material in body.materials), body.tetrahedral
+    )
     return [f"models.fem.element: {found}"] if found else []
 
 

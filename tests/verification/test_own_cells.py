@@ -247,7 +247,7 @@ CELLS 1 5
 CELL_TYPES 1
 10
 """
-    with pytest.raises(MeshError, match=r"1 tetra, but cells are hexahedra.*leave out `cells: own`"):
+    with pytest.raises(MeshError, match=r"1 tetra, but `cells: own` takes hexahedra.*say `cells: tetrahedra`"):
         built(tetrahedron)
 
 

@@ -102,7 +102,7 @@ def cell_edges(body: BodySpec, frame: Frame) -> Floats:
         size = np.array(body.shape.size)
         wanted = np.full(3, size.min() / 3.0) if body.cell is None else np.broadcast_to(body.cell, 3)
         return np.asarray(size / np.maximum(1, np.rint(size / wanted)))
-    if body.shape.cells == "own":
+    if body.shape.cells != "boxes":
         raise NoSibling("the mesh brings its own cells: body.shape.cells: boxes lets its solid lie in longer ones")
     # nodes are half an edge apart
     extent = np.ptp(frame.x, axis=0)

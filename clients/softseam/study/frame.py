@@ -361,7 +361,7 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
     shape = scene.body.shape
     if isinstance(shape, BlockShape):
         return Frame(scene, np.array(shape.size))
-    if shape.cells == "own":
+    if shape.cells != "boxes":
         text = (
             "body.shape.cells: charts and plans try cells of many sizes, and this mesh brings its own: "
             "--set body.shape.cells=boxes lets its solid lie in cells of any size, or run the scene as it is"

@@ -68,7 +68,8 @@ class PartMesh:
     fixed: Labels
     """1 for clamped nodes (n,)"""
     cell_nodes: CellNodes
-    """places among `nodes` of each cell's 3 x 3 x 3 lattice, i + 3 j + 9 k along its x, y, z (c, 27)"""
+    """places among `nodes` of each cell's 3 x 3 x 3 lattice, i + 3 j + 9 k along its x, y, z; a cell that is a
+    tetrahedron has those with i >= j >= k, and the others repeat the middle one (c, 27)"""
     points: Ids
     """global ids of the surface points that the part carries, ascending (p,)"""
     point_cell: Ids

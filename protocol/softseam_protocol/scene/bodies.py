@@ -78,15 +78,17 @@ class BlockShape(Spec):
 
 
 class MeshShape(Spec):
-    """A closed surface or solid mesh, embedded in cells of one size, or hexahedra that are the cells."""
+    """A closed surface or solid mesh, embedded in cells of one size, or hexahedra or tetrahedra that are the cells."""
 
     kind: Literal["mesh"] = "mesh"
     path: str = Field(min_length=1, description="mesh file, relative to the scene file")
     part: MeshPart = None
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
     up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
-    cells: Literal["boxes", "own"] = Field(
-        default="boxes", description="boxes: cells of one size that the solid fills partly; own: the file's hexahedra"
+    cells: Literal["boxes", "own", "tetrahedra"] = Field(
+        default="boxes",
+        description="boxes: cells of one size that the solid fills partly; own: the file's hexahedra; tetrahedra: the "
+        "file's, of 4 or 10 nodes, for fem",
     )
 
 
@@ -138,8 +140,9 @@ class BodySpec(OwnRegions):
 
     @model_validator(mode="after")
     def _sized_once(self) -> BodySpec:
-        if isinstance(self.shape, MeshShape) and self.shape.cells == "own" and self.cell is not None:
-            raise wrong("the file's hexahedra are the cells: leave out `cell`, or `cells: own`", "cell")
+        if isinstance(self.shape, MeshShape) and self.shape.cells != "boxes" and self.cell is not None:
+            what = "hexahedra" if self.shape.cells == "own" else "tetrahedra"
+            raise wrong(f"the file's {what} are the cells: leave out `cell`, or `cells: {self.shape.cells}`", "cell")
         return self
 
     @model_validator(mode="after")
@@ -147,6 +150,11 @@ class BodySpec(OwnRegions):
         for i, inclusion in enumerate(self.inclusions):
             inclusion.material.within(self.material, "inclusions", i, "material")
         return self
+
+    @property
+    def tetrahedral(self) -> bool:
+        """Whether the cells are tetrahedra of a file."""
+        return isinstance(self.shape, MeshShape) and self.shape.cells == "tetrahedra"
 
     @property
     def materials(self) -> tuple[MaterialSpec, ...]:

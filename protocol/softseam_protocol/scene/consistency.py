@@ -11,7 +11,7 @@ from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.quantities import QUANTITIES
 from softseam_protocol.scene.bodies import AnyBody, BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.implied import implied_model
-from softseam_protocol.scene.kinds import ModelKind, integrator_problem
+from softseam_protocol.scene.kinds import ELEMENTS, ModelKind, integrator_problem
 from softseam_protocol.scene.models import DampingSpec, ModelsSpec
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, Phase, ReleasePhase
 from softseam_protocol.scene.particles import ParticleBodySpec, TetMeshBody
@@ -112,6 +112,8 @@ def _symmetry_is_used(scene: OneBody) -> None:
     if len({*scene.symmetry}) < len(scene.symmetry):
         raise wrong("an axis is named twice: name each once", "symmetry")
     near, fem = scene.regions.near, scene.models.fem
+    if isinstance(scene.body, BodySpec) and scene.body.tetrahedral:
+        raise wrong("tetrahedra of a file are not each other's images: leave it out", "symmetry")
     if "fem" not in (scene.regions.default, near.model if near else ""):
         raise wrong("only fem solves for one side, and no region is fem's: leave it out", "symmetry")
     if fem.element.startswith("tet"):
@@ -163,6 +165,8 @@ def _check_particles(scene: OneBody, body: ParticleBodySpec, beside_cells: bool)
 def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None:
     """Raise if integrator, models, seam, symmetry and tools do not go together."""
     _symmetry_is_used(scene)
+    if body.tetrahedral:
+        _check_tetrahedra(scene)
     near = scene.regions.near
     problem = integrator_problem(
         scene.models.fem.integrator, scene.seam.scheme if near else None, bool(scene.tools), bool(body.fixed)
@@ -202,7 +206,7 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
         if "model_error" in scene.quantities:
             place = ("quantities", scene.quantities.index("model_error"))
             raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)
-    _has_goal(scene, own or (isinstance(body.shape, BlockShape) and body.shape.graded))
+    _has_goal(scene, own or body.tetrahedral or (isinstance(body.shape, BlockShape) and body.shape.graded))
     if scene.models.pbd.coarse is not None and "pbd" in models:
         if scene.regions.goal is not None:
             said = "errors of a goal are told of cells of eight blocks"
@@ -240,6 +244,21 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
             "fem",
             "step_error",
         )
+
+
+def _check_tetrahedra(scene: OneBody) -> None:
+    """Raise if the scene asks of a file's tetrahedra what hexahedra or particles alone can do."""
+    have, element = "cells that are a file's tetrahedra", scene.models.fem.element
+    if scene.regions.near is not None:
+        raise wrong(f"{have} have one model, fem: leave out regions.near, or `cells: tetrahedra`", "regions", "near")
+    if scene.regions.default == "pbd":
+        raise wrong(
+            f"{have} are fem's: pbd moves a file's tetrahedra as particles (body: {{kind: tet_mesh}}), or leave out "
+            "`cells: tetrahedra`, which lets the solid lie in cells of both models", "regions", "default",
+        )  # fmt: skip
+    if not ELEMENTS[element].functions.startswith("tet"):
+        use = "tet10, tet4_fbar or tet4"
+        raise wrong(f"{element} is made of hexahedra, and {have} of none: use {use}", "models", "fem", "element")
 
 
 def _has_goal(scene: OneBody, uneven: bool) -> None:

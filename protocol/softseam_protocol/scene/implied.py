@@ -16,6 +16,8 @@ def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) ->
     """
     if not isinstance(body, BodySpec):
         return "pbd", f"a {body.kind} is made of particles"
+    if body.tetrahedral:
+        return "fem", "only fem takes tetrahedra of a file for cells"
     if symmetry:
         return "fem", "only fem solves for one side (symmetry)"
     fem, pbd = _set(models.fem, FemSpec()), _set(models.pbd, PbdSpec())

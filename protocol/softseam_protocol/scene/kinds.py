@@ -49,6 +49,14 @@ ELEMENTS: Table[ElementFacts] = Table(
 )
 """what a scene says of an element; services build it (softseam_services.fem.elements.ELEMENTS)"""
 
+ON_TETRAHEDRA: ElementKind = "tet10"
+"""of a file's tetrahedra, where a scene names no element"""
+_STIFF_THERE: dict[ElementKind, tuple[float, str]] = {
+    "tet10": (0.49, "mesh more finely"),
+    "tet4": (0.3, "use tet10 or tet4_fbar"),
+}
+"""Poisson's ratio from which elements of a file's tetrahedra are off by 5 % and more on coarse ones, and what to do"""
+
 
 @dataclass(frozen=True)
 class SchemeFacts:
@@ -166,8 +174,15 @@ def integrator_problem(name: IntegratorKind, seam: SeamScheme | None, tools: boo
     return ""
 
 
-def element_warning(name: ElementKind, poisson: float) -> str:
-    """What a user of this element should know at this Poisson's ratio, and what to do; '' where nothing."""
+def element_warning(name: ElementKind, poisson: float, tetrahedral: bool = False) -> str:
+    """What a user of this element should know at this Poisson's ratio, and what to do; '' where nothing.
+
+    tetrahedral: cells are tetrahedra of a file
+    """
+    if tetrahedral:
+        stiff_from, remedy = _STIFF_THERE.get(name, (0.5, ""))
+        said = f"{name} is too stiff on coarse tetrahedra at a Poisson's ratio of {poisson:g}: {remedy}"
+        return said if poisson >= stiff_from else ""
     if poisson < ELEMENTS[name].stiff_from:
         return ""
     return f"{name} is too stiff on coarse cells at a Poisson's ratio of {poisson:g}: use hex27, hex8 or hex8_bbar"

@@ -17,7 +17,8 @@ class FemSpec(Spec):
     element: Annotated[str, RowOf(ELEMENTS)] = Field(
         default="hex27",
         description="hex27: quadratic, one a cell; hex27_reduced: softer, mostly nearer to the truth on coarse cells; "
-        "hex8 and tet4: linear, in its eight octants",
+        "hex8 and tet4: linear, in its eight octants; on a file's tetrahedra tet10, tet4_fbar or tet4, and tet10 where "
+        "none is named",
     )
     integrator: Annotated[str, RowOf(INTEGRATORS)] = Field(
         default="implicit_euler",

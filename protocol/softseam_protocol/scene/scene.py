@@ -11,7 +11,8 @@ from softseam_protocol.messages.names import ONLY_BODY, prefix
 from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
-from softseam_protocol.scene.models import ModelsSpec
+from softseam_protocol.scene.kinds import ON_TETRAHEDRA
+from softseam_protocol.scene.models import FemSpec, ModelsSpec
 from softseam_protocol.scene.motion import (
     LARGEST_TURN,
     HoldPhase,
@@ -106,14 +107,14 @@ class Scene(Spec):
         if self.one is not None:
             if name != ONLY_BODY:
                 raise KeyError(f"no body is called {name!r}; the scene has: {ONLY_BODY}")
-            return self
+            return self._with_models_of(self.one)
         if name not in self.many:
             raise KeyError(f"no body is called {name!r}; the scene has: {', '.join(self.many)}")
         body = self.many[name]
         cells = isinstance(body, BodySpec)
         regions = body.regions or (self.regions if cells else RegionsSpec(default="pbd"))
         kinds = ("any", "cells" if cells else "particles")
-        return self.model_copy(
+        return self._with_models_of(body).model_copy(
             update={
                 "one": body,
                 "many": {},
@@ -122,6 +123,14 @@ class Scene(Spec):
                 "probes": self.probes if cells else {},
             }
         )
+
+    def _with_models_of(self, body: AnyBody) -> Scene:
+        """The scene as it is for one of its bodies: FEM has tet10 on a file's tetrahedra where no element is named."""
+        fem = self.models.fem
+        if not isinstance(body, BodySpec) or not body.tetrahedral or fem.element != FemSpec().element:
+            return self
+        models = self.models.model_copy(update={"fem": fem.model_copy(update={"element": ON_TETRAHEDRA})})
+        return self.model_copy(update={"models": models})
 
     @property
     def asked(self) -> tuple[str, ...]:

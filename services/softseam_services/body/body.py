@@ -3,7 +3,7 @@
 Local order. A cell has 27 nodes on a 3 x 3 x 3 lattice, a = i + 3 j + 9 k with i, j, k in {0, 1, 2} along x, y, z, and
 8 octants, o = i + 2 j + 4 k with i, j, k in {0, 1}. Octant (i, j, k) has the 8 corner nodes
 (i + ci) + 3 (j + cj) + 9 (k + ck). FEM takes a cell as one hex27; PBD takes it as 8 hex8 blocks, one an octant:
-same nodes, same masses, same energy density.
+same nodes, same masses, same energy density. A cell that is a tetrahedron has ten of these nodes (`tetrahedron`).
 """
 
 from __future__ import annotations
@@ -111,7 +111,10 @@ class Body:
     moments: Floats = field(default_factory=lambda: np.zeros((0, 8, 27)))
     """M_pqr of the part of each octant that the shape fills, see `filled`; (0, 8, 27) where all are full (C, 8, 27)"""
     boxes: bool = True
-    """cells are boxes with `edges`; else hexahedra of any shape, wholly filled, whose shortest edge is in `edges`"""
+    """cells are boxes with `edges`; else hexahedra of any shape, wholly filled, or tetrahedra: `edges` has the shortest
+    edge of all"""
+    tetrahedra: bool = False
+    """cells are tetrahedra, with the nodes and octants that `tetrahedron` says; their other places repeat a node"""
     damping: float = 0.0
     """drag of still air: force over mass and velocity [1/s]"""
     notes: tuple[str, ...] = ()

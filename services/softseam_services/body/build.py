@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
-from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
+from softseam_protocol.scene.bodies import MOST_CELLS, BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.particles import TetMeshBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
@@ -27,9 +27,11 @@ from softseam_services.body.lattice import divide, number_nodes
 from softseam_services.body.lattices import build_particles
 from softseam_services.body.mass import lump_full
 from softseam_services.body.materials import build_material
-from softseam_services.body.mesh_io import read_hexahedra
+from softseam_services.body.mesh_io import read_hexahedra, read_tetrahedra
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.tet_mesh import build_tet_mesh
+from softseam_services.body.tetrahedra import tetrahedral_cells
+from softseam_services.body.tetrahedron import CORNERS, FILL
 
 _CLAMP_TOLERANCE = 1e-9
 _ROUNDER = (
@@ -66,7 +68,7 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
         return _block(scene, spec, spec.shape, cell_edges(spec))
     if spec.shape.path not in files:
         raise MeshError(f"{spec.shape.path}: the file is missing; give its path relative to the scene file")
-    build = _own if spec.shape.cells == "own" else _embedded
+    build = {"own": _own, "tetrahedra": _tetrahedra, "boxes": _embedded}[spec.shape.cells]
     return build(scene, spec, spec.shape, files[spec.shape.path])
 
 
@@ -142,8 +144,23 @@ def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
     return _of_hexahedra(scene, spec, cells)
 
 
+def _tetrahedra(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
+    raw = read_tetrahedra(shape.path, data, shape.part, middles=True)
+    cells = tetrahedral_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
+    if len(cells.cell_nodes) > MOST_CELLS:
+        raise MeshError(f"{shape.path}: {len(cells.cell_nodes):,} tetrahedra, more than {MOST_CELLS:,}; mesh coarsely")
+    middles = cells.x_rest[cells.cell_nodes[:, CORNERS]].mean(axis=1)
+    body = _of_own(scene, spec, cells, middles)
+    return replace(body, fill=np.tile(FILL, (body.n_cells, 1)), tetrahedra=True)
+
+
 def _of_hexahedra(scene: Scene, spec: BodySpec, cells: OwnCells) -> Body:
-    cell_material = materials_at(spec, cells.x_rest[cells.cell_nodes[:, 13]], cells.edge)
+    return _of_own(scene, spec, cells, cells.x_rest[cells.cell_nodes[:, 13]])
+
+
+def _of_own(scene: Scene, spec: BodySpec, cells: OwnCells, middles: Floats) -> Body:
+    """Cells of a mesh, each of the one material in its middle (C, 3) [m]."""
+    cell_material = materials_at(spec, middles, cells.edge)
     return assemble(
         scene,
         spec,

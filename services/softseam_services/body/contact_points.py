@@ -1,6 +1,7 @@
 """How firmly the points of an embedded surface are pressed, in both models.
 
-Such a surface runs through cells, and a cell's face has fewer freedoms than the many points in it: a gap of zero at all
+Such a surface runs through cells, or along faces of tetrahedra, and a cell's face has fewer freedoms than the many
+points in it: a gap of zero at all
 of them would flatten what curves within a cell, so a tool presses each by
   p = -r g,  r = PENALTY E A/h,                                                                                 (1)
 g < 0 the gap, A the area that the point stands for, h half the edge of a cell. What a tool sinks in stands for the
@@ -18,8 +19,8 @@ PENALTY = 20.0
 
 
 def is_embedded(body: Body) -> bool:
-    """Whether its surface runs through cells, with many points in each."""
-    return len(body.moments) > 0
+    """Whether its surface has many points in each cell, through which it runs, or whose triangular faces it is."""
+    return len(body.moments) > 0 or body.tetrahedra
 
 
 def point_stiffness(body: Body, region: Region, spacing: Floats) -> Floats:

@@ -116,7 +116,7 @@ def numbered_cells(
     return OwnCells(
         x_rest=np.ascontiguousarray(x_rest),
         cell_nodes=cell_nodes,
-        cell_grid=_places(x.mean(axis=1)),
+        cell_grid=rough_places(x.mean(axis=1)),
         edge=float(edge.min()),
         cell_mass=density * (volume / weight.sum(axis=1))[:, None] * weight,  # eq. (1)
         surface=surface,
@@ -265,7 +265,7 @@ def _surface(x_rest: Floats, cell_nodes: Ints, outer: Cells) -> Surface:
     )
 
 
-def _places(centres: Floats) -> Ints:
+def rough_places(centres: Floats) -> Ints:
     """Where cells lie, for those who divide them in halves (C, 3): about four places a cell along each axis."""
     size = np.ptp(centres, axis=0)
     pitch = max(float(size.max()), 1e-12) / (4.0 * np.cbrt(len(centres)) + 1.0)

@@ -11,6 +11,7 @@ import numpy as np
 
 from softseam_protocol.scene.kinds import ELEMENTS, Functions
 from softseam_protocol.scene.models import ModelsSpec
+from softseam_services.body import tetrahedron
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.kernels.shape_functions import (
     QUADRATIC,
@@ -52,6 +53,8 @@ def point_weights(body: Body, region: Region, functions: Functions) -> tuple[Int
     Returns indptr (p + 1,), node (m,) local ids of the region, weight (m,). On a block each row is one node, weight 1.
     """
     local = region.point_local
+    if body.tetrahedra:
+        return _in_tetrahedra(region, functions)
     indptr = np.zeros(len(local) + 1, dtype=np.int32)
     node = np.empty(27 * len(local), dtype=np.int32)
     weight = np.empty(27 * len(local))
@@ -59,9 +62,23 @@ def point_weights(body: Body, region: Region, functions: Functions) -> tuple[Int
     return indptr, node[:count].copy(), weight[:count].copy()
 
 
+def _in_tetrahedra(region: Region, functions: Functions) -> tuple[Ints, Ints, Floats]:
+    """`point_weights` in cells that are tetrahedra."""
+    barycentric = tetrahedron.barycentric_of(region.point_local)
+    linear = functions == "tet4"
+    value = tetrahedron.linear_functions(barycentric) if linear else tetrahedron.shape_functions(barycentric)[0]
+    row, column = np.nonzero(value)
+    indptr = np.append(0, np.cumsum(np.bincount(row, minlength=len(value)))).astype(np.int32)
+    return indptr, region.cell_nodes[region.point_cell[row], tetrahedron.NODES[column]], value[row, column]
+
+
 def rest_points(body: Body) -> Floats:
     """Surface points at rest (P, 3) [m]; the same for both models, since both reproduce linear fields."""
     surface = body.surface
+    if body.tetrahedra:
+        value = tetrahedron.shape_functions(tetrahedron.barycentric_of(surface.local))[0]
+        nodes = body.cell_nodes[surface.cell][:, tetrahedron.NODES]
+        return np.asarray(np.einsum("pa,pai->pi", value, body.x_rest[nodes]))
     if not body.boxes:
         t = surface.local
         line = np.stack([0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)], axis=2)

@@ -56,11 +56,15 @@ class RawTetrahedra:
     """Tetrahedra as a file gives them, none inside out or flat."""
 
     points: Floats
-    """those that are corners (n, 3), in the file's units"""
+    """those that are used (n, 3), in the file's units"""
     cells: Ints
     """corners, the last above the first three (m, 4)"""
+    middles: Ints
+    """nodes on the edges, in the file's order, -1 of tetrahedra that have none (m, 6)"""
     triangles: Ints
     """their boundary, counter-clockwise from outside (T, 3)"""
+    mirrored: bool
+    """whether all had to be turned"""
 
 
 def read_hexahedra(path: str, data: bytes, part: str | int | None = None) -> RawHexahedra:
@@ -70,8 +74,8 @@ def read_hexahedra(path: str, data: bytes, part: str | int | None = None) -> Raw
     others = [block for block in solids if block.kind != "hexahedron" or block.cells.shape[1] not in (8, 20, 27)]
     if others or not solids:
         raise MeshError(
-            f"{path}: has {_counted(others) or 'no solids'}, but cells are hexahedra of 8, 20 or 27 nodes: every "
-            "element here lives on the 27 nodes of one; mesh with hexahedra alone, or leave out `cells: own`, which "
+            f"{path}: has {_counted(others) or 'no solids'}, but `cells: own` takes hexahedra of 8, 20 or 27 nodes: "
+            "say `cells: tetrahedra` for those of the file, mesh with hexahedra alone, or leave `cells` out, which "
             "embeds the surface in cells"
         )
     points, flat = _weld(file.points, np.concatenate([block.cells.ravel() for block in solids]))
@@ -81,26 +85,36 @@ def read_hexahedra(path: str, data: bytes, part: str | int | None = None) -> Raw
     )
 
 
-def read_tetrahedra(path: str, data: bytes, part: str | int | None = None) -> RawTetrahedra:
-    """Read tetrahedra whose corners are to be particles; raises MeshError where the file has other solids, or none."""
+def read_tetrahedra(path: str, data: bytes, part: str | int | None = None, middles: bool = False) -> RawTetrahedra:
+    """Read tetrahedra; raises MeshError where the file has other solids, or none.
+
+    middles: with their middle nodes, of tetrahedra of ten; else corners alone, which are particles
+    """
     file = _read(path, data, part)
     solids = [block for block in file.blocks if block.kind not in (*_FACES, *_IGNORED)]
     others = [block for block in solids if block.kind != "tetra"]
     if others or not solids:
         found = _counted(others) or "no solids"
-        raise MeshError(f"{path}: has {found}, but a tet_mesh is made of tetrahedra; mesh the solid with them alone")
-    points, tets = _weld(file.points, np.concatenate([block.cells[:, :4] for block in solids]))
-    used, tets = np.unique(tets, return_inverse=True)
-    points, tets = points[used], tets.reshape(-1, 4)
+        whose = "cells: tetrahedra takes" if middles else "a tet_mesh is made of"
+        raise MeshError(f"{path}: has {found}, but {whose} tetrahedra; mesh the solid with them alone")
+    if middles and any(block.cells.shape[1] not in (4, 10) for block in solids):
+        raise MeshError(f"{path}: has tetrahedra of a higher order than two; export those of 4 or 10 nodes")
+    cells = np.concatenate([_ten_nodes(block.cells, middles) for block in solids])
+    points, flat = _weld(file.points, cells[cells >= 0])
+    cells[cells >= 0] = flat
+    used = np.unique(flat)
+    cells = np.where(cells >= 0, np.searchsorted(used, cells), -1)
+    points, tets = points[used], cells[:, :4]
     volume = cell_volumes(points, "tetra", tets)
-    flat = flat_cells(points, "tetra", tets, volume)
-    if flat.any():
+    flat_ones = flat_cells(points, "tetra", tets, volume)
+    if flat_ones.any():
         worst = int(np.argmin(np.abs(volume) / np.maximum(np.ptp(points[tets], axis=1).max(axis=1), 1e-300) ** 3))
         raise MeshError(
-            f"{path}: {int(flat.sum())} of {len(tets)} tetrahedra are degenerate, the worst is number {worst} with "
-            f"volume {volume[worst]:.3g} in units of the file; remesh, or remove slivers"
+            f"{path}: {int(flat_ones.sum())} of {len(tets)} tetrahedra are degenerate, the worst is number {worst} "
+            f"with volume {volume[worst]:.3g} in units of the file; remesh, or remove slivers"
         )
-    if (volume < 0.0).all():
+    mirrored = bool((volume < 0.0).all())
+    if mirrored:
         tets, volume = tets[:, [0, 2, 1, 3]], -volume
     if (volume < 0.0).any():
         worst = int(np.argmin(volume))
@@ -109,7 +123,17 @@ def read_tetrahedra(path: str, data: bytes, part: str | int | None = None) -> Ra
             f"with volume {volume[worst]:.3g} in units of the file; fix the order of their corners, or remesh"
         )
     outside = boundary(path, points, [Block("tetra", tets, np.zeros(len(tets), dtype=np.int64))])
-    return RawTetrahedra(points, tets.astype(np.int32), outside.triangles.astype(np.int32))
+    return RawTetrahedra(
+        points, tets.astype(np.int32), cells[:, 4:].astype(np.int32), outside.triangles.astype(np.int32), mirrored
+    )
+
+
+def _ten_nodes(cells: Cells, middles: bool) -> Cells:
+    """Corners and middle nodes, -1 for those that are not there or not asked for (m, 10)."""
+    found = np.full((len(cells), 10), -1, dtype=np.int64)
+    n_nodes = cells.shape[1] if middles else 4
+    found[:, :n_nodes] = cells[:, :n_nodes]
+    return found
 
 
 def read_surface(path: str, data: bytes, part: str | int | None = None) -> RawSurface:

@@ -17,7 +17,8 @@ across that cell; a single octant's value is taken as it is. Where another mater
 stress is singular at the edges of borders, and a curvature fitted to that overshoots.
 The fit depends on the rest state alone: a sparse matrix, built once.
 
-Between the nodes, the polynomials P_v around a cell's eight corners count by its trilinear functions N_v,
+Between the nodes, the polynomials P_v around a cell's corners count by its trilinear functions N_v (on a tetrahedron by
+its linear ones),
 
     sigma*(x) = sum_v N_v(x) P_v(x)                                                                                (2)
 
@@ -33,13 +34,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from softseam_services.body import tetrahedron
 from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.filled import FILL_FLOOR, filled_centroids, filled_moments
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.own_shapes import sample_places
 
-_CORNERS = np.flatnonzero((LOCAL % 2 == 0).all(axis=1))
+_CORNERS: Ints = np.flatnonzero((LOCAL % 2 == 0).all(axis=1)).astype(np.int32)
 """local ids of a cell's corners (8,)"""
+_ALL = np.arange(27, dtype=np.int32)
 FEM_SAMPLE, PBD_SAMPLE = 1.0 / np.sqrt(3.0), 0.5
 """local coordinates of the samples are +- this"""
 SEEN = 1e-6
@@ -53,7 +56,7 @@ class _Patches:
     cells: Ints
     """those that share one of the nodes (c,)"""
     weighted: Floats
-    """w_q (1, r, s) of eq. (1), of each node of these cells and each sample (c, 27, 8, 10)"""
+    """w_q (1, r, s) of eq. (1), of each of the k nodes of these cells and each sample (c, k, 8, 10)"""
     scale: Floats
     """mean distance of each node's samples along each axis (N, 3), in what `_offsets` measures"""
     row: Ints
@@ -91,7 +94,7 @@ def nodal_recovery(body: Body, sample: Floats, material: int = 0) -> csr_array:
     fit = np.zeros((body.n_nodes, 10))
     found = patches.row >= 0
     fit[found] = patches.fit(patches.row[found], np.zeros((int(found.sum()), 3)))
-    cell_nodes = body.cell_nodes[patches.cells]
+    cell_nodes = body.cell_nodes[patches.cells][:, _places(body)]
     weight = np.einsum("caq,canq->can", fit[cell_nodes], patches.weighted)
     row = np.broadcast_to(cell_nodes[:, :, None], weight.shape)
     column = np.broadcast_to((8 * patches.cells[:, None] + np.arange(8))[:, None, :], weight.shape)
@@ -104,18 +107,19 @@ def point_recovery(body: Body, sample: Floats, material: int, cell: Ints, local:
 
     cell (p,), local (p, 3) and at (p, 3) [m]: the cell that each is in, where in it, in [-1, 1], and where at rest.
     """
-    corners = body.cell_nodes[cell][:, _CORNERS].ravel()  # (8 p,)
+    ids, share = _corner_shares(body, local)
+    n_corners, n_places = len(ids), len(_places(body))
+    corners = body.cell_nodes[cell][:, ids].ravel()
     patches = _patches(body, sample, material, corners)
-    r = np.repeat(at, 8, axis=0) - body.x_rest[corners]
+    r = np.repeat(at, n_corners, axis=0) - body.x_rest[corners]
     r = (r / body.edges if body.boxes else r) / patches.scale[corners]
-    share = 0.5 * (1.0 + (LOCAL[_CORNERS] - 1.0) * local[:, None])
-    fit = share.prod(axis=2).reshape(-1, 1) * patches.fit(patches.row[corners], r)
-    shared = body.cell_nodes[patches.cells].ravel()
+    fit = share.reshape(-1, 1) * patches.fit(patches.row[corners], r)
+    shared = body.cell_nodes[patches.cells][:, _places(body)].ravel()
     places = csr_array((np.ones(len(shared)), (shared, np.arange(len(shared)))), shape=(body.n_nodes, len(shared)))
     corner, place = places[corners].nonzero()
     weight = np.einsum("eq,enq->en", fit[corner], patches.weighted.reshape(-1, 8, 10)[place])
-    row = np.broadcast_to((corner // 8)[:, None], weight.shape)
-    column = 8 * patches.cells[place // 27][:, None] + np.arange(8)
+    row = np.broadcast_to((corner // n_corners)[:, None], weight.shape)
+    column = 8 * patches.cells[place // n_places][:, None] + np.arange(8)
     return csr_array((weight.ravel(), (row.ravel(), column.ravel())), shape=(len(cell), 8 * body.n_cells))
 
 
@@ -124,8 +128,8 @@ def _patches(body: Body, sample: Floats, material: int, nodes: Ints) -> _Patches
     wanted = np.zeros(body.n_nodes, dtype=np.bool_)
     wanted[nodes] = True
     cells = np.flatnonzero(wanted[body.cell_nodes].any(axis=1)).astype(np.int32)
-    cell_nodes = body.cell_nodes[cells]
-    r = _offsets(body, sample, cells)  # (c, 27, 8, 3)
+    cell_nodes = body.cell_nodes[cells][:, _places(body)]
+    r = _offsets(body, sample, cells)  # (c, k, 8, 3)
     square, count = np.zeros((body.n_nodes, 3)), np.bincount(cell_nodes.ravel(), minlength=body.n_nodes)
     np.add.at(square, cell_nodes, (r * r).mean(axis=2))
     scale = np.sqrt(square / np.maximum(count, 1)[:, None])
@@ -148,6 +152,18 @@ def _patches(body: Body, sample: Floats, material: int, nodes: Ints) -> _Patches
     return _Patches(cells, weighted, scale, row, total, mean, slopes, told, bends)
 
 
+def _places(body: Body) -> Ints:
+    """Local ids of the nodes that its cells have (k,)."""
+    return tetrahedron.NODES if body.tetrahedra else _ALL
+
+
+def _corner_shares(body: Body, local: Floats) -> tuple[Ints, Floats]:
+    """Local ids of a cell's corners (v,), and N_v of eq. (2) at places in cells (p, 3): (p, v)."""
+    if body.tetrahedra:
+        return tetrahedron.CORNERS, tetrahedron.barycentric_of(local)
+    return _CORNERS, np.asarray((0.5 * (1.0 + (LOCAL[_CORNERS] - 1.0) * local[:, None])).prod(axis=2))
+
+
 def _beside_another(body: Body, material: int, cells: Ints) -> NDArray[np.bool_]:
     """Nodes with a filled octant of another material in one of their cells (N,)."""
     mixed = ((body.octant_material != material) & (body.fill > 0.0))[cells].any(axis=1)
@@ -164,9 +180,10 @@ def _inverse(matrix: Floats, least: Floats) -> Floats:
 
 
 def _offsets(body: Body, sample: Floats, cells: Ints) -> Floats:
-    """From every node of these cells to their samples (c, 27, 8, 3), in cell edges on boxes, else in metres."""
+    """From every node of these cells to their samples (c, k, 8, 3), in cell edges on boxes, else in metres."""
     if not body.boxes:
-        return np.asarray(sample_places(body, sample)[cells, None] - body.x_rest[body.cell_nodes[cells]][:, :, None])
+        x = body.x_rest[body.cell_nodes[cells][:, _places(body)]]
+        return np.asarray(sample_places(body, sample)[cells, None] - x[:, :, None])
     return np.asarray(0.5 * (_sample_coordinates(body, sample, cells)[:, None] - (LOCAL - 1.0)[:, None, :]))
 
 

@@ -38,8 +38,8 @@ def node_grid(body: Body) -> Ints:
     grid[body.cell_nodes] = places
     if not np.array_equal(grid[body.cell_nodes], places) or len(np.unique(body.cell_grid, axis=0)) < body.n_cells:
         raise ValueError(
-            "calibrating takes cells that lie on a lattice, which hexahedra of a file, and those around a sphere, need "
-            "not: calibrate a block of about its size, or leave out `cells: own`, or `borders`"
+            "calibrating takes cells that lie on a lattice, which those of a file, and those around a sphere, need "
+            "not: calibrate a block of about its size, or leave out `shape.cells`, or `borders`"
         )
     return grid
 

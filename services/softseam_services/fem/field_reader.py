@@ -46,8 +46,12 @@ class FieldReader:
             contact_tool=touched,
             cell_energy=energy,
             model_error=self._model_error(state.x, force) if indicators and not own else _NOTHING,
-            mesh_error=self._tables.mesh_error.measure(state.x, cauchy) if indicators else _NOTHING,
+            mesh_error=self._mesh_error(state.x, cauchy) if indicators else _NOTHING,
         )
+
+    def _mesh_error(self, x: Floats, cauchy: Floats) -> Floats:
+        """What the cells' size is off by; empty where it is not known, of tetrahedra of a file."""
+        return _NOTHING if self._body.tetrahedra else self._tables.mesh_error.measure(x, cauchy)
 
     def _model_error(self, x: Floats, contact_force: Floats) -> Floats:
         """What PBD would be off by in these cells; empty where it cannot have them."""

@@ -42,7 +42,7 @@ class Octants(NamedTuple):
 
 def cut_cells(body: Body, cells: Ints, root: Ints) -> Ints:
     """Cells among these with gradients of their own (u,); root (c, 8) as of `body.slivers`."""
-    part = np.flatnonzero((body.fill[cells] < 1.0).any(axis=1))
+    part = np.flatnonzero((body.fill[cells] < 1.0).any(axis=1) & body.boxes)
     apart = root // 8 != np.arange(len(root))[:, None]
     return np.union1d(part, root[apart] // 8).astype(np.int32)
 

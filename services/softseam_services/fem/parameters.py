@@ -21,6 +21,7 @@ from softseam_services.fem.elements import ELEMENTS
 from softseam_services.fem.elements.cut import with_cut_cells
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.elements.hex27_box import NO_PATTERNS, cell_tables, own_patterns, patterns
+from softseam_services.fem.elements.of_tetrahedra import OF_TETRAHEDRA
 from softseam_services.fem.elements.table import Table
 from softseam_services.fem.internal_variables import check_internal_variables
 from softseam_services.fem.joints import JointNumbers, build_numbers
@@ -146,9 +147,8 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
             special = patterns(tables, body.edges, mu * relative, octants, (model.pattern, model.cut), share)
 
     def rule_of(kind: ElementKind, fill: Floats, octants: Octants | None = None) -> tuple[Rule, Table]:
-        table, of_cell = with_cut_cells(
-            kind, ELEMENTS[kind](x, poisson), shape, boxes, body.edges, moments, relative, octants
-        )
+        own = OF_TETRAHEDRA[kind](x) if body.tetrahedra else ELEMENTS[kind](x, poisson)
+        table, of_cell = with_cut_cells(kind, own, shape, boxes, body.edges, moments, relative, octants)
         shear = fill if octants is None else octants.shear
         return build_rule(table, fill, shear, of_cell, body, region.cells), table
 

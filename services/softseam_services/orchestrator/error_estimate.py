@@ -165,6 +165,9 @@ class ErrorEstimator:
         if strain == 0.0:
             text = "not known: the body is hardly strained, or its fields are not numbers"
             return ErrorEstimate(time, 0.0, 0.0, 0.0, 0.0, text, False)
+        if self._body is not None and self._body.tetrahedra:
+            text = "not known: it is not estimated on a file's tetrahedra; compare with a finer mesh"
+            return ErrorEstimate(time, mesh, model, 0.0, judged, text, False)
         if judged < _ENOUGH:
             cells = "cells that one material fills"
             if self._body is not None and not self._body.boxes:

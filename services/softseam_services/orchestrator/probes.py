@@ -12,6 +12,7 @@ from softseam_protocol.messages.session import Frame
 from softseam_protocol.quantities import PROBED
 from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table
+from softseam_services.body import tetrahedron
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import MeshError
@@ -49,7 +50,11 @@ class Probes:
         for i, (name, at) in enumerate(zip(self._names, self._rest, strict=True)):
             self._cell[i], octant, self._local[i] = place_of(body, name, at)
             self._material[i] = body.octant_material[self._cell[i], octant]
-            hex27(self._local[i], self._weight[i], slopes)
+            if body.tetrahedra:
+                barycentric = tetrahedron.barycentric_of(self._local[i][None])
+                self._weight[i], self._weight[i, tetrahedron.NODES] = 0.0, tetrahedron.shape_functions(barycentric)[0]
+            else:
+                hex27(self._local[i], self._weight[i], slopes)
         self._nodes = body.cell_nodes[self._cell]
         self._recovery: csr_array | None = None
         self._near = np.zeros(0, dtype=np.int8)

@@ -20,6 +20,7 @@ from softseam_protocol.quantities import PROBED, QUANTITIES
 from softseam_protocol.table import Table
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
+from softseam_services.body.tetrahedron import SHARES
 from softseam_services.orchestrator.indicators import energy_error, root_mean_square
 from softseam_services.orchestrator.probes import PROBE_MEASUREMENTS
 from softseam_services.orchestrator.program import Program
@@ -55,12 +56,14 @@ class RestingBody:
 
     @cached_property
     def octant_volume(self) -> Floats:
-        """Filled at rest, of a body in cells (C, 8) [m^3]; of hexahedra of any shape, an eighth of the cell's."""
+        """Filled at rest, of a body in cells (C, 8) [m^3]; of hexahedra of any shape, an eighth of the cell's; of
+        tetrahedra, by `SHARES`."""
         body = self.body
         assert isinstance(body, Body)  # others have no octants
         density = body.of_octants([material.density for material in body.materials])
-        volume = body.cell_mass.sum(axis=1) / (body.fill * density).sum(axis=1)
-        return np.asarray(volume[:, None] * body.fill)
+        fill = body.fill * SHARES if body.tetrahedra else body.fill
+        volume = body.cell_mass.sum(axis=1) / (fill * density).sum(axis=1)
+        return np.asarray(volume[:, None] * fill)
 
 
 @dataclass(slots=True)

@@ -106,4 +106,6 @@ def locking(scene: Scene) -> str:
     near, body = scene.regions.near, scene.body
     if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):
         return ""
-    return element_warning(scene.models.fem.element, max(material.poisson for material in body.materials))
+    return element_warning(
+        scene.models.fem.element, max(material.poisson for material in body.materials), body.tetrahedral
+    )

@@ -16,7 +16,11 @@ from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.own_shapes import cell_lines, cell_volumes, point_octants
 from softseam_services.body.particles import ParticleBody
+from softseam_services.body.tetrahedron import CORNERS
 from softseam_services.tools.tool_set import ToolSet
+
+_MIDDLE = np.array([13])
+"""local id of a hexahedron's middle node"""
 
 
 def begin(
@@ -39,7 +43,7 @@ def surface_mesh(header: Header, name: str, body: AnyBody, tools: Mapping[str, T
         body=name,
         point_rest=rest_points(body),
         triangles=body.surface.triangles,
-        cell_center=body.x_rest[body.cell_nodes[:, 13]],  # node (1, 1, 1) of 3 x 3 x 3
+        cell_center=body.x_rest[body.cell_nodes[:, CORNERS if body.tetrahedra else _MIDDLE]].mean(axis=1),
         edges=body.edges,
         fill=body.fill,
         tools=dict(tools),

@@ -139,13 +139,17 @@ def _areas(body: Body, region: Region, outer: Ints) -> Floats:
 
 def cell_edges(body: Body, cells: Ints) -> Floats:
     """Edge of a cell [m], twice the spacing of nodes that contact goes by: of a cube of its volume where cells are of
-    any shape, so that thin cells are neither too soft beside a tool's edge nor too stiff beneath it (c,)."""
+    any shape, so that thin cells are neither too soft beside a tool's edge nor too stiff beneath it; of a regular
+    tetrahedron of its volume (c,)."""
+    if body.tetrahedra:
+        return np.asarray(np.cbrt(6.0 * np.sqrt(2.0) * cell_volumes(body)[cells]))
     return np.full(len(cells), body.resolution) if body.boxes else np.cbrt(cell_volumes(body)[cells])
 
 
 def point_edges(body: Body, region: Region) -> Floats:
-    """The mean `cell_edges` of the body's cells around each of the region's surface points (p,) [m]."""
-    if body.boxes:
+    """The mean `cell_edges` of the body's cells around each of the region's surface points, or that of the cell which
+    carries it (p,) [m]."""
+    if body.boxes or body.tetrahedra:
         return cell_edges(body, region.cells)[region.point_cell]
     edge = cell_edges(body, np.arange(body.n_cells, dtype=np.int32))
     held = body.cell_nodes.ravel()
