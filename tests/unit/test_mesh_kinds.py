@@ -281,7 +281,7 @@ def test_middle_nodes_count_as_straight_and_that_is_said(bulge: float) -> None:
 def test_hexahedra_and_tetrahedra_as_they_are() -> None:
     points, _ = box(SIZES[1])
     both = written(".vtu", points, [("hexahedron", HEXAHEDRON), ("tetra", KUHN)])
-    with pytest.raises(MeshError, match=r"a\.vtu: has 6 tetra, but cells are hexahedra"):
+    with pytest.raises(MeshError, match=r"a\.vtu: has 6 tetra, but `cells: own` takes hexahedra"):
         read_hexahedra("a.vtu", both)
     with pytest.raises(MeshError, match=r"a\.vtu: has 1 hexahedron, but a tet_mesh"):
         read_tetrahedra("a.vtu", both)

@@ -22,10 +22,12 @@ from softseam_services.body.body import Body, Floats
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
 from softseam_services.body.errors import MeshError
-from softseam_services.body.interpolate import rest_points
+from softseam_services.body.interpolate import point_weights, rest_points
 from softseam_services.body.own_shapes import cell_lines, local_place, point_octants
+from softseam_services.body.region import build_region
 from softseam_services.body.tetrahedron import NODES, barycentric_of, shape_functions
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.quantities import RestingBody
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.recorder.begin import surface_mesh
 from softseam_services.server import build_setup
@@ -58,6 +60,22 @@ def test_volume_mass_and_surface_of_an_irregular_block() -> None:
     np.testing.assert_allclose(np.abs(points - [0.0, 0.0, 0.025]).max(axis=1), 0.025, atol=1e-12)
     assert len(np.unique(np.round(points, 9), axis=0)) == len(points)
     assert np.all(np.diff(body.surface.cell) >= 0)
+
+
+def test_points_follow_the_functions_of_the_element_and_octants_have_their_shares() -> None:
+    """Linear functions are never negative, quadratic ones are; both put points where they are at rest."""
+    body = built(vtk(*shaken((2, 2, 2), SIZE)))
+    region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
+    least = {}
+    for functions in ("tet4", "tet10"):
+        start, node, weight = point_weights(body, region, functions)  # type: ignore[arg-type]
+        found = np.add.reduceat(weight[:, None] * body.x_rest[node], start[:-1], axis=0)
+        np.testing.assert_allclose(found, rest_points(body), atol=1e-15)
+        least[functions] = weight.min()
+    assert least["tet4"] == 0.5 and least["tet10"] == -0.125
+    volume = RestingBody(body).octant_volume
+    np.testing.assert_allclose(volume[0] / volume[0].sum(), [1 / 8, 3 / 8, 0, 3 / 8, 0, 0, 0, 1 / 8], atol=1e-14)
+    assert volume.sum() == pytest.approx(VOLUME, rel=1e-12)
 
 
 @pytest.mark.parametrize("order", EDGES)
