@@ -145,6 +145,7 @@ def test_it_stands_on_the_ground_with_its_weight(element: str) -> None:
     assert report.wrench[0, 2] == pytest.approx(-weight, rel=1e-3)
     np.testing.assert_allclose(report.wrench[0, 3:5], 0.0, atol=1e-3 * weight * 0.05)
     assert report.quantities["low.von_mises"] == pytest.approx(1000.0 * 9.81 * 0.038, rel=0.06)
+    assert report.quantities["low.displacement"] == pytest.approx(0.4905 * (0.05 - 0.006) * 0.012, rel=0.2)
     assert report.quantities["top.displacement"] == pytest.approx(0.5 * 1000.0 * 9.81 * 0.05**2 / 20e3, rel=0.14)
 
 
