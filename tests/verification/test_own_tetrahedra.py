@@ -68,7 +68,7 @@ def test_points_follow_the_functions_of_the_element_and_octants_have_their_share
     region = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
     least = {}
     for functions in ("tet4", "tet10"):
-        start, node, weight = point_weights(body, region, functions)  # type: ignore[arg-type]
+        start, node, weight = point_weights(body, region, functions)
         found = np.add.reduceat(weight[:, None] * body.x_rest[node], start[:-1], axis=0)
         np.testing.assert_allclose(found, rest_points(body), atol=1e-15)
         least[functions] = weight.min()
