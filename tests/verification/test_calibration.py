@@ -83,7 +83,7 @@ def test_hexahedra_of_a_file_are_refused() -> None:
     shape = {"kind": "mesh", "path": "m.vtk", "cells": "own"}
     scene = block_scene(body={"shape": shape, "cell": None})
     body = build_body(scene, {"m.vtk": mesh((4, 2, 2), (0.2, 0.05, 0.05), 0.05)})
-    with pytest.raises(ValueError, match=r"lattice.*or leave out `cells: own`"):
+    with pytest.raises(ValueError, match=r"lattice.*or leave out `shape.cells`"):
         Bench(scene, body)
 
 
