@@ -34,8 +34,9 @@ class Measuring:
 
     def __call__(self, work: Work, told: Told | None = None) -> Outcome:
         settings, limit = work
-        how = {"runs": self.runs, "length": self.length, "look": 1}
-        return measure(self.scene, settings, self.names, limit=limit, told=told, **how)  # type: ignore[arg-type]
+        return measure(
+            self.scene, settings, self.names, runs=self.runs, limit=limit, length=self.length, told=told, look=1
+        )
 
 
 class Runners(Protocol):

@@ -209,18 +209,25 @@ def _number(path: str, x: Floats, corner: Cells) -> tuple[Ints, Floats]:
     key[:, _MIDDLES, 0], key[:, _MIDDLES, 1:3] = 1, np.sort(corner[:, _ENDS], axis=2)
     key[:, _CENTRES, 0], key[:, _CENTRES, 1:] = 2, np.sort(corner[:, _FACE_CORNERS], axis=2)
     key[:, 13, 0], key[:, 13, 1] = 3, np.arange(n_cells)
-    _, first, number = np.unique(key.reshape(-1, 5), axis=0, return_index=True, return_inverse=True)
-    cell_nodes = number.reshape(-1, 27).astype(np.int32)
-    x_rest = x.reshape(-1, 3)[first]
-    apart = np.linalg.norm(x_rest[cell_nodes] - x, axis=2).max(axis=1)
-    size = np.ptp(x, axis=1).max(axis=1)
-    torn = np.flatnonzero(apart > _MEET * size)
+    nodes, x_rest = shared_nodes(path, key, x, "hexahedra", "edge or face")
+    return nodes.astype(np.int32), x_rest
+
+
+def shared_nodes(path: str, key: Cells, x: Floats, cells: str, at: str) -> tuple[Cells, Floats]:
+    """Number nodes of one key as one: nodes (C, k), places (N, 3); raises MeshError where their places differ.
+
+    key (C, k, m) and x (C, k, 3) of each cell's nodes; cells, at: the words for them and for what neighbours share
+    """
+    _, first, number = np.unique(key.reshape(-1, key.shape[2]), axis=0, return_index=True, return_inverse=True)
+    nodes, x_rest = number.reshape(key.shape[:2]), x.reshape(-1, 3)[first]
+    apart = np.linalg.norm(x_rest[nodes] - x, axis=2).max(axis=1)
+    torn = np.flatnonzero(apart > _MEET * np.ptp(x, axis=1).max(axis=1))
     if len(torn):
         raise MeshError(
-            f"{path}: {len(torn)} hexahedra are curved otherwise than a neighbour at an edge or face that they share, "
-            f"the first is number {torn[0]}; let neighbours share their middle nodes"
+            f"{path}: {len(torn)} {cells} are curved otherwise than a neighbour at an {at} that they share, the first "
+            f"is number {torn[0]}; let neighbours share their middle nodes"
         )
-    return cell_nodes, x_rest
+    return nodes, x_rest
 
 
 def _outer_faces(path: str, cell_nodes: Ints) -> Cells:

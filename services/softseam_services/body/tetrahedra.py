@@ -16,7 +16,7 @@ import numpy as np
 from softseam_services.body.body import Floats
 from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.mesh_file import Cells
-from softseam_services.body.hexahedra import OwnCells, rough_places
+from softseam_services.body.hexahedra import OwnCells, rough_places, shared_nodes
 from softseam_services.body.mesh_io import RawTetrahedra
 from softseam_services.body.surface_check import check_surface
 from softseam_services.body.tetrahedral_surface import lay_out, outer_faces, surface_of
@@ -29,8 +29,6 @@ _DIAGONALS = np.array([[3, 1], [2, 4], [0, 5]])
 """edges between whose middles they run"""
 _LONGER = 1.0 + 1e-9
 """a diagonal that another one is not shorter than by more than rounding stays"""
-_MEET = 1e-6
-"""middles of neighbours that are farther apart than this share of a cell do not meet"""
 _POOR = 0.1
 """quality below which a cell is worth a warning"""
 _RULE = np.concatenate([np.full((4, 4), 1.0 / 6.0) + np.eye(4) / 3.0, np.full((1, 4), 0.25)])
@@ -99,16 +97,7 @@ def _number(path: str, corners: Cells, x: Floats) -> tuple[Cells, Floats]:
     """Nodes that cells share, the middle of an edge by its ends: nodes (C, 10), x_rest (N, 3)."""
     key = np.full((len(x), 10, 2), -1, dtype=np.int64)
     key[:, :4, 1], key[:, 4:] = corners, np.sort(corners[:, ENDS], axis=2)
-    _, first, number = np.unique(key.reshape(-1, 2), axis=0, return_index=True, return_inverse=True)
-    nodes, x_rest = number.reshape(-1, 10), x.reshape(-1, 3)[first]
-    apart = np.linalg.norm(x_rest[nodes] - x, axis=2).max(axis=1)
-    torn = np.flatnonzero(apart > _MEET * np.ptp(x, axis=1).max(axis=1))
-    if len(torn):
-        raise MeshError(
-            f"{path}: {len(torn)} tetrahedra are curved otherwise than a neighbour at an edge that they share, the "
-            f"first is number {torn[0]}; let neighbours share their middle nodes"
-        )
-    return nodes, x_rest
+    return shared_nodes(path, key, x, "tetrahedra", "edge")
 
 
 def _volumes(path: str, x: Floats) -> Floats:
