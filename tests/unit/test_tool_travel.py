@@ -11,7 +11,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
-from softseam_services.tools.travel import beyond_middle
+from softseam_services.tools.travel import beyond_middle, parts_needed
 
 BODY = {
     "shape": {"kind": "block", "size": [0.02, 0.02, 0.02]},
@@ -75,6 +75,49 @@ def test_what_turns_counts_by_its_ends(turned: str, least: float) -> None:
 @pytest.mark.parametrize("turned", ["cube", "ball"])
 def test_what_is_as_thick_as_it_is_long_may_turn(turned: str) -> None:
     assert _turning(0.45, turned) == []
+
+
+@pytest.mark.parametrize(
+    ("way", "before", "flies", "parts"),
+    [
+        ([0.0, 0.0024, 0.0], 0.0, 0.0, 1),  # less than half of its radius
+        ([0.0, 0.0026, 0.0], 0.0, 0.0, 2),
+        ([0.0, -0.0051, 0.0], 0.0, 0.0, 4),
+        ([0.0, 0.0, 0.0], 0.0, 0.0, 1),
+        ([0.0, 0.019, 0.0], 0.0, 0.0, 8),
+        ([0.0, 1.0, 0.0], 0.0, 0.0, 32),
+        ([0.0, 0.02, 0.0], 0.3, 0.0, 1),  # comes near nothing
+        ([0.0, 0.02, 0.0], 0.0, 0.019, 1),  # goes with what it touches
+        ([0.0, 0.005, 0.0], 0.0, -0.0048, 4),
+    ],
+)
+def test_parts_let_a_ball_come_on_by_half_its_radius(way: list[float], before: float, flies: float, parts: int) -> None:
+    """Of 5 mm, beside a body of two nodes that fly by that much."""
+    built = scene(0.1)
+    tools = build_tools(built, build_body(built, {}), {})
+    command = np.zeros((4, 6))
+    command[tools.names.index("ball"), :3] = np.array(way) / built.step
+    motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
+    x = np.array([[0.0, 0.1, 0.05], [0.0, 0.102, 0.05]]) + np.array([before, 0.0, 0.0])
+    assert parts_needed(tools, motion, x, np.tile([0.0, flies, 0.0], (2, 1))) == parts
+
+
+def test_boxes_and_planes_need_no_parts() -> None:
+    """A point meets the side of a box that it faced when the step began."""
+    built = scene(0.1)
+    tools = build_tools(built, build_body(built, {}), {})
+    command = np.zeros((4, 6))
+    command[tools.names.index("plate"), 0] = command[tools.names.index("ground"), 2] = 5.0
+    motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
+    assert parts_needed(tools, motion, np.array([[0.0, 0.0, 0.01]]), np.zeros((1, 3))) == 1
+
+
+def test_a_rod_that_turns_needs_parts() -> None:
+    tools = {"rod": {"kind": "capsule", "radius": 0.005, "length": 0.06, "position": [0.3, 0, 0.1]}}
+    built = Scene.model_validate(scene(0.1).model_dump() | {"tools": tools, "motion": [{"hold": 0.1}]})
+    set_ = build_tools(built, build_body(built, {}), {})
+    motion = tool_motion(set_, set_.position, set_.orientation, np.array([[0, 0, 0, 0, 40.0, 0]]), built.step)
+    assert parts_needed(set_, motion, np.array([[0.3, 0.0, 0.1]]), np.zeros((1, 3))) == 8
 
 
 def test_a_plate_that_jumps_is_an_event_told_once() -> None:

@@ -14,6 +14,11 @@ from softseam_services.orchestrator.simulation import Simulation
 
 PLATE = {"kind": "box", "size": [0.4, 0.4, 0.001], "position": [0, 0, -0.0005]}
 DISC = {"kind": "cylinder", "radius": 0.1, "length": 0.001, "position": [0, 0, -0.0005]}
+ROUND = {
+    "capsule": {"kind": "capsule", "radius": 0.006, "length": 0.1, "axis": [0, 1, 0], "position": [-0.1, 0, 0.02]},
+    "cylinder": {"kind": "cylinder", "radius": 0.006, "length": 0.1, "position": [-0.1, 0, 0.055]},
+    "sphere": {"kind": "sphere", "radius": 0.015, "position": [-0.1, 0.004, 0.02]},
+}
 MESH = {"kind": "mesh", "path": "plate.obj", "position": [0, 0, -0.006]}
 
 
@@ -69,3 +74,33 @@ def test_a_plate_that_comes_takes_the_body_along(model: str) -> None:
 @pytest.mark.parametrize("model", ["fem", "pbd"])
 def test_a_stiff_body_does_not_pass_either(model: str) -> None:
     assert lowest(PLATE, model, 20.0, young=1e7) > -1e-3
+
+
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+@pytest.mark.parametrize(("kind", "speed"), [("capsule", 1.0), ("cylinder", 2.0), ("sphere", 2.0)])
+def test_round_tools_that_come_take_the_body_along(kind: str, speed: float, model: str) -> None:
+    """Each goes 10 or 20 mm a step, farther than its radius: one step of FEM let it into the body, and out behind."""
+    scene = Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "fast",
+            "step": 0.01,
+            "body": {
+                "shape": {"kind": "block", "size": [0.05, 0.05, 0.04]},
+                "cell": 0.0167,
+                "material": {"kind": "neo_hookean", "young": 4e4, "poisson": 0.35, "density": 900.0},
+            },
+            "tools": {"ground": {"kind": "plane", "friction": 0.3}, "tool": ROUND[kind]},
+            "motion": [{"tools": ["tool"], "move": [0.3, 0, 0], "speed": speed}],
+            "regions": {"default": model},
+        }
+    )
+    simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
+    done, pulled = False, 0.0
+    while not done:
+        report = simulation.step(fields=True)
+        done, pulled = report.done, max(pulled, float(report.wrench[1, 0]))
+    middle = float(simulation.frame().x[:, 0].mean())
+    simulation.close()
+    assert middle > report.tool_position[1, 0] + 0.025
+    assert pulled < 0.01

@@ -30,6 +30,7 @@ from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
 from softseam_services.request_check import problem_of, problem_of_correction, problem_of_target
 from softseam_services.tools.tool_set import ToolSet
+from softseam_services.tools.travel import parts_needed
 from softseam_services.totals import Totals
 
 _NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
@@ -53,7 +54,7 @@ class FemSolver:
 
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
-        self._body, self._region, self._n_tools = body, region, len(tools.names)
+        self._body, self._region, self._n_tools, self._tool_set = body, region, len(tools.names), tools
         self._models = scene.models
         self.tables = tables or RegionTables(body, region, tools, scene)
         self._reduction = reduction = self.tables.reduction
@@ -169,7 +170,7 @@ class FemSolver:
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
-        inputs = StepInputs.of(request, tools)
+        inputs = StepInputs.of(request, tools, parts_needed(self._tool_set, request.tools, now.x, request.dt * now.v))
         end, self._result = stepper.step(self._model, self._parameters, now, inputs, request.dt, end)
         status = self._result.status
         if status == CONVERGED and request.compliance and not stepper.by_error:

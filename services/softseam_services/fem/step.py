@@ -36,6 +36,7 @@ _CAREFUL_AT_FIRST = 60
 _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
 _UNSEEN = 1e-2
+_SUMMED = [kernel.TOOL_WORK, kernel.SEAM_WORK, kernel.N_ITERATIONS]
 AT_ONCE = substeps.Substeps(n_accepted=1)
 """what a step takes as a rule"""
 
@@ -52,11 +53,22 @@ class StepInputs(NamedTuple):
     """(s, 3) [m], (0, 3) where nothing beyond the seam resists"""
     seam_impedance: Floats
     """(3s, 3s) [N/m], (0, 0) where it is as told before"""
+    parts: int = 1
+    """that the tools' way asks for, a power of 2"""
 
     @classmethod
-    def of(cls, request: Advance, tools: Tools) -> StepInputs:
-        """What a request says, with the tools over the step."""
-        return cls(tools, request.seam_force, request.seam_force_start, request.seam_target, request.seam_impedance)
+    def of(cls, request: Advance, tools: Tools, parts: int = 1) -> StepInputs:
+        """What a request says, with the tools over the step, which is taken in so many parts at least."""
+        told = request.seam_force, request.seam_force_start, request.seam_target, request.seam_impedance
+        return cls(tools, *told, parts)
+
+    def part(self, number: int) -> StepInputs:
+        """What acts over one of the parts, whose seam the other side does not follow."""
+        first, last = number / self.parts, (number + 1) / self.parts
+        start, force = self.seam_force_start, self.seam_force
+        if len(start):
+            start, force = (start + share * (force - start) for share in (first, last))
+        return StepInputs(part_of(self.tools, first, last), force, start, self.seam_target[:0], self.seam_impedance)
 
 
 class StepResult(NamedTuple):
@@ -119,8 +131,11 @@ class Stepper:
         if end is None:
             end = state.copy()
             end.x += dt * state.v
-        self._couple(inputs.seam_target, inputs.seam_impedance)
-        status = self._take(state, end, inputs, dt)
+        if inputs.parts > 1 and not self.by_error:
+            status = self._take_parts(state, end, inputs, dt)
+        else:
+            self._couple(inputs.seam_target, inputs.seam_impedance)
+            status = self._take(state, end, inputs, dt)
         return end, StepResult(status, self.result, self._parts or AT_ONCE)
 
     @property
@@ -162,6 +177,22 @@ class Stepper:
             status = self._insist(now, end, inputs, dt)
         if status == CONVERGED and self._parts is None:
             self.result.out[kernel.SEAM_WORK] = self._seam_work(inputs, now, end)
+        return status
+
+    def _take_parts(self, now: FemState, end: FemState, inputs: StepInputs, dt: float) -> int:
+        """The step as so many shorter ones; returns a status of `kernels.newton`."""
+        begin, sums, n_accepted = now.copy(), np.zeros(3), 0
+        self._couple(inputs.seam_target[:0], inputs.seam_impedance)
+        for number in range(inputs.parts):
+            end.x[:] = begin.x + dt / inputs.parts * begin.v
+            status = self._take(begin, end, inputs.part(number), dt / inputs.parts)
+            if status != CONVERGED:
+                break
+            sums += self.result.out[_SUMMED]
+            n_accepted += self._parts.n_accepted if self._parts else 1
+            begin = end.copy()
+        self.result.out[_SUMMED] = sums
+        self._parts = substeps.Substeps(n_accepted=n_accepted)
         return status
 
     def derive(self, now: FemState, end: FemState, inputs: StepInputs, dt: float) -> int:

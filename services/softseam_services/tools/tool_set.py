@@ -44,13 +44,22 @@ class ToolSet:
         return np.array(rows).reshape(-1, 6)
 
     @cached_property
+    def thin(self) -> list[float]:
+        """Half of each tool's thickness, infinite for planes and meshes (t,) [m]"""
+        return [
+            float(numbers[:3].min() if kind == BOX else each.core[:, 3].min(initial=np.inf))
+            for kind, numbers, each in zip(self.kind, self.shape, self.geometry, strict=True)
+        ]
+
+    @cached_property
     def short(self) -> list[float]:
         """Square of a way that takes no tool's middle to where its face was, a bit less than need be (t,) [m^2]"""
-        thin = (
-            numbers[:3].min() if kind == BOX else each.core[:, 3].min(initial=np.inf)
-            for kind, numbers, each in zip(self.kind, self.shape, self.geometry, strict=True)
-        )
-        return [0.9 * float(radius) ** 2 for radius in thin]
+        return [0.9 * thin**2 for thin in self.thin]
+
+    @cached_property
+    def round(self) -> list[int]:
+        """Tools whose core is balls: spheres, capsules and cylinders."""
+        return [tool for tool, each in enumerate(self.geometry) if len(each.core)]
 
     @property
     def surfaces(self) -> Mapping[str, ToolSurface]:
