@@ -5,8 +5,9 @@ With the gap g, the slip s of this substep relative to the tool, and the complia
 p = max(0, p_old - (g - g_0)/c),  t = t_old - s/c,  where |t| > mu max(P, p) cut off to mu P                   (1)
 x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                                                     (2)
 While p > 0, P = max(p_mean, p - debt), p_mean being p with a memory of 20 ms: points of a body that rings are unloaded
-one by one, and what let go of what it holds whenever p is small would creep. What a point holds beyond mu p is lent,
-and paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load. So it is
+one by one, and what let go of what it holds whenever p is small would creep. What a point that slips feels beyond mu p
+is its debt, paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load; it
+fades where the point sticks. So it is
 on planes, and on any tool that has the body alone. Where several may touch it, or what is beyond a seam, P is p on all
 but planes, and where contact has a compliance: what is squeezed would gain energy by what is lent.
 A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
@@ -74,7 +75,7 @@ NO_MEMORY = 1.0
 def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer):
     """Eq. (1) for one pair at this gap and normal: FORCE, STEADY, SLIPPED, CHANGE, HOLD and X are updated.
 
-    newer: share of p in p_mean; STEADY holds p_mean and the debt, which fades with the same memory
+    newer: share of p in p_mean; STEADY holds p_mean and the debt, which fades with the same memory while it sticks
     """
     old_x, old_y, old_z = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
     x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
@@ -103,10 +104,8 @@ def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer):
     square, bound = tx * tx + ty * ty + tz * tz, mu * lent
     most = mu * (max(lent, p) if p > 0.0 else 0.0)
     sticks = square <= most * most
-    held = np.sqrt(square) / mu if mu > 0.0 else 0.0
-    debt += max(0.0, held - p) if sticks else lent - p
     row[lane + EIGHT * STEADY] = steady
-    row[lane + EIGHT * (STEADY + 1)] = max(0.0, (1.0 - newer) * debt)
+    row[lane + EIGHT * (STEADY + 1)] = (1.0 - newer) * debt if sticks else max(0.0, debt + lent - p)
     scale = 1.0 if sticks else bound / np.sqrt(1.0 if sticks else square)
     fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
     dx, dy, dz = fx - old_x, fy - old_y, fz - old_z
