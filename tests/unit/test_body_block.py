@@ -13,7 +13,7 @@ from softseam_services.body.build import build_body
 from softseam_services.body.interpolate import Functions, point_weights, rest_points
 from softseam_services.body.kernels.shape_functions import hex27, octant_trilinear
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
-from softseam_services.body.region import build_region, shared_nodes
+from softseam_services.body.region import build_region, node_of_point, shared_nodes
 from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 
 SIZE = (0.05, 0.04, 0.06)
@@ -125,6 +125,19 @@ def test_region_masses_sum_to_the_body_and_seams_are_shared() -> None:
         seen.append(region.points)
     np.testing.assert_allclose(total, node_mass(body), rtol=1e-13)
     np.testing.assert_array_equal(np.sort(np.concatenate(seen)), np.arange(len(body.surface.cell)))
+
+
+def test_points_on_clamped_nodes_of_both_sides_belong_to_one() -> None:
+    """A clamped node is in no seam. Where its point was told of by its cell, FEM's faces beside it had none there."""
+    body = block(cell=0.01, fixed=[{"min": [-1, -1, 0.2999], "max": [1, 1, 0.3001]}])
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        near = np.flatnonzero(rng.random(body.n_cells) < 0.5).astype(np.int32)
+        far = np.setdiff1d(np.arange(body.n_cells, dtype=np.int32), near).astype(np.int32)
+        seam = shared_nodes(body, near, far)
+        one, other = build_region(body, near, seam), build_region(body, far, seam, owns_seam_points=False)
+        np.testing.assert_array_equal(np.sort(np.concatenate([one.points, other.points])), np.arange(body.n_points))
+        assert set(one.nodes) & set(node_of_point(body)) <= set(node_of_point(body)[one.points])
 
 
 def test_regions_refuse_foreign_cells_and_seam_nodes() -> None:

@@ -17,8 +17,8 @@ BESIDE = 1.0
 def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bool = True) -> Region:
     """The region of these cells (global ids, made ascending); seam_nodes are global ids, kept in the given order.
 
-    A surface point that sits on a seam node, or closer to the seam than `BESIDE`, belongs to the side that owns the
-    seam's points, whatever cell carries it in the body. So contact there is solved by one side, the same one along the
+    A surface point that sits on a node of both sides, clamped or not, or closer to the seam than `BESIDE`, belongs to
+    the side that owns the seam's points, whatever cell carries it in the body. So contact there is solved by one side, the same one along the
     whole seam: the other side's answer to a seam force would jump whenever such a point sticks, slips or lifts off.
     """
     cells = np.unique(cells).astype(np.int32)
@@ -32,12 +32,13 @@ def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bo
     cell_number = np.full(body.n_cells, -1, dtype=np.int32)
     cell_number[cells] = np.arange(len(cells))
     carrier, point_local = body.surface.cell.copy(), body.surface.local.copy()
+    inside, shared = cell_number >= 0, seam_nodes
     if len(seam_nodes):
-        inside = cell_number >= 0
         _carry_across(body, inside if owns_seam_points else ~inside, carrier, point_local)
+        shared = np.intersect1d(body.cell_nodes[inside], body.cell_nodes[~inside])
     point_cell = cell_number[carrier]
     node = node_of_point(body)
-    on_seam = np.flatnonzero(np.isin(node, seam_nodes))
+    on_seam = np.flatnonzero(np.isin(node, shared))
     if owns_seam_points:
         order = np.argsort(cell_nodes, axis=None, kind="stable")
         first = order[np.searchsorted(cell_nodes.reshape(-1)[order], np.searchsorted(nodes, node[on_seam]))]
