@@ -23,7 +23,7 @@ from softseam.view.colors import label
 from softseam_protocol.facts import machine
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES = {"tofu_grasp": 10.0, "cantilever": 1.5, "tofu_pads": 2.0, "tofu_slab": 2.0}
+SCENES = {"tofu_grasp": 10.0, "cantilever": 2.0, "tofu_pads": 2.0, "tofu_slab": 2.0}
 """minutes of each; the sweep of tofu_grasp takes 3 to 5 of them"""
 FAST, LOCAL = 10.0, 0.05
 """real-time factor at which local stress is asked for, and its error [1]"""
@@ -96,7 +96,9 @@ Names of configurations are explained [below](#what-the-names-say).
 
 | in a name | it means |
 |---|---|
-| FEM, XPBD | all of the body is simulated by it; FEM solves for one side where all mirrors itself |
+| FEM, XPBD, PBD | all of the body is simulated by it; FEM solves for one side where all mirrors itself |
+| iterations 20, k 0.3 | of classic PBD, on a block of particles in so many cubes: an iteration removes a share k of \
+what each edge and each tetrahedron is off by, all of it where no k is named |
 | hybrid | FEM near the tools, XPBD elsewhere, joined by a seam, on the scene's own regions |
 | half as wide, twice as wide | that reach of the FEM region, against the scene's |
 | as it is | the scene's own cells, models and regions; only the step is set |
@@ -157,6 +159,19 @@ measured with; worst of |
 |---|---|---|---|---|---|---|
 {rows}
 """
+CLASSIC = """
+Classic PBD (yellow crosses) keeps lengths of edges and volumes of tetrahedra, and has no Young's modulus: how stiff it
+is follows from step and iterations. At k = 1, four times the iterations or half the step give some four times the
+force; a k below 1 is [chosen for E]({classic}) at this step and these iterations, and no other. Each chart shows it as
+a control, and no plan takes it:
+
+| configuration | real-time factor | error [%] | grip force at the end [N] |
+|---|---|---|---|
+| the reference | | | {reference:.3g} |
+{rows}
+"""
+CHOSEN = "../../clients/softseam/study/classic.py"
+"""where k is chosen"""
 STRESS = """
 Local stress, {where}. Asked for: {most:g} % at {fast:g} times real time. Of all that is so fast, the most accurate
 there; where the reference is uncertain by more than is asked for, nobody can tell whether that is met:
@@ -234,6 +249,10 @@ def section(one: Charted) -> str:
         text += ASKED_FOR.format(rows="\n".join(asked(one.front)))
     if one.rivals:
         text += RIVALS.format(rows="\n".join(beside(mark, one.front) for mark in one.rivals))
+    classic = [row for row in one.rows if row.configuration.method == "PBD" and row.error is not None]
+    if classic and "grip_force" in truth:
+        rows = "\n".join(at_the_end(row) for row in classic)
+        text += CLASSIC.format(reference=truth["grip_force"].values[-1], rows=rows, classic=CHOSEN)
     stress = [name for name in truth if name.endswith(".von_mises")]
     if stress:
         groups = [[name] for name in stress] + ([stress] if len(stress) > 1 else [])
@@ -291,6 +310,13 @@ def beside(mark: Landmark, front: Sequence[Row]) -> str:
 def short(value: float) -> str:
     """Two digits, or all before the point."""
     return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+
+
+def at_the_end(row: Row) -> str:
+    """A configuration, its speed, its error, and the force that it ends with."""
+    assert row.error is not None and row.outcome.series is not None
+    force = row.outcome.series.values["grip_force"][-1]
+    return f"| {row.configuration.label} | {row.outcome.rtf:.3g} | {percent(row.error)} | {force:.3g} |"
 
 
 def local(names: Sequence[str], one: Charted) -> str:

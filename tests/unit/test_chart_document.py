@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,14 @@ import pytest
 from benchmarks import chart as document
 
 from softseam.scenes import load_scene
+from softseam.study.classic import classic_configurations
 from softseam.study.configurations import METHODS, Configuration, configurations
 from softseam.study.errors import Error, Truth
 from softseam.study.frame import Frame
 from softseam.study.landmarks import Landmark
 from softseam.study.measure import Outcome
 from softseam.study.reference import Part, Reference
+from softseam.study.series import Series
 from softseam.study.table import Row
 
 KNOWN = Reference(
@@ -58,6 +61,24 @@ def test_the_table_of_rivals_says_what_its_columns_are() -> None:
     assert head.count("|") == next(line for line in text.splitlines() if line.startswith("| rival")).count("|")
 
 
+def test_classic_pbd_s_force_stands_beside_the_reference_s() -> None:
+    """A row for each run of it that was done; a chart without grip_force, or without such runs, has no such table."""
+    series = Series(np.array([0.1, 0.2]), np.zeros(2), {"grip_force": np.array([1.0, 3.5])})
+    outcome = Outcome("done", walls=(0.01,), simulated=1.0, series=series)
+    error = Error(0.4, False, 0.4)
+    rows = [
+        Row(Configuration("b", "PBD", "PBD 2x2x2", (), 1.0), outcome, {"grip_force": error}, error),
+        Row(Configuration("c", "PBD", "PBD 4x4x4", (), 1.0), Outcome("failed", "why"), {}, None),
+    ]
+    truth = {"grip_force": Truth(np.array([1.0, 8.5]), 1.0, 0.01)}
+    text = document.section(document.Charted("cantilever", rows, replace(KNOWN, truth=truth), []))
+    assert "| the reference | | | 8.5 |\n| PBD 2x2x2 | 100 | 40 | 3.5 |\n" in text and "PBD 4x4x4" not in text
+    assert "Classic PBD" not in document.section(
+        document.Charted("cantilever", rows, replace(KNOWN, truth={"sag": KNOWN.truth["sag"]}), [])
+    )
+    assert (Path(document.ROOT) / "docs" / "results" / document.CHOSEN).is_file()
+
+
 def test_missing_rivals_are_warned_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,7 +93,8 @@ def test_every_word_in_a_configuration_s_name_is_explained() -> None:
     key = document.PAGE.partition("| in a name |")[2].partition("{sections}")[0]
     words: set[str] = set()
     for name, extent in (("tofu_grasp", 0.05), ("cantilever", 0.05), ("tofu_pads", 0.05), ("stiff_inclusion", 0.05)):
-        for one in configurations(Frame(load_scene(name), np.full(3, extent))):
+        frame = Frame(load_scene(name), np.full(3, extent))
+        for one in (*configurations(frame), *classic_configurations(frame)):
             words |= {word.strip(",") for word in one.label.split() if word[0].isalpha()}
             assert one.method in METHODS
     elements = {word for word in words if word.startswith(("hex", "tet"))}

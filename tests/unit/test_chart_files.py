@@ -11,6 +11,7 @@ import pytest
 
 from softseam.errors import BadInput
 from softseam.scenes import load_scene
+from softseam.study.classic import classic_configurations
 from softseam.study.configurations import Configuration, Fem, configurations
 from softseam.study.errors import Truth
 from softseam.study.frame import Frame, frame_of
@@ -24,6 +25,7 @@ from softseam.study.sweep import sweep
 from softseam.study.table import rows_of, write_csv
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.particles import TetMeshBody
 from softseam_services.body.build import build_body
 
 HERE = Identity("a scene", "some code", "a machine")
@@ -112,6 +114,40 @@ def test_a_sweep_names_every_configuration_once() -> None:
     assert len({c.key for c in found}) == len({c.label for c in found}) == len(found)
     assert [c.seconds for c in found] == sorted(c.seconds for c in found)
     assert {c.method for c in found} == {"FEM", "FEM, other elements", "XPBD", "hybrid", "as it is"}
+
+
+def test_classic_pbd_is_a_control_of_charts_and_no_choice_of_plans() -> None:
+    """The scene takes each one's settings; only blocks of one material are tried, and where nothing that counts has
+    cells alone. k = 1 at 5 to 80 iterations, and a k for E that falls with iterations and with longer cubes."""
+    scene = load_scene("tofu_grasp")
+    frame = Frame(scene, np.array([0.05, 0.05, 0.05]))
+    found = classic_configurations(frame)
+    assert {one.method for one in found} == {"PBD"} and not {one.method for one in configurations(frame)} & {"PBD"}
+    assert len({one.key for one in found}) == len({one.label for one in found}) == len(found)
+    shares = {}
+    for one in found:
+        asked = with_settings(scene, one.settings)
+        assert isinstance(asked.body, TetMeshBody) and asked.body.size == (0.05, 0.05, 0.05)
+        assert asked.body.position == (0.0, 0.0, 0.025) and "peak_von_mises" not in asked.quantities
+        assert asked.models.pbd.classic.stretch == asked.models.pbd.classic.volume
+        shares[asked.body.divisions, asked.step, asked.models.pbd.sweeps, asked.models.pbd.classic.stretch < 1.0] = (
+            asked.models.pbd.classic.stretch
+        )
+    assert shares[(2, 2, 2), 0.01, 80, True] == pytest.approx(2.0 * 20e3 / 1050 * (0.01 / 0.025) ** 2 / 80, rel=1e-5)
+    assert {n for (counts, _, n, softer) in shares if counts == (6, 6, 6) and not softer} == {5, 20, 80}
+    assert {step for (_, step, _, _) in shares} == {0.005, 0.01, 0.02}
+    for name in ("tofu_pads", "stiff_inclusion", "sausage", "rope"):
+        assert classic_configurations(Frame(load_scene(name), np.full(3, 0.05))) == [], name
+
+
+def test_what_a_run_never_tells_is_in_no_series() -> None:
+    """Particles have no stress; a quantity that is lost at the end, the control, makes a run fail."""
+    settings = classic_configurations(Frame(load_scene("tofu_grasp"), np.full(3, 0.05)))[0].settings
+    short = (*settings, "motion=[]", "duration=0.03")
+    outcome = measure("tofu_grasp", short, ("grip_force", "peak_von_mises"), runs=0)
+    assert outcome.status == "done" and outcome.series is not None
+    assert [*outcome.series.values] == ["grip_force"] and outcome.series.finite()
+    assert not replace(outcome.series, values={"grip_force": np.array([0.0, np.nan])}).finite()
 
 
 def test_a_sweep_ends_cells_at_edges_inside_faces() -> None:

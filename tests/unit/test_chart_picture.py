@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from softseam.study import draw
-from softseam.study.configurations import Configuration
+from softseam.study.configurations import METHODS, Configuration
 from softseam.study.errors import Error, Truth
 from softseam.study.landmarks import ASKED, Landmark
 from softseam.study.measure import Outcome, Status
@@ -101,6 +103,23 @@ def test_the_legend_explains_outlined_marks_and_thin_lines() -> None:
     assert "slowest to fastest run" in handles
     box = [legend.get_window_extent() for legend in figure.legends]
     assert all(each.x1 < figure.bbox.x1 for each in box)
+
+
+def test_classic_pbd_has_a_mark_and_a_colour_of_its_own() -> None:
+    """A cross in the picture and in the legend; XPBD's, the control, has a circle of another colour."""
+    one = row("one", 10.0, 0.3)
+    classic = replace(one, configuration=Configuration("two", "PBD", "PBD 2x2x2", (), 1.0))
+    figure = drawn([one, classic], [])
+    marks = {
+        str(line.get_label()): line for legend in figure.legends for line in legend.legend_handles
+        if isinstance(line, Line2D)
+    }  # fmt: skip
+    assert marks["PBD"].get_marker() == "P" and marks["XPBD"].get_marker() == "o"
+    assert marks["PBD"].get_color() != marks["XPBD"].get_color()
+    assert len(set(draw.TONES.values())) == len(draw.TONES) == len(METHODS)
+    drawn_as = {each.get_gid(): each for each in figure.axes[0].collections if str(each.get_gid()).startswith("run-")}
+    paths = [drawn_as[f"run-{key}"].get_paths()[0].vertices for key in ("one", "two")]
+    assert np.shape(paths[0]) != np.shape(paths[1])
 
 
 def test_a_picture_without_a_front_is_drawn() -> None:

@@ -87,6 +87,50 @@ def test_a_sheet_that_cannot_be_is_refused(old: str, new: str, key: str, words: 
     assert words in error.problem
 
 
+BLOCK = """softseam: 1
+name: block
+duration: 1
+body:
+  kind: tet_mesh
+  size: [0.05, 0.05, 0.1]
+  divisions: [2, 2, 4]
+  density: 1000
+  young: 20.0e3
+  poisson: 0.3
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        ("  size: [0.05, 0.05, 0.1]\n", "", "body.kind", "`path`, a file of tetrahedra, or `size` and `divisions`"),
+        ("  divisions: [2, 2, 4]\n", "", "body.kind", "`size` and `divisions`"),
+        ("density", "path: a.vtk\n  density", "body.size", "leave out size, or path"),
+        ("density", "scale: 0.001\n  density", "body.scale", "a block has no scale"),
+        ("density", "up: x\n  density", "body.up", "a block has no up"),
+        ("density", "part: a\n  density", "body.part", "a block has no part"),
+        ("[2, 2, 4]", "[200, 200, 400]", "body.divisions", "fewer divisions"),
+        ("0.1]", "1000]", "body.size.2", "metres"),
+    ],
+)
+def test_a_block_of_tetrahedra_that_cannot_be_is_refused(old: str, new: str, key: str, words: str) -> None:
+    error = refusal(BLOCK.replace(old, new))
+    assert error.key == key
+    assert words in error.problem
+
+
+def test_what_came_later_is_said_only_where_a_scene_has_it() -> None:
+    """The hashes of scenes that were there before hold: keys that nobody gave are not in their text."""
+    file = BLOCK.replace("  size: [0.05, 0.05, 0.1]\n  divisions: [2, 2, 4]\n", "  path: a.vtk\n")
+    older, block = (parse_scene(text).model_dump() for text in (file, BLOCK))
+    assert not {"size", "divisions", "constraints"} & older["body"].keys()
+    assert block["body"]["size"] == (0.05, 0.05, 0.1) and block["body"]["path"] is None
+    assert "volume" not in older["models"]["pbd"]["classic"]
+    assert parse_scene(SHEET).model_dump()["body"]["size"] == (0.2, 0.1)
+    softer = parse_scene(BLOCK + "models: {pbd: {method: pbd, classic: {volume: 0.5}}}\n")
+    assert softer.model_dump()["models"]["pbd"]["classic"]["volume"] == 0.5
+
+
 def test_cells_are_not_gripped_and_have_no_classic_stiffness() -> None:
     text = (
         "softseam: 1\nname: a\nbody: {shape: {kind: block, size: [1, 1, 1]}, "

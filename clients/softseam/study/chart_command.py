@@ -15,6 +15,7 @@ from softseam.errors import BadInput, SoftseamError, missing_extra, require_extr
 from softseam.outputs import check_outputs
 from softseam.report import write_json
 from softseam.scenes import inputs_of
+from softseam.study.classic import classic_configurations
 from softseam.study.configurations import METHODS, configurations
 from softseam.study.errors import not_counted
 from softseam.study.landmarks import Landmark, asked_of, read_rivals
@@ -69,7 +70,8 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     store = Store(folder / "runs" / study.identity.folder, study.identity, "start anew with --fresh")
     if wishes.fresh:
         store.clear()
-    wanted = configurations(study.frame)
+    wanted = [*configurations(study.frame), *classic_configurations(study.frame)]
+    wanted.sort(key=lambda one: (one.seconds, one.key))
     finished(store, wanted)  # what is spoilt is told before a reference is made
     levels = study.levels(names, fresh=wishes.fresh)
     budget = 60.0 * wishes.minutes

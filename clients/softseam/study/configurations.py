@@ -12,8 +12,8 @@ from softseam.symmetric import PARTS
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.spec import Vector
 
-Method = Literal["FEM", "FEM, other elements", "XPBD", "hybrid", "as it is"]
-METHODS: tuple[Method, ...] = ("FEM", "FEM, other elements", "XPBD", "hybrid", "as it is")
+Method = Literal["FEM", "FEM, other elements", "XPBD", "PBD", "hybrid", "as it is"]
+METHODS: tuple[Method, ...] = ("FEM", "FEM, other elements", "XPBD", "PBD", "hybrid", "as it is")
 
 Factors = tuple[float, ...]
 
@@ -91,7 +91,7 @@ class Fem:
     @property
     def cells(self) -> str:
         """Names its cells and scheme, without the step."""
-        return f"{self.element} {self.integrator} {_cells(self.frame, self.counts)}{self._graded}"
+        return f"{self.element} {self.integrator} {cells_named(self.frame, self.counts)}{self._graded}"
 
     @property
     def _graded(self) -> str:
@@ -133,10 +133,10 @@ class Fem:
         graded = self._graded
         how = "" if self.integrator == "implicit_euler" else f" {self.integrator}"
         method: Method = "FEM" if self.element in SWIFT else "FEM, other elements"
-        cells = _cells(self.frame, self.counts)
+        cells = cells_named(self.frame, self.counts)
         part = f", {PARTS[len(self._axes)]} of it solved for" if self._axes else ""
-        label = f"FEM{named} {cells}{graded}, {_ms(self.step)}{how}{part}"
-        key = f"fem-{self.element}-{self.integrator}-{cells}-{_ms(self.step, '')}{graded}".replace(" ", "-")
+        label = f"FEM{named} {cells}{graded}, {ms(self.step)}{how}{part}"
+        key = f"fem-{self.element}-{self.integrator}-{cells}-{ms(self.step, '')}{graded}".replace(" ", "-")
         return Configuration(key, method, label, self.settings, self.seconds, self)
 
 
@@ -266,9 +266,9 @@ def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Confi
     cut = frame.symmetry(())
     settings = ("regions={default: pbd}", *frame.cells(counts), f"step={step:.9g}", f"models.pbd={{{how}}}", *cut)
     seconds = frame.length / step * xpbd_step(frame.n_cells(counts), step)
-    cells = _cells(frame, counts)
-    label = f"XPBD {cells}, {_ms(step)}{', ' if how else ''}{how.replace(':', '')}"
-    key = f"xpbd-{cells}-{_ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}".replace(" ", "-")
+    cells = cells_named(frame, counts)
+    label = f"XPBD {cells}, {ms(step)}{', ' if how else ''}{how.replace(':', '')}"
+    key = f"xpbd-{cells}-{ms(step, '')}{'-' if how else ''}{how.replace(': ', '-')}".replace(" ", "-")
     return Configuration(key, "XPBD", label, settings, seconds)
 
 
@@ -287,11 +287,10 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
             for factor in factors if told in ("", ", one block a cell") else (1,):
                 cells = (*frame.cells(counts), *frame.symmetry(()))
                 settings = ("regions.near.split=always", *cells, f"step={factor * step:.9g}", *region)
-                label = f"hybrid {_cells(frame, counts)}, {_ms(factor * step)}{told}"
+                label = f"hybrid {cells_named(frame, counts)}, {ms(factor * step)}{told}"
                 seconds = 3.0 * fem_seconds(frame, frame.n_cells(counts), factor * step)
-                key = (
-                    f"hybrid-{_cells(frame, counts)}-{_ms(factor * step, '')}{told.replace(',', '').replace(' ', '-')}"
-                )
+                way = told.replace(",", "").replace(" ", "-")
+                key = f"hybrid-{cells_named(frame, counts)}-{ms(factor * step, '')}{way}"
                 yield Configuration(key, "hybrid", label, settings, seconds)
 
 
@@ -299,7 +298,7 @@ def particles(frame: Frame, step: float, substeps: int) -> Configuration:
     """A body of particles with these steps [s], each of so many substeps."""
     settings = (f"models.pbd.substeps={substeps}", f"step={step:.9g}")
     seconds = frame.length / step * (5e-4 + 5e-5 * substeps)
-    label, key = f"XPBD {_ms(step)}, substeps {substeps}", f"particles-{_ms(step, '')}-{substeps}"
+    label, key = f"XPBD {ms(step)}, substeps {substeps}", f"particles-{ms(step, '')}-{substeps}"
     return Configuration(key, "XPBD", label, settings, seconds)
 
 
@@ -307,8 +306,8 @@ def _as_is(frame: Frame) -> Iterator[Configuration]:
     for factor in (4, 2, 1, 0.5):
         step = factor * frame.scene.step
         seconds = 2.0 * fem_seconds(frame, frame.n_cells(frame.own or frame.across(3)), step)
-        label = f"as it is, {_ms(step)}"
-        yield Configuration(f"as-is-{_ms(step, '')}", "as it is", label, (f"step={step:.9g}",), seconds)
+        label = f"as it is, {ms(step)}"
+        yield Configuration(f"as-is-{ms(step, '')}", "as it is", label, (f"step={step:.9g}",), seconds)
 
 
 def fem_seconds(frame: Frame, n_cells: float, step: float) -> float:
@@ -326,11 +325,13 @@ def xpbd_step(n_cells: float, step: float) -> float:
     return float(2e-4 + 2.5e-6 * n_cells ** (4 / 3) * step / 0.01)
 
 
-def _cells(frame: Frame, counts: Counts) -> str:
+def cells_named(frame: Frame, counts: Counts) -> str:
+    """Cells in a label."""
     if frame.ball is not None:
         return f"{frame.n_cells(counts)} round"
     return "x".join(str(count) for count in counts)
 
 
-def _ms(step: float, unit: str = " ms") -> str:
+def ms(step: float, unit: str = " ms") -> str:
+    """A step [s] in a label."""
     return f"{1e3 * step:.4g}{unit}"

@@ -28,10 +28,13 @@ TONES: dict[Method, str] = {
     "FEM": "#e8794a",
     "FEM, other elements": "#b98bd0",
     "XPBD": "#5f8cc4",
+    "PBD": "#c9a227",
     "hybrid": "#3fb383",
     "as it is": "#23262d",
 }
 """the first, third and fourth as replays paint FEM, PBD and the seam"""
+MARKERS: dict[Method, str] = {"PBD": "P", "as it is": "*"}
+"""of methods that have no circle: what is only a control, and what nobody chose"""
 ASKED, RIVAL, BAND = "#a2a7b0", "#7a5c3e", "#f3f4f1"
 WIDTH, HEIGHT = 14.6, 8.2
 """of the picture [inch]"""
@@ -162,7 +165,7 @@ def _mark(axes: Axes, row: Row) -> None:
     if place is None:
         return
     (x, y, edge), tone, failed = place, TONES[row.configuration.method], row.error is None
-    marker = "x" if failed else "^" if edge else "*" if row.configuration.method == "as it is" else "o"
+    marker = "x" if failed else "^" if edge else MARKERS.get(row.configuration.method, "o")
     look: dict[str, Any] = {"color": tone} if failed else {"color": tone, "edgecolors": INK if row.front else PAPER}
     low, high = row.outcome.spread
     axes.plot([low, high], [y, y], color=tone, linewidth=0.9, alpha=0.3, zorder=1)
@@ -211,7 +214,7 @@ def _handles(rows: Sequence[Row], asked: Sequence[Landmark], rivals: Sequence[La
     drawn = [(row, place) for row in rows if (place := placed(row))]
     for method in METHODS:
         if any(row.configuration.method == method for row, _ in drawn):
-            yield mark(method, TONES[method], "*" if method == "as it is" else "o")
+            yield mark(method, TONES[method], MARKERS.get(method, "o"))
     line = {"linestyle": "-", "linewidth": 1.1, "markeredgecolor": INK, "markersize": 9}
     yield mark("nothing is both faster and more accurate", INK, "o", SOFT, **line)
     yield Line2D([], [], color=SOFT, linewidth=0.9, alpha=0.6, label="slowest to fastest run")

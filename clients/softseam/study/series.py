@@ -74,6 +74,7 @@ class SeriesBuilder:
     _rows: list[list[float]] = field(default_factory=list)
     _travelled: dict[str, float] = field(default_factory=dict)
     _travel: list[float] = field(default_factory=list)
+    _told: set[str] = field(default_factory=set)
 
     def add(self, observation: Observation) -> None:
         """Take the observation after the reset, then that of each step."""
@@ -84,11 +85,13 @@ class SeriesBuilder:
         self._travel.append(max(self._travelled.values(), default=0.0))
         names = self.names if observation.step else [name for name in self.names if _begins(name)]
         found = {name: observation.report.quantities.get(name, np.nan) for name in names}
+        self._told |= observation.report.quantities.keys() & {*self.names}
         self._rows.append([found.get(name, np.nan) for name in self.names])
 
     def build(self) -> Series:
+        """Of what was told at any time: the particles of a body that has cells elsewhere have no stress."""
         columns = np.array(self._rows, dtype=np.float64).reshape(-1, len(self.names)).T
-        values = {name: column.copy() for name, column in zip(self.names, columns, strict=True)}
+        values = {name: column.copy() for name, column in zip(self.names, columns, strict=True) if name in self._told}
         return Series(np.array(self._time), np.array(self._travel), values)
 
 

@@ -127,8 +127,6 @@ def _check_particles(scene: OneBody, body: ParticleBodySpec, beside_cells: bool)
     _symmetry_is_used(scene)
     have = f"a {body.kind} is made of particles, not cells"
     if isinstance(body, TetMeshBody):
-        if scene.models.pbd.method == "pbd":
-            raise wrong("classic pbd has no Young's modulus: a tet_mesh needs xpbd", "models", "pbd", "method")
         for i, phase in enumerate(scene.motion):
             if isinstance(phase, GripPhase | ReleasePhase):
                 key = "grip" if isinstance(phase, GripPhase) else "release"
@@ -231,7 +229,11 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
                 f"leapfrog solves no equations and cannot meet {meets}: use xpbd{cure}", "models", "pbd", "method"
             )
     if scene.models.pbd.method == "pbd":
-        raise wrong("classic pbd moves sheets and ropes: a body in cells needs xpbd", "models", "pbd", "method")
+        raise wrong(
+            "classic pbd moves particles: a body in cells needs xpbd; for a block of particles write "
+            "body: {kind: tet_mesh, size, divisions, ...}",
+            *("models", "pbd", "method"),
+        )
     for i, phase in enumerate(scene.motion):
         if isinstance(phase, GripPhase | ReleasePhase) and not beside_particles:
             key = "grip" if isinstance(phase, GripPhase) else "release"

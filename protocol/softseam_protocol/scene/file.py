@@ -137,7 +137,7 @@ def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:
         at = ("body",) if scene.one is not None else ("bodies", name)
         if isinstance(body, BodySpec) and isinstance(body.shape, MeshShape):
             found.append(((*at, "shape", "path"), body.shape.path))
-        if isinstance(body, TetMeshBody):
+        if isinstance(body, TetMeshBody) and body.path is not None:
             found.append(((*at, "path"), body.path))
     found += [(("tools", name, "path"), tool.path) for name, tool in scene.tools.items() if isinstance(tool, MeshTool)]
     return found

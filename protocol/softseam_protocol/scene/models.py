@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Set
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    SerializationInfo,
+    SerializerFunctionWrapHandler,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 
 from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
 from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, wrong
@@ -75,9 +83,18 @@ class ClassicSpec(Spec):
 
     stretch: float = Field(default=1.0, gt=0.0, le=1.0, description="of distances [1]")
     bending: float = Field(default=0.1, ge=0.0, le=1.0, description="of bending [1]")
+    volume: float = Field(default=1.0, ge=0.0, le=1.0, description="of volumes of tetrahedra [1]")
     per_substep: bool = Field(
         default=False, description="n sweeps together remove that share: each takes 1 - (1 - k)^(1/n)"
     )
+
+    @model_serializer(mode="wrap")
+    def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
+        """In version 1 of the scene format volume is said only where it differs: hashes hold it."""
+        said: dict[str, Any] = handler(self)
+        if self.volume == 1.0:
+            said.pop("volume", None)
+        return said
 
 
 class DampingSpec(Spec):
@@ -112,8 +129,8 @@ class PbdSpec(Spec):
 
     method: Literal["xpbd", "pbd", "leapfrog"] = Field(
         default="xpbd",
-        description="xpbd: stiffnesses in physical units; pbd: the classic one, for sheets and ropes; leapfrog: "
-        "explicit and without dissipation, for bodies in cells that no tool and no other region touches",
+        description="xpbd: stiffnesses in physical units; pbd: the classic one, of particles (sheet, rope, tet_mesh); "
+        "leapfrog: explicit and without dissipation, for bodies in cells that no tool and no other region touches",
     )
     classic: ClassicSpec = Field(default=ClassicSpec(), description="stiffnesses of method: pbd")
     substeps: Annotated[

@@ -70,10 +70,11 @@ class _Particles(OwnRegions):
 
     @model_serializer(mode="wrap")
     def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
-        """In version 1 of the scene format bodies say constraints only where they have some: hashes hold it."""
+        """In version 1 of the scene format bodies say what came later only where they have some: hashes hold it."""
         said: dict[str, Any] = handler(self)
-        if not self.constraints:
-            said.pop("constraints", None)
+        for key in ("constraints", "size", "divisions"):
+            if not getattr(self, key, None):
+                said.pop(key, None)
         return said
 
 
@@ -160,10 +161,16 @@ class RopeBody(_Particles):
 
 
 class TetMeshBody(_Particles):
-    """A solid of tetrahedra from a file, a particle at each corner."""
+    """A solid of tetrahedra from a file, or a block in cubes of five each: a particle at each corner."""
 
     kind: Literal["tet_mesh"]
-    path: str = Field(min_length=1, description="mesh file of tetrahedra, relative to the scene file")
+    path: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, description="mesh file of tetrahedra, relative to the scene file; default: a block of `size`"
+    )
+    size: tuple[Positive, Positive, Positive] | None = Field(default=None, description="edge lengths of a block [m]")
+    divisions: tuple[Divisions, Divisions, Divisions] | None = Field(
+        default=None, description="cubes of a block along x, y and z"
+    )
     part: MeshPart = None
     scale: Positive = Field(default=1.0, description="metres per unit of the file")
     up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
@@ -173,8 +180,27 @@ class TetMeshBody(_Particles):
     law: Literal["st_venant_kirchhoff", "neo_hookean"] = Field(
         default="st_venant_kirchhoff",
         description="material: st_venant_kirchhoff, by seven strains a tetrahedron, for small strains; neo_hookean, "
-        "by a pair of constraints, for large ones and what may turn inside out",
+        "by a pair of constraints, for large ones and what may turn inside out; classic pbd has none",
     )
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> TetMeshBody:
+        if self.path is not None:
+            for key in ("size", "divisions"):
+                if getattr(self, key) is not None:
+                    raise wrong(f"the file at `path` says it: leave out {key}, or path", key)
+            return self
+        if self.size is None or self.divisions is None:
+            raise wrong("say of what: `path`, a file of tetrahedra, or `size` and `divisions` of a block", "kind")
+        for key, default in (("part", None), ("scale", 1.0), ("up", "z")):
+            if getattr(self, key) != default:
+                raise wrong(f"a block has no {key}, which is of files: leave it out", key)
+        for i, edge in enumerate(self.size):
+            check_edge(edge, "size", i)
+        n = math.prod(count + 1 for count in self.divisions)
+        if n > MOST_PARTICLES:
+            raise wrong(f"{n:,} particles, more than {MOST_PARTICLES:,}: give fewer divisions", "divisions")
+        return self
 
 
 ParticleBodySpec = SheetBody | RopeBody | TetMeshBody

@@ -51,10 +51,16 @@ class Solid:
     wave_time: float
     """a P wave's way over the least height of a tetrahedron [s]"""
     law: str = "st_venant_kirchhoff"
-    """as in the scene file"""
+    """as in the scene file; `CLASSIC` in the classic form"""
 
 
-_CONSTRAINTS = {"st_venant_kirchhoff": "seven strains", "neo_hookean": "a neo-Hookean pair"}
+CLASSIC = "classic"
+"""held by classic PBD's edges and volumes, which are no law"""
+_CONSTRAINTS = {
+    "st_venant_kirchhoff": "seven strains",
+    "neo_hookean": "a neo-Hookean pair",
+    CLASSIC: "a volume and six edges",
+}
 
 
 @dataclass(frozen=True)

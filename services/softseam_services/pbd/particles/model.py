@@ -11,7 +11,7 @@ import numpy as np
 
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Ints
-from softseam_services.body.particles import ParticleBody
+from softseam_services.body.particles import CLASSIC, ParticleBody
 from softseam_services.pbd.structures import Structures, key_of
 
 from .batches import Batches, batches
@@ -32,6 +32,8 @@ class Layout(NamedTuple):
     """held by strains (m, 4)"""
     paired: Ints
     """held by neo-Hookean pairs (m, 4)"""
+    volumes: Ints
+    """whose volume classic PBD holds (m, 4)"""
 
     @property
     def key(self) -> bytes:
@@ -50,6 +52,8 @@ class ParticleModel:
     """held by strains"""
     paired: Batches
     """held by neo-Hookean pairs"""
+    volumes: Batches
+    """whose volume classic PBD holds"""
 
     @cached_property
     def arrays(self) -> ModelArrays:
@@ -63,20 +67,22 @@ class ParticleModel:
             tetrahedra=tetrahedra.nodes,
             tetrahedron_row=tetrahedra.row,
             paired=self.paired.nodes,
+            volumes=self.volumes.nodes,
+            volume_row=self.volumes.row,
         )
 
 
 def lay_out(body: ParticleBody, spec: PbdSpec) -> Layout:
     """What the structure of a body follows from."""
     keep = spec.method == "xpbd" or spec.classic.bending > 0.0
-    solid = body.solid
-    by_pairs = solid is not None and solid.law == "neo_hookean"
+    held = {} if body.solid is None else {body.solid.law: body.solid.nodes}
     return Layout(
         n_nodes=body.n_nodes,
         springs=body.springs.nodes,
         bends=body.bends.nodes if keep else _NONE,
-        tetrahedra=_NONE if solid is None or by_pairs else solid.nodes,
-        paired=solid.nodes if solid is not None and by_pairs else _NONE,
+        tetrahedra=held.get("st_venant_kirchhoff", _NONE),
+        paired=held.get("neo_hookean", _NONE),
+        volumes=held.get(CLASSIC, _NONE),
     )
 
 

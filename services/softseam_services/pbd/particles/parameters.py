@@ -60,6 +60,8 @@ class ParticleParameters:
     """of C_D and C_H (e, 2, 8) [1/J]"""
     pair_gamma: Floats
     """(e, 8) [1]"""
+    volume_rest: Floats
+    """of tetrahedra in classic PBD (f, 8) [m^3]; 1 in empty lanes"""
     joined: Joined
     """by constraints that the scene adds: whom these join may depend on numbers"""
 
@@ -68,15 +70,18 @@ class ParticleParameters:
         """Whether stiffnesses are classic PBD's shares."""
         return self.spec.method == "pbd"
 
-    def shares(self) -> tuple[float, float]:
-        """Stiffness of a projection of springs and of bends in classic PBD; 0 for XPBD."""
+    def shares(self) -> tuple[float, float, float]:
+        """Stiffness of a projection of springs, of bends and of volumes in classic PBD; 0 for XPBD.
+
+        Independent of the number n of sweeps, as far as sweeps are linear: k' = 1 - (1 - k)^(1/n) (Mueller,
+        Heidelberger, Hennix and Ratcliff, Position based dynamics, 2007, section 3.3).
+        """
         if not self.classic:
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         given = self.spec.classic
-        if given.per_substep:
-            n = self.spec.sweeps
-            return 1.0 - (1.0 - given.stretch) ** (1.0 / n), 1.0 - (1.0 - given.bending) ** (1.0 / n)
-        return given.stretch, given.bending
+        n = self.spec.sweeps if given.per_substep else 1
+        stretch, bending, volume = (1.0 - (1.0 - k) ** (1.0 / n) for k in (given.stretch, given.bending, given.volume))
+        return stretch, bending, volume
 
     def substeps(self, dt: float) -> int:
         """The scene's number, or so many that unfinished sweeps let a hanging body stretch by no more than `SLACK`.
@@ -89,7 +94,7 @@ class ParticleParameters:
         if self.spec.substeps != "auto":
             return self.spec.substeps
         body = self.body
-        if body.solid is not None:
+        if body.solid is not None and not self.classic:
             return max(FEWEST, int(np.ceil(dt / (COURANT * np.sqrt(self.spec.sweeps) * body.solid.wave_time) - 1e-9)))
         gravity = float(np.linalg.norm(body.gravity))
         count = body.reach / body.spacing
@@ -100,7 +105,7 @@ class ParticleParameters:
     def arrays(self) -> ParameterArrays:
         """The same for kernels."""
         body, tools, joined = self.body, self.tools, self.joined
-        stretch, bending = self.shares()
+        stretch, bending, volume = self.shares()
         return ParameterArrays(
             x_rest=body.x_rest,
             mass=body.mass,
@@ -118,6 +123,8 @@ class ParticleParameters:
             pair_inverse=self.pair_inverse,
             pair_compliance=self.pair_compliance,
             pair_gamma=self.pair_gamma,
+            volume_rest=self.volume_rest,
+            volume_share=float(volume),
             families=joined.families,
             particle=joined.particle,
             parameter=joined.parameter,
@@ -159,5 +166,6 @@ def build_parameters(
         pair_inverse=pairs.inverse,
         pair_compliance=pair_compliance,
         pair_gamma=pair_gamma,
+        volume_rest=model.volumes.lanes(build_tetrahedra(body.x_rest, layout.volumes, model.volumes).volume, 1.0),
         joined=build_constraints(body, constraints),
     )

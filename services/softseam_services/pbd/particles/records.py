@@ -11,7 +11,7 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 from softseam_services.pbd.kernels.lanes import aligned
 
-from .kernels import bending, distance, neo_hookean, strain
+from .kernels import bending, distance, neo_hookean, strain, volume
 from .kernels.contact import N_PUSH
 from .kernels.substep import N_OUTCOMES
 from .kernels.summary import N_RESULTS
@@ -33,6 +33,8 @@ class ModelArrays(NamedTuple):
     tetrahedra: Ints
     tetrahedron_row: Longs
     paired: Ints
+    volumes: Ints
+    volume_row: Longs
 
 
 @record
@@ -57,6 +59,9 @@ class ParameterArrays(NamedTuple):
     pair_inverse: Floats
     pair_compliance: Floats
     pair_gamma: Floats
+    volume_rest: Floats
+    volume_share: float
+    """stiffness of classic PBD's volumes [1]"""
     # constraints that the scene adds, as of `constraints.Joined`
     families: Longs
     particle: Longs
@@ -144,6 +149,7 @@ class Multipliers(NamedTuple):
     strain: Floats
     pair_soft: Floats
     pair: Floats
+    volume: Floats
     joined_soft: Floats
     joined: Floats
 
@@ -169,6 +175,7 @@ class Scratch(NamedTuple):
     spring_work: Floats
     bend_work: Floats
     pair_work: Floats
+    volume_work: Floats
     pull: Floats
     """see `neo_hookean.begin_pairs` (n + 8, 4)"""
     x: Floats
@@ -205,6 +212,7 @@ def new_scratch(model: ModelArrays, parameters: ParameterArrays, most: tuple[int
         spring_work=aligned(distance.N_WORK),
         bend_work=aligned(bending.N_WORK),
         pair_work=aligned(neo_hookean.N_WORK),
+        volume_work=aligned(volume.N_WORK),
         pull=aligned(n + 8, 4),
         x=np.zeros((particles, 3)),
         p=np.zeros(most[1]),
@@ -223,7 +231,7 @@ def new_multipliers(model: ModelArrays, parameters: ParameterArrays) -> Multipli
     of_strains = np.zeros_like(strains), np.zeros((len(model.tetrahedra), strain.N_STRAINS, 8))
     return Multipliers(
         *(*of_springs, *of_bends, *of_strains, np.zeros_like(pairs), np.zeros_like(pairs)),
-        *(np.zeros_like(c), np.zeros_like(c)),
+        *(np.zeros_like(parameters.volume_rest), np.zeros_like(c), np.zeros_like(c)),
     )
 
 

@@ -48,7 +48,7 @@ class ParticleSolver:
         self.model = model = build_model(body, spec) if model is None else model
         self.parameters = parameters = build_parameters(model, body, tools, spec, constraints_of(scene))
         self._scratch = StepScratch(model, parameters, scene.step)
-        self._committed = start = new_state(body.n_nodes, len(tools.names))
+        self._committed = start = new_state(body.n_nodes, len(tools.names), body.solid is not None)
         self._tentative = False
         start.x[:] = body.x_rest if state is None else state.x
         start.v[:] = body.v_initial if state is None else state.v
@@ -68,7 +68,7 @@ class ParticleSolver:
         np.copyto(scratch.next.buffer, self._committed.buffer)
         advance(self.model, self.parameters, motion, 1e-6, 1, scratch)
         of, outputs = scratch.arrays.multipliers, scratch.outputs
-        multipliers = of.spring, of.bend, of.strain, of.pair, of.joined
+        multipliers = of.spring, of.bend, of.strain, of.pair, of.volume, of.joined
         for array in (outputs.mean, outputs.felt, outputs.wrench, outputs.result, *multipliers):
             array[:] = 0.0
 
@@ -112,7 +112,7 @@ class ParticleSolver:
             momentum=result[k.MOMENTUM : k.MOMENTUM + 3].copy(),
             angular_momentum=result[k.ANGULAR : k.ANGULAR + 3].copy(),
             penetration=float(result[k.PENETRATION]),
-            slip=0.0,
+            slip=float(result[k.SLIP]),
             n_contacts=int(result[k.N_CONTACTS]),
             iterations=taken.sweeps,
             seconds=time.perf_counter() - began,
@@ -126,9 +126,11 @@ class ParticleSolver:
 
     def _alarm(self) -> str:
         """Where tetrahedra have lost their shape: constraints may be met then, and yet nothing is as it should be."""
-        strains, pairs = self._scratch.measure[2:4, 5].tolist()
+        strains, pairs, _, volumes = self._scratch.measure[2:6, 5].tolist()
         if pairs > 0.0:
             return f"{pairs:.0f} tetrahedra are crushed to nothing or inside out; most put themselves right"
+        if volumes > 0.0:
+            return f"{volumes:.0f} tetrahedra are crushed to nothing or inside out: take a shorter step, or more sweeps"
         if strains > 0.0:
             return f"{strains:.0f} tetrahedra are crushed to nothing or inside out, and stay so: take law: neo_hookean"
         return ""
@@ -137,7 +139,7 @@ class ParticleSolver:
         springs, (bend, off, off_total, _, n_bends), strains, pairs = self._scratch.measure[:4, :5].tolist()
         solid = self.parameters.body.solid
         of_solid = pairs if solid is not None and solid.law == "neo_hookean" else strains
-        stretch, worst, total, most, count = springs if solid is None else of_solid
+        stretch, worst, total, most, count = springs if solid is None or self.parameters.classic else of_solid
         return ParticleReport(
             worst_stretch=most,
             stretch_violation=worst,

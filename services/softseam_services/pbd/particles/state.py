@@ -1,4 +1,4 @@
-"""Everything of a sheet or rope that evolves, in one buffer: copying the state is one copy, a snapshot is its bytes."""
+"""Everything of a body of particles that evolves, in one buffer: to copy it is one copy, a snapshot is its bytes."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ class ParticleState(NamedTuple):
     """1 for tools that grip (t,)"""
     strain: Floats
     """strain energy [J] (1,)"""
+    slip: Floats
+    """of a solid: how far each particle that touches a tool slid along it since it began to (n, t, 3), else none [m]"""
 
 
-def new_state(n: int, t: int) -> ParticleState:
-    """A zero state for n particles and t tools."""
-    shapes = ((n, 3), (n, 3), (n,), (n, 3), (t,), (1,))
+def new_state(n: int, t: int, solid: bool) -> ParticleState:
+    """A zero state for n particles, of a solid or not, and t tools."""
+    shapes = ((n, 3), (n, 3), (n,), (n, 3), (t,), (1,), (n if solid else 0, t, 3))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)

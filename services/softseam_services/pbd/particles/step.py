@@ -12,7 +12,7 @@ from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
 
-from .kernels import bending, distance, neo_hookean, strain
+from .kernels import bending, distance, neo_hookean, strain, volume
 from .kernels import summary as k
 from .kernels.constraint import constraint_energy
 from .kernels.grip import take_hold
@@ -57,7 +57,8 @@ class StepResult(NamedTuple):
     wrench: Floats
     """on the body (t, 6) [N, N m]"""
     measure: Floats
-    """how springs, bends, strains, pairs and what the scene adds are met, see `distance.measure_distances` (5, 6)"""
+    """how springs, bends, strains, pairs, what the scene adds and volumes are met, see `distance.measure_distances`
+    (6, 6)"""
 
 
 class StepScratch:
@@ -67,9 +68,9 @@ class StepScratch:
         """dt: of the steps that are expected [s]"""
         n, t = model.n_nodes, len(parameters.tools.names)
         self.inputs, self.outputs = new_inputs(t), new_outputs(n, t)
-        self.next = new_state(n, t)
+        self.next = new_state(n, t, parameters.body.solid is not None)
         """the state that a step fills; who keeps it puts another in its place"""
-        self.measure = np.zeros((5, 6))
+        self.measure = np.zeros((6, 6))
         self.strain = np.zeros(n + 8)
         """largest strain of a constraint at each particle [1]"""
         self.parameters, self.dt = parameters, dt
@@ -160,6 +161,7 @@ def measure(model: ParticleModel, parameters: ParticleParameters, scratch: StepS
         *(xw, arrays.paired, model.paired.row, numbers.pair_inverse, numbers.pair_compliance, of.pair_soft, of.pair),
         *(strains, found[3]),
     )
+    volume.measure_volumes(xw, arrays.volumes, arrays.volume_row, numbers.volume_rest, of.volume, h, found[5])
     found[4, 0] = constraint_energy(
         *(xw, numbers.families, numbers.particle, numbers.parameter, of.joined_soft, of.joined),
         *(scratch.arrays.x, scratch.arrays.p, scratch.arrays.g, h),

@@ -121,12 +121,13 @@ def bounce(parameters, contacts, v, x_prev, count, h, rest_speed):
 
 
 @njit(cache=True, error_model="numpy")
-def settle_contacts(parameters, contacts, outputs, x, x_prev, count, then, h, share):
+def settle_contacts(parameters, state, contacts, outputs, x, x_prev, count, then, h, share):
     """Book a substep's contacts: mean force on particles (n, 3) [N], largest share of it by tool, wrenches; returns
     work.
 
     share is the substep's of the step; felt (n, t) [N] sums |force| by tool; wrench (t, 6) about the tools' positions,
-    of the body on the tools. The work is what tools do on the particles in the substep [J].
+    of the body on the tools; what a solid's particles slid is added to state.slip (n, t, 3) [m]. The work is what tools
+    do on the particles in the substep [J].
     """
     particle, tool, push, motion = contacts.particle, contacts.tool, contacts.push, contacts.motion
     mass, position, force, felt, wrench = (
@@ -136,11 +137,13 @@ def settle_contacts(parameters, contacts, outputs, x, x_prev, count, then, h, sh
         outputs.felt,
         outputs.wrench,
     )
-    work = 0.0
+    work, slips = 0.0, len(state.slip) > 0
     for c in range(count):
+        i, t = particle[c], tool[c]
+        if slips:
+            _slide(push[c], three(x, i), three(x_prev, i), twelve(motion, 0, t), state.slip[i, t])
         if push[c, 0] == 0.0:
             continue
-        i, t = particle[c], tool[c]
         scale = mass[i] / (h * h)
         fx = scale * (push[c, 0] * push[c, 4] + push[c, 1])
         fy = scale * (push[c, 0] * push[c, 5] + push[c, 2])
@@ -151,6 +154,23 @@ def settle_contacts(parameters, contacts, outputs, x, x_prev, count, then, h, sh
         force[i, 2] += share * fz
         felt[i, t] += share * np.sqrt(fx * fx + fy * fy + fz * fz)
     return work
+
+
+@njit(cache=True, error_model="numpy")
+def _slide(push, at, before, m, slip):
+    """Add the way along the tool in a substep, from `before` to `at`, of a particle that it pushes to slip (3,) [m], in
+    place; zero where it does not. m (12,): motion of the tool."""
+    if push[0] == 0.0:
+        slip[:] = 0.0
+        return
+    px, py, pz = before
+    sx = at[0] - (m[0] * px + m[1] * py + m[2] * pz + m[9])
+    sy = at[1] - (m[3] * px + m[4] * py + m[5] * pz + m[10])
+    sz = at[2] - (m[6] * px + m[7] * py + m[8] * pz + m[11])
+    along = sx * push[4] + sy * push[5] + sz * push[6]
+    slip[0] += sx - along * push[4]
+    slip[1] += sy - along * push[5]
+    slip[2] += sz - along * push[6]
 
 
 @njit(cache=True, error_model="numpy")

@@ -23,6 +23,7 @@ from .neo_hookean import project_pairs as project_neo_hookean
 from .self_contact import list_pairs, project_pairs
 from .strain import project_strains
 from .tetrahedron import soften
+from .volume import project_volumes
 
 CROWDED, TOOL_WORK, TOUCHING = 0, 1, 2
 N_OUTCOMES = 3
@@ -101,6 +102,9 @@ def _sweep(model, parameters, scratch, outputs, count, n_pairs, then):
     )
     project_neo_hookean(
         *(scratch.pair_work, xw, model.paired, parameters.pair_inverse, of.pair_soft, parameters.pair_gamma, of.pair)
+    )
+    project_volumes(
+        *(scratch.volume_work, xw, model.volumes, parameters.volume_rest, parameters.volume_share, of.volume)
     )
     project_bends(
         *(scratch.bend_work, xw, model.bends, parameters.bend_coefficient, of.bend_inverse, of.bend_soft, of.bend)
@@ -182,6 +186,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         of.spring[:] = 0.0
         of.bend[:] = 0.0
         of.strain[:] = 0.0
+        of.volume[:] = 0.0
         of.joined[:] = 0.0
         begin_pairs(
             *(scratch.pair_work, xw, model.paired, parameters.pair_inverse, of.pair_soft, parameters.pair_gamma),
@@ -195,7 +200,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         if restitution > 0.0:
             speed = 2.0 * h * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
             bounce(parameters, contacts, v, x_prev, count, h, speed)
-        outcome[TOOL_WORK] += settle_contacts(parameters, contacts, outputs, xw, x_prev, count, then, h, share)
+        outcome[TOOL_WORK] += settle_contacts(parameters, state, contacts, outputs, xw, x_prev, count, then, h, share)
         if counts[0] > 0:
             outcome[TOOL_WORK] += _book_held(model, parameters, state, scratch, outputs, counts, then, h, share)
     for i in range(n):

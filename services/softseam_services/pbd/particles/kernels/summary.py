@@ -10,12 +10,14 @@ from softseam_services.tools.kernels import tool_gap
 
 KINETIC, GRAVITY, PENETRATION, N_CONTACTS, HELD, FINITE = range(6)
 MOMENTUM, ANGULAR, BOUNDS = 6, 9, 12
-N_RESULTS = 18
+SLIP = 18
+N_RESULTS = 19
 
 
 @njit(cache=True, error_model="numpy")
 def summarise(parameters, state, inputs, contacts, outputs, count):
-    """Fill result (N_RESULTS,): energies [J], momenta, bounds; `count` candidates tell the deepest penetration [m]."""
+    """Fill result (N_RESULTS,): energies [J], momenta, bounds; `count` candidates tell the deepest penetration and the
+    farthest slip of a solid's particle that touches [m]."""
     x, v, held, mean, result = state.x, state.v, state.held, outputs.mean, outputs.result
     mass, x_rest, gravity = parameters.mass, parameters.x_rest, parameters.gravity
     kind, shape, radius = parameters.kind, parameters.shape, parameters.radius
@@ -43,6 +45,9 @@ def summarise(parameters, state, inputs, contacts, outputs, count):
         t, i = contacts.tool[c], contacts.particle[c]
         gap = tool_gap(kind[t], shape[t], three(position, t), four(orientation, t), three(x, i))[0]
         result[PENETRATION] = max(result[PENETRATION], radius - gap)
+        if len(state.slip) > 0:
+            sx, sy, sz = state.slip[i, t, 0], state.slip[i, t, 1], state.slip[i, t, 2]
+            result[SLIP] = max(result[SLIP], np.sqrt(sx * sx + sy * sy + sz * sz))
     total = 0.0
     for figure in result:
         total += 0.0 * figure
