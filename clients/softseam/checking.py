@@ -34,6 +34,10 @@ if TYPE_CHECKING:
     from softseam_services.server import Setup
 
 
+_QUICK = 125
+"""cells up to which a check computes the condition number of their blocks: .5 s"""
+
+
 def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     """Build the bodies and the tools as a run would, and print what they are. Raises SceneRefused."""
     loaded, bundle = bundle_of(name)
@@ -93,7 +97,7 @@ def _check_body(
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     if isinstance(built, ParticleBody):
-        for fact, value in {**built.facts(), **_added(setup, built), **_condition(setup, built)}.items():
+        for fact, value in {**built.facts(), **_added(setup, built), **_condition(setup)}.items():
             table.add_row(fact, value)
         table.add_row("models", _models(setup))
         table.add_row("steps", _steps(scene))
@@ -129,6 +133,8 @@ def _check_body(
         coarse = coarse_cells(built, scene.models.pbd.coarse, setup.tools)
         blocks = f"{int(coarse.sum())} of {body.n_cells} cells are one block where pbd has them, not eight"
         table.add_row("coarse", blocks)
+    for fact, value in _condition(setup).items():
+        table.add_row(fact, value)
     table.add_row("steps", _steps(scene))
     return table, doubts, [*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)]
 
@@ -145,24 +151,29 @@ def _added(setup: Setup, body: ParticleBody) -> dict[str, str]:
     return {"added": told} if specs else {}
 
 
-def _condition(setup: Setup, body: ParticleBody) -> dict[str, str]:
-    """How hard XPBD's springs are to sweep; nothing where there are none."""
+def _condition(setup: Setup) -> dict[str, str]:
+    """How hard XPBD is to sweep, at rest; nothing where it moves nothing, or so much that a check would wait for it."""
+    from softseam_services.body.particles import ParticleBody
+    from softseam_services.pbd.condition import condition_of
     from softseam_services.pbd.particles.condition import spring_spectrum
-    from softseam_services.pbd.particles.model import build_model
-    from softseam_services.pbd.particles.parameters import build_parameters
 
-    scene, pbd = setup.scene, setup.scene.models.pbd
-    if pbd.method != "xpbd" or not len(body.springs.rest):
+    scene, body = setup.scene, setup.body
+    if scene.regions.near is not None or body.n_cells > _QUICK:
         return {}
-    substeps = build_parameters(build_model(body, pbd), body, setup.tools, pbd).substeps(scene.step)
-    found = spring_spectrum(body, scene.step / substeps)
-    if found.omega is None:
+    found = condition_of(scene, body, setup.tools, body.x_rest)
+    if found is None:
+        return {}
+    told = f"number {found.spectrum.condition:.3g} of XPBD's system, in {found.substeps} substeps a step"
+    if not isinstance(body, ParticleBody) or not len(body.springs.rest):
+        return {"condition": told}
+    springs = spring_spectrum(body, scene.step / found.substeps)
+    if springs.omega is None:
         meaning = "diverges"
     else:  # Young's formula is right for a chain of springs, not for a lattice
-        meaning = f"suggests omega = {found.omega:.3g}" if body.kind == "rope" else "converges"
+        meaning = f"suggests omega = {springs.omega:.3g}" if body.kind == "rope" else "converges"
     return {
-        "condition": f"number {found.condition:.3g} of the springs' system, in {substeps} substeps a step",
-        "sweeps": f"Gauss-Seidel's; Jacobi's radius {found.jacobi:.4g} {meaning}",
+        "condition": told,
+        "sweeps": f"Gauss-Seidel's; Jacobi's radius of the springs {springs.jacobi:.4g} {meaning}",
     }
 
 

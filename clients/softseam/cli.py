@@ -86,6 +86,9 @@ def run(
             "where that takes at most 40 % of this run's time.",
         ),
     ] = None,
+    condition: Annotated[
+        bool, typer.Option("--condition", help="Tell the condition number of XPBD's system, and what it means.")
+    ] = False,
     settings: Settings = None,
 ) -> None:
     """Simulate a scene: progress, a closing table, and whatever files you ask for."""
@@ -93,7 +96,9 @@ def run(
     from softseam.running import run as run_scene
 
     options = tuple(settings or ())
-    wishes = Wishes(scene, model, options, connect, record, report, pictures, view, tolerance, step_limit, estimate)
+    wishes = Wishes(
+        scene, model, options, connect, record, report, pictures, view, tolerance, step_limit, estimate, condition
+    )
     if run_scene(wishes, _out())["verdict"]["outcome"] == "failed":
         raise typer.Exit(1)
 

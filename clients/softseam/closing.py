@@ -37,6 +37,7 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     console.print(_quantities(report["quantities"], claimed, growing))
     _print_growing(console, growing)
     _print_gaps(console, report["quantities"], report["steps"])
+    _print_condition(console, report["condition"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))
         grid = Table.grid(padding=(0, 2))
@@ -90,6 +91,18 @@ def _print_gaps(console: Console, found: Mapping[str, Mapping[str, Any]], steps:
     if some:
         names, least = ", ".join(map(label, some)), min(some.values())
         console.print(Text(f"measured in {least} of {steps} steps: {names}", style="dim"), soft_wrap=True)
+
+
+def _print_condition(console: Console, found: Mapping[str, Mapping[str, Any]] | None) -> None:
+    """Condition numbers, where somebody asked for them."""
+    if found is None:
+        return
+    if not found:
+        told = "no condition number: XPBD moves no body, or one with too many unknowns for it"
+        console.print(Text(told, "dim"), soft_wrap=True)
+    for name, condition in found.items():
+        told = f"{name}: {condition['text']}" if len(found) > 1 else condition["text"]
+        console.print(Text(told, "dim"), soft_wrap=True)
 
 
 def _print_trust(console: Console, estimate: Mapping[str, Any] | None, claims: Mapping[str, Any] | None) -> None:

@@ -108,6 +108,7 @@ class ReportBuilder:
             "exchanges": _spread(c["exchanges"]),
             "wall": self._wall(setup_seconds),
             "quantities": self._quantities(),
+            "condition": None,
             "energy": {
                 "unit": "J",
                 "time": _list(c["time"]),

@@ -18,6 +18,7 @@ from softseam.checking import print_doubts
 from softseam.choice import choice
 from softseam.claims.estimate import Estimate
 from softseam.closing import print_closing
+from softseam.condition import conditions
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
@@ -52,6 +53,8 @@ class Wishes:
     """see `StepWatch` [s]; None: as long as suits the body"""
     estimate: bool | None = None
     """whether to run the sibling that claims come from; None: where it takes little of the run's time"""
+    condition: bool = False
+    """whether to tell condition numbers, see `condition`"""
 
 
 def run(wishes: Wishes, console: Console) -> dict[str, Any]:
@@ -86,6 +89,7 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
                     limit=wishes.step_limit,
                     compiles_here=wishes.connect is None,
                     begun=estimate.begin,
+                    condition=wishes.condition,
                 )
             report["claims"] = estimate.found(report, lambda: console.print(_WAITING))
         if recording is not None:
@@ -133,6 +137,7 @@ def follow(
     limit: float | None = None,
     compiles_here: bool = False,
     begun: Callable[[Session], None] | None = None,
+    condition: bool = False,
 ) -> dict[str, Any]:
     """Run an open session to its end with progress; returns its report.
 
@@ -140,6 +145,7 @@ def follow(
     limit          longest time in which it does not get on [s], 0 for ever; None: as long as suits the bodies
     compiles_here  whether this process compiles kernels, which may take longer than any step
     begun          called once the session was reset, before its first step
+    condition      whether the report tells condition numbers, see `condition`
     Raises SimulationFailed where it does not get on within the limit.
     """
     scene = session.scene
@@ -161,8 +167,8 @@ def follow(
         RunProgress(scene, console, label or scene.name) as progress,
         compile_clock() if compiles_here else nullcontext(_nothing) as compiled,
     ):
-        frames = session.reset().frames.values()
-        limit = limit_for(sum(len(frame.x) for frame in frames), not compiles_here) if limit is None else limit
+        frames = session.reset().frames
+        limit = limit_for(sum(len(each.x) for each in frames.values()), not compiles_here) if limit is None else limit
         if begun is not None:
             begun(session)
         clock = process_time() - compiled()[1]
@@ -171,6 +177,9 @@ def follow(
         cpu = process_time() - compiled()[1] - clock
     report = builder.build(setup_seconds=setup or 0.0)
     report["wall"]["cpu"] = cpu if compiles_here else None
+    if condition:
+        last = session.last.frames or session.restore(session.snapshot()).frames
+        report["condition"] = conditions(session.bundle, frames, last)
     return report
 
 

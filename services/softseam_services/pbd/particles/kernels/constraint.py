@@ -7,6 +7,8 @@ One that holds on one side only, C <= 0, keeps lambda <= 0: it pulls C down and 
 
 from __future__ import annotations
 
+import numpy as np
+
 from softseam_services.jit import Prototype, njit
 
 VALUE = Prototype(
@@ -88,3 +90,16 @@ def add_constraint_forces(xw, families, particle, parameter, soft, lam, x, p, g,
                 for i in range(row[PARTICLES]):
                     for axis in range(3):
                         force[particle[first + i], axis] += lam[number] * g[i, axis] / (h * h)
+
+
+@njit(cache=True, error_model="numpy")
+def constraint_gradients(xyz, row, particle, parameter):
+    """Particles (m, k) and gradients (m, k, 3) of the constraints of a family, of particles at xyz (n, 3) [m]."""
+    k, m = row[PARTICLES], row[LAST] - row[FIRST]
+    particles, gradients = np.empty((m, k), dtype=np.int64), np.empty((m, k, 3))
+    x, p = np.empty((k, 3)), np.empty(row[PARAMETERS])
+    for number in range(row[FIRST], row[LAST]):
+        place = number - row[FIRST]
+        first, _ = _value(row, number, xyz, particle, parameter, x, p, gradients[place])
+        particles[place] = particle[first : first + k]
+    return particles, gradients
