@@ -138,6 +138,9 @@ def test_classic_pbd_is_a_control_of_charts_and_no_choice_of_plans() -> None:
     assert {step for (_, step, _, _) in shares} == {0.005, 0.01, 0.02}
     for name in ("tofu_pads", "stiff_inclusion", "sausage", "rope"):
         assert classic_configurations(Frame(load_scene(name), np.full(3, 0.05))) == [], name
+    core = "body.inclusions=[{shape: {kind: sphere, radius: 0.01, position: [0, 0, 0.025]}, material: {young: 1.0e5}}]"
+    for other in (core, "body.spin=[0, 0, 1]", "quantities=[grip_force, von_mises_p99]"):
+        assert classic_configurations(Frame(with_settings(scene, [other]), np.full(3, 0.05))) == [], other
 
 
 def test_what_a_run_never_tells_is_in_no_series() -> None:

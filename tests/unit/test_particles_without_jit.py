@@ -44,6 +44,9 @@ def test_a_corner_is_folded() -> None:
 def test_kernels_pass_without_jit() -> None:
     tests = Path(__file__).parents[1]
     chosen = [f"{__file__}::test_a_corner_is_folded", f"{tests}/verification/test_particle_constraints.py"]
+    solids = f"{tests}/verification/test_classic_solids.py"
+    chosen += [f"{solids}::test_{name}" for name in ("a_projection_of_a_volume", "a_lifted_block_slips_anew")]
+    chosen += [f"{solids}::test_a_block_inside_out_is_told_of"]
     chosen += ["-k", "not fem and not sweeps and not stiffens"]
     result = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *chosen],
