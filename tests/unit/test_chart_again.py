@@ -38,6 +38,7 @@ def few(frame: Frame) -> list[Configuration]:
 def wishes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Wishes:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(command, "configurations", few)
+    monkeypatch.setattr(command, "classic_configurations", lambda _: [])
     scene = tmp_path / "jelly.yaml"
     scene.write_text(SCENE)
     return Wishes(str(scene), out=tmp_path / "out", minutes=0.02)
