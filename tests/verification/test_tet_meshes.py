@@ -195,7 +195,7 @@ body: {kind: tet_mesh, path: bar.vtk, density: 1000, young: 1.0e+4, poisson: 0.3
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        ("models: {pbd: {method: pbd}}\n", "needs xpbd"),
+        ("models: {pbd: {method: leapfrog}}\n", "leapfrog moves cells"),
         ("regions: {default: fem}\n", "only pbd can simulate it"),
         (
             "tools: {a: {kind: sphere, radius: 0.01, position: [0, 0, 1]}}\nmotion: [{tools: [a], grip: 0.1}]\n",
