@@ -271,7 +271,9 @@ def percent(error: Error) -> str:
     """An error [%]: what next to nothing differs by is no number to read."""
     if error.value < TOLD:
         return "0"
-    return f"{'<= ' if error.bound else ''}{100 * error.value:.2g}"
+    value = 100.0 * error.value
+    digits = f"{value:.0f}" if value >= 99.5 else f"{value:.2g}"
+    return f"{'<= ' if error.bound else ''}{digits}"
 
 
 def line(row: Row, names: Sequence[str]) -> str:

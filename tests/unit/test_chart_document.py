@@ -43,6 +43,7 @@ def test_what_is_next_to_nothing_is_told_as_0() -> None:
     assert (
         document.percent(Error(1.1e-5, False, 0.0)) == "0.0011" and document.percent(Error(0.02, True, 0.0)) == "<= 2"
     )
+    assert document.percent(Error(4.97, False, 0.0)) == "497" and document.percent(Error(0.99, False, 0.0)) == "99"
     assert "| one | 100 | 0 | 0 |" in document.section(charted("cantilever", sag=3e-12))
 
 

@@ -116,6 +116,9 @@ def test_classic_pbd_has_a_mark_and_a_colour_of_its_own() -> None:
     }  # fmt: skip
     assert marks["PBD"].get_marker() == "P" and marks["XPBD"].get_marker() == "o"
     assert marks["PBD"].get_color() != marks["XPBD"].get_color()
+    note = "stiffness follows from step and iterations"
+    notes = ["\n".join(text.get_text() for text in each.texts) for each in (figure, drawn([one], []))]
+    assert note in notes[0] and note not in notes[1]
     assert len(set(draw.TONES.values())) == len(draw.TONES) == len(METHODS)
     drawn_as = {each.get_gid(): each for each in figure.axes[0].collections if str(each.get_gid()).startswith("run-")}
     paths = [drawn_as[f"run-{key}"].get_paths()[0].vertices for key in ("one", "two")]

@@ -10,7 +10,7 @@ cube, so
 
     k = 2 (E/rho) (h/s)^2/n,                                                                                      (1)
 
-and k = 1 is all that there is where that is more. On tofu_grasp k was best within a factor of 1.6 of it, by the worst
+and k = 1 is all that there is where that is more. On tofu_grasp k was best within a factor of 1.8 of it, by the worst
 of the quantities, of 2 to 6 cubes and 20 to 80 iterations (of 1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2 and 0.1).
 """
 

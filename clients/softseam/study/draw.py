@@ -61,7 +61,7 @@ def draw_chart(
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=150, facecolor=PAPER)
     told = _wrapped(subtitle(reference, machine, rows), ABOVE)
     heading(figure, f"Accuracy against speed: {title}", told)
-    below = _wrapped(f"not counted: {left_out}" if (left_out := not_counted(reference.truth)) else "", BELOW)
+    below = _wrapped("\n".join(_notes(rows, reference)), BELOW)
     figure.text(0.06, 0.012, below, fontsize=8.5, color=SOFT, ha="left", va="bottom")
     # lines of text move the axes
     down, up = 0.21 * max(0, told.count("\n") - 1), 0.15 * below.count("\n")
@@ -98,6 +98,14 @@ def subtitle(reference: Reference, machine: str, rows: Sequence[Row]) -> str:
     return text + (
         "" if reference.complete or reference.bundled else "\nthe budget ended before every quantity was known to 1 %"
     )
+
+
+def _notes(rows: Sequence[Row], reference: Reference) -> Iterator[str]:
+    """What stands below the axes."""
+    if any(row.configuration.method == "PBD" and placed(row) for row in rows):
+        yield "PBD: the classic one, a control without Young's modulus: its stiffness follows from step and iterations"
+    if left_out := not_counted(reference.truth):
+        yield f"not counted: {left_out}"
 
 
 def _wrapped(text: str, width: int) -> str:
