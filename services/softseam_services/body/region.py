@@ -18,8 +18,9 @@ def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bo
     """The region of these cells (global ids, made ascending); seam_nodes are global ids, kept in the given order.
 
     A surface point that sits on a node of both sides, clamped or not, or closer to the seam than `BESIDE`, belongs to
-    the side that owns the seam's points, whatever cell carries it in the body. So contact there is solved by one side, the same one along the
-    whole seam: the other side's answer to a seam force would jump whenever such a point sticks, slips or lifts off.
+    the side that owns the seam's points, whatever cell carries it in the body. So contact there is solved by one side,
+    the same one along the whole seam: the other side's answer to a seam force would jump whenever such a point sticks,
+    slips or lifts off.
     """
     cells = np.unique(cells).astype(np.int32)
     if len(cells) == 0 or cells[0] < 0 or cells[-1] >= body.n_cells:
