@@ -98,8 +98,12 @@ class Batch:
         return node[:, rows.X : rows.X + 3].copy()
 
     def snapshot(self, piece: int) -> bytes:
-        """Everything that a piece's future depends on."""
-        return self._lanes.read(piece).tobytes()
+        """Everything that a piece's future depends on, and nothing else: the same bits whatever is beside it."""
+        numbers, t = self._lanes.read(piece), len(self.structure.kind)
+        pair = numbers[self._at.pairs : self._at.out].reshape(-1, t, rows.N_OF_PAIR)
+        # What is scratch of a substep is written where only other pieces are near a tool, too, and so is a zero's sign.
+        pair[:, :, rows.FACED : rows.SINCE] = 0.0
+        return (numbers + np.float32(0.0)).tobytes()
 
     def restore(self, piece: int, state: bytes) -> None:
         """Take over a snapshot, of any piece of the same scene. Raises ValueError where it is of another one."""
