@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pbd_run import Floats
 
+from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.pbd.batch.batch import Batch
 from softseam_services.pbd.batch.pieces import Pieces
@@ -68,6 +69,7 @@ def drawn(batch: Batch) -> Pieces:
         poisson=random.uniform(0.32, 0.47, count),
         density=own.density * about((count,)),
         friction=own.friction * about((count, 3)),
+        friction_field=[FrictionFieldSpec(spread=0.3, length=0.02, seed=seed) for seed in range(count)],
         position=position,
         orientation=own.orientation,
     )

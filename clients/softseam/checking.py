@@ -17,6 +17,7 @@ from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
 from softseam.scenes import bundle_of, located
 from softseam.symmetric import symmetric
+from softseam.uneven_friction import in_words
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
@@ -97,7 +98,8 @@ def _check_body(
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
     if isinstance(built, ParticleBody):
-        for fact, value in {**built.facts(), **_added(setup, built), **_condition(setup)}.items():
+        facts = {**built.facts(), **_friction(setup), **_added(setup, built), **_condition(setup)}
+        for fact, value in facts.items():
             table.add_row(fact, value)
         table.add_row("models", _models(setup))
         table.add_row("steps", _steps(scene))
@@ -120,6 +122,8 @@ def _check_body(
     table.add_row(
         "wave speed", f"{body.wave_speed:.3g} m/s: crosses a cell in {_crossing(body.edges, body.wave_speed)}"
     )
+    for fact, value in _friction(setup).items():
+        table.add_row(fact, value)
     if scene.symmetry:
         table.add_row("symmetry", symmetric(scene))
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
@@ -137,6 +141,18 @@ def _check_body(
         table.add_row(fact, value)
     table.add_row("steps", _steps(scene))
     return table, doubts, [*_hidden_viscosity(scene), *_cut_by_borders(scene, scene.body, built)]
+
+
+def _friction(setup: Setup) -> dict[str, str]:
+    """How friction varies over the body; nothing where it does not."""
+    from softseam_services.body.body import Body
+    from softseam_services.body.interpolate import rest_points
+
+    spec, body = setup.scene.body.friction_field, setup.body
+    if spec is None:
+        return {}
+    factor = body.friction_field.factor(rest_points(body) if isinstance(body, Body) else body.x_rest)
+    return {"friction": f"{in_words(spec)}: {factor.min():.3g} to {factor.max():.3g} times the tools' own"}
 
 
 def _added(setup: Setup, body: ParticleBody) -> dict[str, str]:

@@ -29,6 +29,8 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     console.print(Text(verdict["text"], style=f"bold {_COLOR.get(verdict['outcome'], 'red')}"))
     if report["symmetry"]:
         console.print(Text(f"symmetric {report['symmetry']}", style="dim"))
+    if report["uneven_friction"]:
+        console.print(Text(f"friction {report['uneven_friction']}", style="dim"))
     claims = report.get("claims")
     _print_trust(console, report["estimated_error"], claims)
     _print_damping(console, report["energy"])

@@ -53,14 +53,18 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
     """
     from softseam_services.body.body import Body
     from softseam_services.body.check import check_body
+    from softseam_services.body.contact_points import is_embedded
     from softseam_services.pbd.levels import coarse_cells
 
     scene, body, tools = setup.scene, setup.body, setup.tools
     if not isinstance(body, Body):
-        return _doubts_of_scene(scene, float(np.ptp(body.x_rest, axis=0).max()))
+        size = float(np.ptp(body.x_rest, axis=0).max())
+        return [*_doubts_of_scene(scene, size), *_fine_friction(scene, body.spacing, "more divisions")]
     found = check_body(body) if found is None else found
     told = [*found.warnings, *_stiff_for_pbd(scene, body), *_leaps(scene, body, tools)]
+    apart = float(body.edges.max()) * (0.25 if is_embedded(body) else 0.5)
     told += [
+        *_fine_friction(scene, apart, "shorter cells"),
         *_large(scene, 3 * (found.n_nodes - found.n_fixed)),
         *_thin_tools(scene, body, tools),
         *_repaired_tools(tools),
@@ -124,6 +128,17 @@ def _large(scene: Scene, n_unknowns: int) -> list[str]:
     return [
         f"body.cell: fem factors a matrix of {n:,.0f} unknowns, which takes about {1.5 * (n / _MANY) ** 1.35:.2g} GB, "
         "and a step many seconds: give a longer edge, or `symmetry` where the scene has one"
+    ]
+
+
+def _fine_friction(scene: Scene, apart: float, finer: str) -> list[str]:
+    """That friction varies between points that touch, which are so far apart [m]; finer: what brings them nearer."""
+    field = scene.body.friction_field
+    if field is None or field.length >= apart:
+        return []
+    return [
+        f"body.friction_field.length: friction varies over {1e3 * field.length:.3g} mm, and points that touch tools "
+        f"are {1e3 * apart:.3g} mm apart, each of which stands for what is around it: give a longer length, or {finer}"
     ]
 
 

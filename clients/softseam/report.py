@@ -25,6 +25,7 @@ from softseam.not_done import not_done, touched
 from softseam.outputs import cannot_write
 from softseam.rounding import Rounding
 from softseam.symmetric import symmetric
+from softseam.uneven_friction import uneven_friction
 from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.outcomes import EventKind
@@ -96,6 +97,7 @@ class ReportBuilder:
             "verdict": {"outcome": verdict.outcome, "text": verdict.text, "done": self._done},
             "estimated_error": None if self._estimate is None else asdict(self._estimate),
             "symmetry": symmetric(self._scene),
+            "uneven_friction": uneven_friction(self._scene),
             "steps": len(c),
             "simulated_seconds": len(c) * self._scene.step,
             "parts": self._parts(),

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from many_pieces import STEP, SUBSTEPS, drawn, scene, velocity
 from pbd_run import Floats, PbdRun
 
+from softseam.variants import with_settings
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.errors import SettingError
+from softseam_services.pbd.batch import layout as rows
 from softseam_services.pbd.batch.batch import Batch
 from softseam_services.pbd.batch.pieces import Pieces
 
@@ -42,6 +47,33 @@ def test_a_lane_does_what_the_solver_does() -> None:
         assert out.strain[0] == pytest.approx(reply.strain, rel=5e-3)
         assert out.slip[0] == pytest.approx(reply.slip, abs=2e-6)
     assert np.abs(reply.wrench[1]).max() > 1.0 and out.middle[0, 2] > 0.03
+
+
+def test_friction_varies_over_a_piece_as_over_the_body_of_a_session() -> None:
+    """Of a larger piece, its field told by the scene: each point has the friction that the solver's has, and slips so
+    far, held by pads that are slippery here and there."""
+    field = {"spread": 0.5, "length": 0.015, "seed": 4}
+    tofu, larger = (
+        with_settings(scene(2), [f"body.friction_field={json.dumps(field)}", *settings])
+        for settings in ((), ("body.shape.size=[0.05, 0.052, 0.055]", "body.cell=[0.025, 0.026, 0.0275]"))
+    )
+    run, batch = PbdRun(larger), Batch(tofu, 1, STEP, SUBSTEPS)
+    own = batch.structure.own(1)
+    piece = replace(own, size=np.array([[0.05, 0.052, 0.055]]), friction=np.array([[0.6, 0.15, 0.15]]))
+    batch.put(np.array([0]), piece)
+    at, parameters = batch.structure.layout, run.solver.parameters
+    pairs = np.frombuffer(batch.snapshot(0), np.float32)[at.pairs : at.out].reshape(-1, 3, rows.N_OF_PAIR)
+    touching = run.solver.model.touches.any(axis=1)
+    found, factor = pairs[:, :, rows.FRICTION], parameters.friction_factor[touching]
+    np.testing.assert_allclose(found, factor[:, None] * piece.friction, rtol=1e-6)
+    assert np.ptp(factor) > 0.8
+    run = PbdRun(with_settings(larger, ["tools.left.friction=0.15", "tools.right.friction=0.15"]))
+    for number in range(12):
+        run.velocity[:] = velocity(number)
+        reply, out = run.step(), batch.step(STEP * velocity(number)[None])
+        assert out.slip[0] == pytest.approx(reply.slip, rel=0.01, abs=1e-6)
+        assert np.abs(reply.wrench[:, :3] - out.force[0]).max() < 5e-3 * max(1.0, np.abs(reply.wrench).max())
+    assert out.slip[0] > 5e-3
 
 
 def test_bits_do_not_depend_on_place_number_or_threads() -> None:

@@ -39,9 +39,11 @@ def _bits(envs: BatchEnv, seed: int, steps: int = 12) -> bytes:
     return b"".join(each.tobytes() for each in found)
 
 
-def test_each_is_the_tofu_lift_of_its_seed() -> None:
+@pytest.mark.parametrize("spreads", [Randomise(), Randomise(friction_field=0.5)], ids=["even", "uneven friction"])
+def test_each_is_the_tofu_lift_of_its_seed(spreads: Randomise) -> None:
     """By XPBD in the ordinary session, from touching to the end: what is seen, rewarded and told."""
-    envs, one = BatchEnv(3, reward=FULL), TofuLift(model="xpbd", reward=FULL)
+    envs = BatchEnv(3, reward=FULL, randomise=spreads)
+    one = TofuLift(model="xpbd", reward=FULL, randomise=spreads)
     seen, info = envs.reset(seed=40)
     alone, told = one.reset(seed=42)
     np.testing.assert_array_equal(seen[2], alone)

@@ -46,6 +46,9 @@ def test_a_factor_of_many_unknowns_is_told_of(tmp_path: Path) -> None:
 
 
 def test_a_check_refuses_what_is_not_symmetric(tmp_path: Path) -> None:
+    uneven = SCENE.replace("material:", "friction_field: {spread: 0.3, length: 0.02}\n  material:") + "symmetry: [x]\n"
+    with pytest.raises(SceneRefused, match=r"cube\.yaml:7:19: body\.friction_field: friction varies over both sides"):
+        said(tmp_path, uneven)
     askew = SCENE.replace("position: [0, 0, 0.08]", "position: [0.001, 0, 0.08]") + "symmetry: [y, x]\n"
     with pytest.raises(SceneRefused, match="not symmetric in x: tool 'ball' has no image"):
         said(tmp_path, askew)

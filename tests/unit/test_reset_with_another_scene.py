@@ -28,6 +28,7 @@ NUMBERS = {
     "damping": ["body.material.retardation_time=0.02"],
     "gravity": ["gravity=[0, 0, -5]"],
     "friction": ["tools.left.friction=0.1"],
+    "friction over the surface": ["body.friction_field={spread: 0.4, length: 0.01}"],
     "pose": ["tools.left.position=[-0.0153, 0.001, 0.016]"],
     "step": ["step=0.005"],
     "size": ["body.shape.size=[0.022, 0.022, 0.022]", "body.cell=0.011", "tools.left.position=[-0.0165, 0, 0.016]",

@@ -208,6 +208,8 @@ BAD = [
     ("[0.0125, 0.025, 0.025]", "0", 8, "body.cell", "greater than 0"),
     ("[0.0125, 0.025, 0.025]", "[0.0125, 0.025, -1]", 8, "body.cell.2", "greater than 0"),
     ("[0.0125, 0.025, 0.025]", "fine", 8, "body.cell", "should be a number"),
+    ("1050}", "1050}\n  friction_field: {spread: .3}", 10, "body.friction_field.length", "is missing"),
+    ("1050}", "1050}\n  friction_field: {spread: 3, length: 1}", 10, "body.friction_field.spread", "equal to 1, but"),
     ("kind: plane", "kind: plain", 11, "tools.ground.kind", "(allowed: plane, box, sphere, capsule, cylinder, mesh)"),
     ("normal: [0, 0, 1]", "normal: [0, 0, 0]", 11, "tools.ground.normal", "must not be zero"),
     ("friction: 0.6}\n  left", "friction: -0.6}\n  left", 11, "tools.ground.friction", "greater than or equal to 0"),

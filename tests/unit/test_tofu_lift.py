@@ -26,6 +26,7 @@ from softseam.gym.reward import (
     Way,
 )
 from softseam.gym.sight import SEEN
+from softseam_protocol.scene.friction_field import FrictionFieldSpec
 
 FULL: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
 
@@ -244,19 +245,60 @@ def test_pieces_differ_within_their_spreads_and_seeds_bring_them_back() -> None:
     assert (left == right).all() and np.ptp(left) > 0.05 and (left != ground).all()
 
 
-def test_a_spread_of_one_thing_changes_nothing_else() -> None:
+@pytest.mark.parametrize(
+    ("spreads", "key"),
+    [(Randomise(young=0.0), "body.material.young"), (Randomise(friction_field=0.4), "body.friction_field")],
+)
+def test_a_spread_of_one_thing_changes_nothing_else(spreads: Randomise, key: str) -> None:
     random = [np.random.default_rng(3) for _ in range(2)]
     env = TofuLift(randomise=None)
-    more, less = (
-        dict(text.split("=", 1) for text in spreads.settings(env.scene, ("left", "right"), each))
-        for spreads, each in zip((Randomise(), Randomise(young=0.0)), random, strict=True)
+    other, usual = (
+        dict(text.split("=", 1) for text in each.settings(env.scene, ("left", "right"), numbers))
+        for each, numbers in zip((spreads, Randomise()), random, strict=True)
     )
-    assert {key for key in more if more[key] != less[key]} == {"body.material.young"}
+    assert {name for name in other if other[name] != usual.get(name)} == {key}
     assert random[0].random() == random[1].random()
 
 
+def test_each_piece_has_friction_of_its_own_whatever_the_order() -> None:
+    """By the environment's seed and the episode's number, within the lengths that are asked for."""
+    spreads = Randomise(friction_field=0.4, friction_length=(0.01, 0.02))
+    scene = TofuLift(randomise=None).scene
+
+    def episodes(seed: int) -> list[FrictionFieldSpec]:
+        random, found = np.random.default_rng(seed), []
+        for _ in range(3):
+            drawn = spreads.draw(scene, ("left", "right"), random).friction_field
+            assert drawn is not None and drawn.spread == 0.4 and 0.01 <= drawn.length <= 0.02
+            found.append(drawn)
+        return found
+
+    first = [episodes(seed) for seed in (5, 6)]
+    assert [episodes(seed) for seed in (6, 5)] == first[::-1]
+    every = [field for each in first for field in each]
+    assert len({field.seed for field in every}) == len({field.length for field in every}) == 6
+
+
+def test_a_scene_keeps_its_own_friction_where_none_is_drawn() -> None:
+    settings = ["body.friction_field={spread: 0.2, length: 0.03, seed: 7}"]
+    env = TofuLift(settings=settings)
+    assert Randomise().draw(env.scene, ("left", "right"), np.random.default_rng(0)).friction_field == FrictionFieldSpec(
+        spread=0.2, length=0.03, seed=7
+    )
+    env.close()
+
+
 @pytest.mark.parametrize(
-    "spread", [{"young": -0.1}, {"size": 1.0}, {"poisson": (0.4, 0.3)}, {"poisson": (0.3, 0.5)}, {"yaw": 90.0}]
+    "spread",
+    [
+        {"friction_field": 1.5},
+        {"friction_length": (0.02, 0.01)},
+        {"young": -0.1},
+        {"size": 1.0},
+        {"poisson": (0.4, 0.3)},
+        {"poisson": (0.3, 0.5)},
+        {"yaw": 90.0},
+    ],
 )
 def test_a_spread_that_is_none_is_refused(spread: dict[str, Any]) -> None:
     with pytest.raises(softseam.BadInput, match=next(iter(spread))):

@@ -59,11 +59,13 @@ PRESS: Commands = [{"left": [0.005, 0.0, -0.02], "right": [-0.015, 0.005, 0.0]}]
         ("clamped", [{}] * 20, YOUNG, 20e3, 1e-7),
         ("sticking", squeeze(36, 0.03, 25), YOUNG, 20e3, 1e-6),
         ("sliding", squeeze(36, 0.05, 25), YOUNG, 20e3, 1e-6),
+        ("uneven", squeeze(36, 0.05, 25), YOUNG, 20e3, 1e-6),
         ("at edges", squeeze(30, 0.03, 22), YOUNG, 20e3, 1e-6),
         ("round", PRESS, YOUNG, 20e3, 2e-6),
         ("corotated", squeeze(20), YOUNG, 20e3, 3e-6),
         ("sticking", squeeze(36, 0.03, 25), ALL, 0.8, 1e-3),
         ("sliding", squeeze(36, 0.05, 25), ALL, 0.05, 1e-3),
+        ("uneven", squeeze(36, 0.05, 25), ALL, 0.05, 1e-3),
         ("at edges", squeeze(30, 0.03, 22), ALL, 0.5, 1e-3),
         ("round", PRESS, "tools.left.friction", 0.4, 1e-3),
     ],
@@ -90,6 +92,8 @@ def _scene(case: str) -> softseam.Scene:
         return grasp(0.5, SMALL_PADS)
     if case == "corotated":
         return grasp(0.3, kind="corotated")
+    if case == "uneven":
+        return grasp(0.05, body={"friction_field": {"spread": 0.4, "length": 0.02, "seed": 1}})
     return grasp(0.8 if case == "sticking" else 0.05)
 
 
@@ -141,7 +145,7 @@ def _sweep(sim: Session, loss: Loss, commands: Commands) -> tuple[Any, FemSolver
     return rollout, solver, simulation.tools
 
 
-@pytest.mark.parametrize("case", ["sticking", "sliding", "at edges", "round"])
+@pytest.mark.parametrize("case", ["sticking", "sliding", "uneven", "at edges", "round"])
 def test_backward_is_the_transpose_of_forward(case: str) -> None:
     """<a, D b> = <D^T a, b> of each step, for random a and b: to what GMRES leaves, in steps solved again, too."""
     commands = PRESS if case == "round" else squeeze(30, 0.03, 22)

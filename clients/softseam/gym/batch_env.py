@@ -234,10 +234,8 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
                 position[place, pad] = each.place(own.position[place, pad])
                 orientation[place, pad] = math.cos(0.5 * each.turn), 0.0, 0.0, math.sin(0.5 * each.turn)
         friction = np.array([[each.friction[name] for name in self._tools] for each in drawn])
-        self._batch.put(
-            which,
-            Pieces(size, *_columns(drawn), friction=friction, position=position, orientation=orientation),
-        )
+        fields = [each.friction_field for each in drawn]
+        self._batch.put(which, Pieces(size, *_columns(drawn), friction, fields, position, orientation))
         turn = np.array([each.turn for each in drawn])
         along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
         left, right = (position[:, pad, :2] for pad in self._pads)

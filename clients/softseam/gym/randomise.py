@@ -9,11 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam.errors import BadInput
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
+from softseam_protocol.scene.friction_field import LARGEST_SPREAD, FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
 
 
@@ -32,6 +35,8 @@ class Drawn:
     """of a mesh, in parts of the scene's; 1 of a block"""
     friction: dict[str, float]
     """of the tools, by name"""
+    friction_field: FrictionFieldSpec | None
+    """how friction varies over its surface; None where it does not"""
     turn: float
     """of the tools that grip, about the vertical [rad]"""
     offset: tuple[float, float]
@@ -52,6 +57,11 @@ class Randomise:
     density: float = 0.3
     friction: float = 0.3
     """of the tools that grip, alike, and of each of the others"""
+    friction_field: float = 0.0
+    """standard deviation of the factor on friction over a piece's surface, `spread` of its `body.friction_field`, whose
+    seed is the piece's own; 0 is as the scene says"""
+    friction_length: tuple[float, float] = (0.015, 0.04)
+    """least and greatest `length` of that field [m]"""
     size: float = 0.3
     """of each edge of a block; of a mesh, of all of it alike"""
     poisson: tuple[float, float] = (0.315, 0.4725)
@@ -66,6 +76,15 @@ class Randomise:
         for name in ("young", "density", "friction", "size"):
             if not 0.0 <= (spread := getattr(self, name)) < 1.0:
                 raise BadInput(f"{name}={spread!r}: give a part of what the scene says, from 0 to below 1")
+        if not 0.0 <= self.friction_field <= LARGEST_SPREAD:
+            raise BadInput(
+                f"friction_field={self.friction_field!r}: give the standard deviation of a factor whose mean is 1, "
+                f"from 0 to {LARGEST_SPREAD:g}"
+            )
+        if not 0.0 < self.friction_length[0] <= self.friction_length[1] < math.inf:
+            raise BadInput(
+                f"friction_length={self.friction_length!r}: give the least and the greatest [m], more than 0"
+            )
         low, high = self.poisson
         if not -1.0 < low <= high < 0.5:
             raise BadInput(f"poisson={self.poisson!r}: give the least and the greatest, between -1 and 0.5")
@@ -78,7 +97,8 @@ class Randomise:
     def nothing(cls, scene: Scene) -> Randomise:
         """Every episode as the scene is."""
         poisson = scene.body.material.poisson if isinstance(scene.body, BodySpec) else 0.0
-        return cls(**{f.name: 0.0 for f in fields(cls) if f.name != "poisson"}, poisson=(poisson, poisson))
+        none: dict[str, Any] = {f.name: 0.0 for f in fields(cls) if isinstance(f.default, float)}
+        return cls(**none, poisson=(poisson, poisson))
 
     def draw(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> Drawn:
         """One piece of a scene of a block or a mesh, between pads."""
@@ -102,9 +122,18 @@ class Randomise:
             size=size,
             scale=scale,
             friction=friction,
+            friction_field=self._field(body, part),
             turn=math.radians(self.yaw) * part[7],
             offset=(self.offset * part[8], self.offset * part[9]),
         )
+
+    def _field(self, body: BodySpec, part: NDArray[np.float64]) -> FrictionFieldSpec | None:
+        """By numbers of its own, which follow from those that were drawn for the piece."""
+        if self.friction_field == 0.0:
+            return body.friction_field
+        random = np.random.default_rng(part.view(np.uint64))
+        length, seed = float(random.uniform(*self.friction_length)), int(random.integers(2**31))
+        return FrictionFieldSpec(spread=self.friction_field, length=length, seed=seed)
 
     def settings(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> tuple[str, ...]:
         """Of one piece, as `softseam run --set` takes them."""
@@ -126,6 +155,8 @@ class Randomise:
                 cell = (body.cell,) * 3 if isinstance(body.cell, float) else body.cell
                 found.append(f"body.cell={_list([edge * drawn.scale for edge in cell])}")
         found += [f"tools.{name}.friction={value:.6g}" for name, value in drawn.friction.items()]
+        if self.friction_field > 0.0 and drawn.friction_field is not None:
+            found.append(f"body.friction_field={drawn.friction_field.model_dump_json()}")
         for pad in pads:
             at = drawn.place(scene.tools[pad].position)  # type: ignore[union-attr]
             found += [f"tools.{pad}.position={_list(at)}", f"tools.{pad}.rotation={_list((0.0, 0.0, drawn.turn))}"]

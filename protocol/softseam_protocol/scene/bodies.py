@@ -15,6 +15,7 @@ from pydantic import (
     model_validator,
 )
 
+from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
 from softseam_protocol.scene.mesh_files import MeshPart
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
@@ -129,13 +130,19 @@ class BodySpec(OwnRegions):
         description="drag of still air, in every model: force over mass and velocity, so that an oscillation decays "
         "with half of it [1/s]",
     )
+    friction_field: FrictionFieldSpec | None = Field(
+        default=None, description="how friction on tools varies over its surface; default: not at all"
+    )
 
     @model_serializer(mode="wrap")
     def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
-        """In version 1 of the scene format bodies in cells say damping only where they have some: hashes hold it."""
+        """In version 1 of the scene format bodies in cells say damping, and how friction varies, only where they have
+        some: hashes hold it."""
         said: dict[str, Any] = handler(self)
         if self.damping == 0.0:
             said.pop("damping", None)
+        if self.friction_field is None:
+            said.pop("friction_field", None)
         return said
 
     @model_validator(mode="after")

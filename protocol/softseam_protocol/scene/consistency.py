@@ -114,6 +114,9 @@ def _symmetry_is_used(scene: OneBody) -> None:
     near, fem = scene.regions.near, scene.models.fem
     if isinstance(scene.body, BodySpec) and scene.body.tetrahedral:
         raise wrong("tetrahedra of a file are not each other's images: leave it out", "symmetry")
+    if scene.body.friction_field is not None:
+        told = "friction varies over both sides as neither's image: leave it out, or `symmetry`"
+        raise wrong(told, "body", "friction_field")
     if "fem" not in (scene.regions.default, near.model if near else ""):
         raise wrong("only fem solves for one side, and no region is fem's: leave it out", "symmetry")
     if fem.element.startswith("tet"):

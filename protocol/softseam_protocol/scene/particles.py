@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, SerializationInfo, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.mesh_files import MeshPart
 from softseam_protocol.scene.regions import OwnRegions
 from softseam_protocol.scene.spec import BoxRegion, NonNegative, OfKind, Positive, Spec, Vector, check_edge, wrong
@@ -67,12 +68,15 @@ class _Particles(OwnRegions):
     constraints: tuple[AnyConstraint, ...] = Field(
         default=(), description="what holds its particles beside its own stiffness; further kinds come with extensions"
     )
+    friction_field: FrictionFieldSpec | None = Field(
+        default=None, description="how friction on tools varies over it; default: not at all"
+    )
 
     @model_serializer(mode="wrap")
     def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
         """In version 1 of the scene format bodies say what came later only where they have some: hashes hold it."""
         said: dict[str, Any] = handler(self)
-        for key in ("constraints", "size", "divisions"):
+        for key in ("constraints", "friction_field", "size", "divisions"):
             if not getattr(self, key, None):
                 said.pop(key, None)
         return said

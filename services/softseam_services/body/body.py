@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.friction_field import EVEN, FrictionField
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -117,6 +118,8 @@ class Body:
     """cells are tetrahedra, with the nodes and octants that `tetrahedron` says; their other places repeat a node"""
     damping: float = 0.0
     """drag of still air: force over mass and velocity [1/s]"""
+    friction_field: FrictionField = EVEN
+    """factor on friction with every tool"""
     notes: tuple[str, ...] = ()
     """what the importer repaired or wants to tell"""
 

@@ -20,6 +20,7 @@ from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
+from softseam_services.body.friction_field import draw_field
 from softseam_services.body.graded import bordered_line, graded_block, graded_line
 from softseam_services.body.hexahedra import OwnCells, numbered_cells, own_cells
 from softseam_services.body.inclusions import materials_at, octant_centres
@@ -250,6 +251,7 @@ def assemble(
         moments=np.zeros((0, 8, 27)) if moments is None else moments,
         boxes=boxes,
         damping=spec.damping,
+        friction_field=draw_field(spec.friction_field, np.array(spec.position)),
         notes=notes,
     )
 

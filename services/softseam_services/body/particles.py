@@ -12,6 +12,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
+from softseam_services.body.friction_field import FrictionField, draw_field
 from softseam_services.body.skin import Skin
 
 _CLAMP_TOLERANCE = 1e-9
@@ -87,6 +88,8 @@ class ParticleBody:
     self_contact: bool
     """whether particles that are no neighbours keep 2 radius apart"""
     self_friction: float
+    friction_field: FrictionField
+    """factor on friction with every tool"""
     damping: float
     """[1/s]"""
     restitution: float
@@ -154,6 +157,7 @@ def assemble(
     fixed = _clamped(x_rest, spec.fixed, reach)
     v_initial = np.tile(np.array(spec.velocity), (len(x_rest), 1))
     v_initial[fixed] = 0.0
+    axes = placed(spec, np.eye(3)) - np.array(spec.position)
     return ParticleBody(
         kind=spec.kind,
         x_rest=x_rest,
@@ -167,6 +171,7 @@ def assemble(
         radius=radius,
         self_contact=self_contact,
         self_friction=self_friction,
+        friction_field=draw_field(spec.friction_field, np.array(spec.position), axes),
         damping=spec.damping,
         restitution=spec.restitution,
         gravity=np.array(scene.gravity),

@@ -97,6 +97,8 @@ class FemParameters(NamedTuple):
     """as cut_gradient, of each octant alone (u, 27, 24) [1/m]"""
     friction: Floats
     """Coulomb coefficient of each tool (t,) [1]"""
+    friction_factor: Floats
+    """of each point, on the coefficient of every tool (p,) [1]"""
     retardation_time: float
     """of the material [s]; 0 where it is not viscous, see kernels/viscosity.py"""
     drag: float
@@ -205,8 +207,10 @@ def _contact(model: FemModel, body: Body, region: Region, functions: Functions) 
     counts = [len(region.points), len(inner.cell)]
     factor, firm = np.repeat([PENALTY, SOFT], counts), np.repeat([FIRM, FIRM_INSIDE], counts)
     area = np.concatenate([body.surface.area[region.points], inner.area])
+    weight, x_rest = np.concatenate([weight, inner.weight]), body.x_rest[region.nodes]
     return {
-        "point_weight": np.concatenate([weight, inner.weight]),
+        "point_weight": weight,
+        "friction_factor": body.friction_field.at_points(x_rest, model.point_ptr, model.point_node, weight),
         "point_stiffness": factor * (young / spacing) * area,
         "swiftness": firm / factor * density * spacing**2 / (3.0 * young),
         "face_edge": inner.edge,

@@ -95,7 +95,8 @@ class Adjoint:
         normal, slips = row[:, NORMAL : NORMAL + 3], work.state[pairs] == SLIP
         along = np.einsum("pi,pi->p", normal, d)[:, None] * normal
         # eq. (2) of kernels.contact with q = 1: a point that slips gives way along its slip
-        bound = np.maximum(self._friction[tools] * row[:, PRESSURE], np.finfo(float).tiny)
+        mu = self._friction[tools] * parameters.friction_factor[points]
+        bound = np.maximum(mu * row[:, PRESSURE], np.finfo(float).tiny)
         way = row[:, TRACTION : TRACTION + 3] / bound[:, None]
         across = d - along
         sliding = across - np.einsum("pi,pi->p", way, across)[:, None] * way

@@ -58,6 +58,8 @@ class PbdParameters:
     """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     point_give: Floats
     """as of `Points.give` (p, t) [m/N]"""
+    friction_factor: Floats
+    """of each point, on the friction of every tool (p,) [1]"""
     wave_speed: float
     """the fastest P wave's [m/s]"""
     least_mu: float
@@ -118,6 +120,7 @@ class PbdParameters:
             weight=self.weight,
             point_softness=self.point_softness,
             point_give=self.point_give,
+            friction_factor=self.friction_factor,
             edged=faces.edged,
             face_stiffness=faces.stiffness,
             face_edge=faces.edge,
@@ -176,6 +179,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         if len(weight)
         else np.zeros(0),
         point_give=points.give,
+        friction_factor=body.friction_field.at_points(x_rest, model.indptr, model.node, weight),
         wave_speed=body.wave_speed,
         least_mu=min(material.mu for material in body.materials),
         frequency=frequency,

@@ -56,6 +56,8 @@ class ParameterArrays(NamedTuple):
     point_softness: Floats
     point_give: Floats
     """(p, t)"""
+    friction_factor: Floats
+    """(p,)"""
     # faces
     edged: NDArray[np.bool_]
     face_stiffness: Floats

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD, SWEPT, point_position
+from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD, SWEPT, coefficient, point_position
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
@@ -150,7 +150,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     see(x, nodes, tools.position[tool], tools.orientation[tool], from_start[tool])
                     see(x, nodes, position, turn, from_end[tool])
                     pressed[tool] = -1
-                    if parameters.friction[tool] < 1.0:
+                    if coefficient(parameters, point, tool) < 1.0:
                         pressed[tool] = pressed_side(model.point_face, point, multiplier, tool, tools.orientation[tool])
                 share, whole, side = covered(
                     from_start[tool], xp, patches, patch, shape, tools.position[tool], tools.orientation[tool],
@@ -182,7 +182,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)
                     # what is pressed deep into a thin box stays on the side that presses it
                     inside = tool_gap(kind, shape, tools.position[tool], tools.orientation[tool], xp)[0] < 0.0
-                    if inside and touched and parameters.friction[tool] < 1.0:
+                    if inside and touched and coefficient(parameters, point, tool) < 1.0:
                         side = side_along(tools.orientation[tool], f0, f1, f2)
                 if side < 0 and kind != PLANE and not touched and reach > SLOW * tools.reach[tool]:
                     point_position(v, model, parameters, point, ahead)

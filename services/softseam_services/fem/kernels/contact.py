@@ -76,6 +76,12 @@ def point_position(x, model, parameters, point, out):
 
 
 @njit(cache=True, error_model="numpy")
+def coefficient(parameters, point, tool):
+    """mu of eq. (1) of a tool at a surface point [1]."""
+    return parameters.friction[tool] * parameters.friction_factor[point]
+
+
+@njit(cache=True, error_model="numpy")
 def _plane_gap(plane, position, orientation, point):
     """Gap to a plane of a tool, normal and distance in its frame (4,), and its outward normal: gap, nx, ny, nz."""
     nx, ny, nz = rotate(orientation, plane[0], plane[1], plane[2])
@@ -123,11 +129,12 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         ty = f[1] - along * ny - stiffness * (dy + pace * (offset[1] - across * ny))
         tz = f[2] - along * nz - stiffness * (dz + pace * (offset[2] - across * nz))
         size = np.sqrt(tx * tx + ty * ty + tz * tz)
-        bound = parameters.friction[tool] * pressure
+        mu = coefficient(parameters, point, tool)
+        bound = mu * pressure
         sticks = size <= bound
         held = was == TO_HOLD and not sticks and along > 0.0
         if held:
-            least = _STUCK * parameters.friction[tool] * along
+            least = _STUCK * mu * along
             held = least > 0.0 and f[0] * f[0] + f[1] * f[1] + f[2] * f[2] - along * along < least * least
         scale = 1.0 if sticks or held else bound / size
         same_way = row[TRACTION] * tx + row[TRACTION + 1] * ty + row[TRACTION + 2] * tz > 0.0
@@ -172,14 +179,14 @@ def lets_go(parameters, tools, count, work):
     """
     carried = lost = 0
     for c in range(count):
-        f, row, tool = work.multiplier[c], work.contact[c], work.pair[c, 1]
+        f, row, point, tool = work.multiplier[c], work.contact[c], work.pair[c, 0], work.pair[c, 1]
         square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
         if square == 0.0 or not tools.near[tool]:
             continue
         carried += 1
         if work.state[c] == SLIP:
             along = f[0] * row[NORMAL] + f[1] * row[NORMAL + 1] + f[2] * row[NORMAL + 2]
-            least = _STUCK * parameters.friction[tool] * along
+            least = _STUCK * coefficient(parameters, point, tool) * along
             lost += least > 0.0 and square - along * along < least * least
         else:
             lost += work.state[c] == OPEN

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, RELAXED, SLIP, TRACTION, TRIAL
+from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, RELAXED, SLIP, TRACTION, TRIAL, coefficient
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
@@ -32,7 +32,7 @@ def find_changes(parameters, count, work):
         point, tool, row, change = work.pair[c, 0], work.pair[c, 1], work.contact[c], work.change[c]
         touches, slips = work.state[c] != OPEN, work.state[c] == SLIP
         stiffness = work.hold[c, 0] if touches else 0.0
-        friction = parameters.friction[tool] if slips else 0.0
+        friction = coefficient(parameters, point, tool) if slips else 0.0
         bound = friction * row[PRESSURE]
         tangential = stiffness * bound / row[TRIAL] if slips else stiffness
         along = 1.0 / bound if bound > 0.0 else 0.0

@@ -28,6 +28,7 @@ from softseam_services.fem.kernels.contact import (
     SLIP,
     SWEPT,
     TRIAL,
+    coefficient,
     point_position,
 )
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, pressed_side, see
@@ -62,10 +63,11 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
     hardest = _hardest(count, len(tools.kind), work)
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
+        friction = coefficient(parameters, point, tool)
         out.place[c], out.multiplier[c], out.since[c], out.numbers[c] = 0.0, 0.0, 0.0, 0.0
         out.hold[c], out.cover[c] = 0.0, 0.0
         point_position(x, model, parameters, point, xp)
-        out.margin[c] = _margin(c, xp, parameters.friction[tool], hardest[tool], work)
+        out.margin[c] = _margin(c, xp, friction, hardest[tool], work)
         if work.state[c] == OPEN:
             continue
         alone, touched = True, False
@@ -75,7 +77,7 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
             touched = touched or contact[point, tool, i] != 0.0
         out.anchored[c] = alone and touched
         _bend(c, xp, parameters.edge, tools, work, G, H)
-        _differentiate(c, xp, G, H, parameters.friction[tool], work, out)
+        _differentiate(c, xp, G, H, friction, work, out)
         out.met[c] = 0.0
         if work.side[c] == SWEPT:
             _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out)
@@ -89,7 +91,7 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
                 first -= 1
             point_position(x0, model, parameters, point, xp)
             pressed = -1
-            if parameters.friction[tool] < 1.0:
+            if coefficient(parameters, first, tool) < 1.0:
                 pressed = pressed_side(model.point_face, first, contact, tool, turn)
             if covered(face, xp, patches, patch, tools.shape[tool], position, turn, pressed)[2] != work.side[c]:
                 return ENTERED
@@ -221,7 +223,7 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
     point_position(v0, model, parameters, point, ends[1])
     across = along = 0.0
     q, dq, e = np.empty(3), np.empty(3), np.zeros(3)
-    r, friction, slips = work.hold[c, 0], parameters.friction[tool], work.state[c] == SLIP
+    r, friction, slips = work.hold[c, 0], coefficient(parameters, point, tool), work.state[c] == SLIP
     squeeze = friction * row[PRESSURE] / row[TRIAL] if slips and row[TRIAL] > 0.0 else 1.0
     for i in range(3):
         ends[1, i] = ends[0, i] + dt * ends[1, i]

@@ -19,6 +19,7 @@ from softseam_services.fem.kernels.contact import (
     STICK,
     TRACTION,
     TRIAL,
+    coefficient,
 )
 from softseam_services.fem.kernels.fronts import add_block, add_block_row
 from softseam_services.fem.kernels.lapack import product
@@ -51,7 +52,7 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
             work.factored_state[point, tool] = STICK
         added += 1
         block = work.factored[point, tool]
-        _resist(c, parameters.friction[tool], work, block)
+        _resist(c, coefficient(parameters, point, tool), work, block)
         cell = model.point_cell[point]
         if model.point_face[point] != SPREAD:
             _add_point(model, parameters, tree, point, block, work)

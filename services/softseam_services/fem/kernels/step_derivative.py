@@ -220,7 +220,7 @@ def _pull_contact(c, model, parameters, owed, work, slopes):
                 owed.x[model.point_node[entry], i] -= parameters.point_weight[entry] * back[i]
     _times_transposed(slopes.numbers[c], 6, seed, back)
     penalty, carry = back[BY_PENALTY], back[BY_CARRY]
-    owed.friction[tool] += back[BY_FRICTION]
+    owed.friction[tool] += parameters.friction_factor[point] * back[BY_FRICTION]
     hold = slopes.hold[c]
     owed.young[0] += penalty * hold[0, YOUNG] + carry * hold[1, YOUNG]
     face = model.point_face[point]
@@ -322,7 +322,7 @@ def _push_contact(c, model, parameters, change, work, slopes):
     for which in range(3):
         numbers[BY_PENALTY] += slopes.hold[c, 0, which] * shares[which]
         numbers[BY_CARRY] += slopes.hold[c, 1, which] * shares[which]
-    numbers[BY_FRICTION] = change.friction[tool]
+    numbers[BY_FRICTION] = parameters.friction_factor[point] * change.friction[tool]
     for row in range(6):
         total = change.tool_end[tool, row - 3] if row >= 3 else 0.0
         for i in range(3):

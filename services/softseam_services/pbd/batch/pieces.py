@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import SettingError
+from softseam_services.body.friction_field import draw_fields
 from softseam_services.body.materials.point import NEO_HOOKEAN
 from softseam_services.body.region import build_region
 from softseam_services.pbd.hourglass import box_constants
@@ -42,6 +45,8 @@ class Pieces:
     """(k,) [kg/m^3]"""
     friction: Floats
     """with each tool (k, t)"""
+    friction_field: Sequence[FrictionFieldSpec | None]
+    """how that varies over each piece (k,); None where it does not"""
     position: Floats
     """of the tools (k, t, 3) [m]"""
     orientation: Floats
@@ -103,6 +108,8 @@ class Structure:
         self.shape: Singles = np.ascontiguousarray(tools.shape[:, :3], dtype=np.float32)
         self.gravity: Singles = np.asarray(body.gravity, dtype=np.float32)
         self.size: Floats = np.ptp(self.x_rest, axis=0)
+        self._position: Floats = np.array(scene.body.position)
+        self._friction_field = scene.body.friction_field
         self.layout: Layout = lay_out(len(self.kind), len(used), len(self.nodes), len(self.points))
 
     @property
@@ -119,6 +126,7 @@ class Structure:
             poisson=np.full(count, poisson),
             density=np.full(count, material.density),
             friction=np.tile(tools.friction, (count, 1)),
+            friction_field=[self._friction_field] * count,
             position=np.tile(tools.position, (count, 1, 1)),
             orientation=np.tile(tools.orientation, (count, 1, 1)),
         )
@@ -135,17 +143,20 @@ class Structure:
         for tool in range(len(self.kind)):
             first = at.tools + rows.N_OF_TOOL * tool
             found[:, first : first + 3] = pieces.position[:, tool]
-            found[:, first + rows.TURN : first + rows.FRICTION] = _turns(pieces.orientation[:, tool])
-            found[:, first + rows.FRICTION] = pieces.friction[:, tool]
+            found[:, first + rows.TURN : first + rows.N_OF_TOOL] = _turns(pieces.orientation[:, tool])
         heavier = pieces.density / self.body.materials[0].density * ratio.prod(axis=1)
         inverse = 1.0 / (heavier[:, None] * self.mass)
         middle = self.x_rest.mean(axis=0)
         middle[2] = self.x_rest[:, 2].min()
         node = found[:, at.nodes : at.blocks].reshape(count, self.n_nodes, rows.N_OF_NODE)
-        node[:, :, rows.X : rows.X + 3] = middle + (self.x_rest - middle) * ratio[:, None]
+        place = middle + (self.x_rest - middle) * ratio[:, None]
+        node[:, :, rows.X : rows.X + 3] = place
         node[:, :, rows.W] = inverse
         block = found[:, at.blocks : at.pairs].reshape(count, len(self.nodes), rows.N_OF_BLOCK)
         block[:, :, rows.WEIGHTS : rows.SOFTNESS] = inverse[:, self.nodes]
+        factor = draw_fields(pieces.friction_field, self._position).factor(place[:, self.points])
+        pair = found[:, at.pairs : at.out].reshape(count, len(self.points), len(self.kind), rows.N_OF_PAIR)
+        pair[:, :, :, rows.FRICTION] = factor[:, :, None] * pieces.friction[:, None]
         return found.astype(np.float32)
 
     def timing(self, step: float, substeps: int) -> Timing:

@@ -42,6 +42,7 @@ from .pairs import (
     EIGHT,
     FACED,
     FORCE,
+    FRICTION,
     GAP,
     GIVE,
     HELD,
@@ -72,7 +73,7 @@ NO_MEMORY = 1.0
 
 
 @lane_kernel
-def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer):
+def _solve(row, lane, gap, nx, ny, nz, motion, hh, newer):
     """Eq. (1) for one pair at this gap and normal: FORCE, STEADY, SLIPPED, CHANGE, HOLD and X are updated.
 
     newer: share of p in p_mean; STEADY holds p_mean and the debt, which fades with the same memory while it sticks
@@ -97,6 +98,7 @@ def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer):
     tz = old_z - old_n * nz - sz * per_c
     tn = tx * nx + ty * ny + tz * nz
     tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
+    mu = row[lane + EIGHT * FRICTION]
     steady = row[lane + EIGHT * STEADY]
     steady += newer * (p - steady)
     debt = row[lane + EIGHT * (STEADY + 1)]
@@ -128,13 +130,13 @@ def _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer):
 
 
 @batch_kernel
-def solve_on_plane(row, normal, place, mu, motion, hh, newer):
+def solve_on_plane(row, normal, place, motion, hh, newer):
     """The eight pairs of a group with a plane through this place."""
     nx, ny, nz = normal
     px, py, pz = place
     for lane in range(EIGHT):
         gap = (row[lane] - px) * nx + (row[lane + EIGHT] - py) * ny + (row[lane + 2 * EIGHT] - pz) * nz
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
+        _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
 
 
 @lane_kernel
@@ -181,14 +183,14 @@ def face_sides(row, a, b, c, place, turn):
 
 
 @batch_kernel
-def solve_on_box(row, a, b, c, place, turn, mu, motion, hh, newer):
+def solve_on_box(row, a, b, c, place, turn, motion, hh, newer):
     """The eight pairs of a group with a box of half edges a, b, c."""
     px, py, pz = place
     for lane in range(EIGHT):
         x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
         gap, nx, ny, nz = _faced_gap(row, lane, a, b, c, x, y, z)
         nx, ny, nz = rotate(turn, nx, ny, nz)
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
+        _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")
@@ -219,12 +221,12 @@ def find_gaps(row, kind, shape, place, turn, motion, slow):
 
 
 @batch_kernel
-def solve_at_gaps(row, mu, motion, hh, newer):
+def solve_at_gaps(row, motion, hh, newer):
     """The eight pairs of a group at their GAP."""
     for lane in range(EIGHT):
         gap, nx = row[lane + EIGHT * GAP], row[lane + EIGHT * (GAP + 1)]
         ny, nz = row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
-        _solve(row, lane, gap, nx, ny, nz, mu, motion, hh, newer)
+        _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")
@@ -255,7 +257,7 @@ def _pressed(row, lane):
 
 
 @lane_kernel
-def _solve_softly(row, lane, mu, motion, hh, newer):
+def _solve_softly(row, lane, motion, hh, newer):
     """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1)."""
     nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
     soft = row[lane + EIGHT * SOFT]
@@ -268,7 +270,7 @@ def _solve_softly(row, lane, mu, motion, hh, newer):
     lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
     xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
     nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
-    _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, mu, nearer, hh, newer)
+    _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, nearer, hh, newer)
     lag_n = lag_x * nx + lag_y * ny + lag_z * nz
     row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
     row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
@@ -278,10 +280,10 @@ def _solve_softly(row, lane, mu, motion, hh, newer):
 
 
 @batch_kernel
-def solve_softly(row, mu, motion, hh, newer):
+def solve_softly(row, motion, hh, newer):
     """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
     for lane in range(EIGHT):
-        _solve_softly(row, lane, mu, motion, hh, newer)
+        _solve_softly(row, lane, motion, hh, newer)
 
 
 @njit(cache=True, error_model="numpy")
@@ -293,7 +295,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
     hh        the substep squared [s^2]
     """
     indptr, node, weight = model.indptr, model.node, parameters.weight
-    kind, shape, friction = parameters.kind, parameters.shape, parameters.friction
+    kind, shape = parameters.kind, parameters.shape
     lends = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
     start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
@@ -302,7 +304,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
         n_near += start[tool + 1] > start[tool]
     alone = lends if n_near == 1 and len(model.seam) == 0 else NO_MEMORY  # what is beyond a seam may be squeezed
     for tool in range(len(kind)):
-        tool_kind, tool_shape, mu = kind[tool], shape[tool], friction[tool]
+        tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)
         forth, slow = twelve(motion, 0, tool), SLOW * parameters.reach[tool]
         newer = lends if tool_kind == PLANE else alone
@@ -312,14 +314,14 @@ def project_contacts(model, parameters, contacts, xw, hh):
             row = pairs[group]
             if rows[group, EDGED]:
                 find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
-                solve_softly(row, mu, forth, hh, alone)
+                solve_softly(row, forth, hh, alone)
             elif tool_kind == PLANE:
-                solve_on_plane(row, normal, place, mu, forth, hh, newer)
+                solve_on_plane(row, normal, place, forth, hh, newer)
             elif tool_kind == BOX:
-                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, mu, forth, hh, newer)
+                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, forth, hh, newer)
             else:
                 find_gaps(row, tool_kind, tool_shape, place, turn, forth, slow)
-                solve_at_gaps(row, mu, forth, hh, newer)
+                solve_at_gaps(row, forth, hh, newer)
             move_group(group, rows, indptr, node, weight, hh, pairs, xw)
 
 

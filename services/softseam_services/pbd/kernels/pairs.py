@@ -9,6 +9,7 @@ BEFORE      4  X and W at the start of the substep
 FORCE       3  force of the tool on the point [N], carried from substep to substep
 ALLOWED     1  gap that a point which was handed over inside a tool may keep in this substep, <= 0 [m]
 GIVE        2  compliance of the point h^2 sum w_i N_i^2 [m/N], and its inverse; 0 where nothing can move
+FRICTION    1  Coulomb coefficient of the tool at the point [1]
 SLIPPED     3  slip in this substep [m]
 SLIP_SINCE  3  slip since the point began to touch [m]
 MEAN        3  force [N], mean over the step so far
@@ -40,9 +41,9 @@ from .lanes import LANES, four, three, transpose_four
 EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
-X, W, BEFORE, FORCE, ALLOWED, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 17, 20, 23
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED = 26, 27, 28, 32, 35, 36, 37, 40, 42
-N_COLUMNS = 45
+X, W, BEFORE, FORCE, ALLOWED, GIVE, FRICTION, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 15, 18, 21, 24
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED = 27, 28, 29, 33, 36, 37, 38, 41, 43
+N_COLUMNS = 46
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
 N_ROWS = 27
@@ -94,6 +95,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     """
     indptr, node, weight, softness = model.indptr, model.node, parameters.weight, parameters.point_softness
     point_give, force, slip, steady = parameters.point_give, state.force, state.slip, state.steady
+    factor = parameters.friction_factor
     point_x, newest, side, soft = contacts.point_x, contacts.newest, contacts.shares.side, contacts.shares.give
     start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     n_nodes = len(newest)
@@ -149,6 +151,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
             give = hh * softness[point]
             pairs[group, EIGHT * GIVE + lane] = give
             pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / give if give > 0.0 else 0.0
+            pairs[group, EIGHT * FRICTION + lane] = parameters.friction[tool] * factor[point]
             if yields > 0.0:
                 rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
                 pairs[group, EIGHT * SOFT + lane] = yields

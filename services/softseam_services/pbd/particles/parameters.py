@@ -133,6 +133,7 @@ class ParticleParameters:
             shape=tools.shape,
             reach=tools.reach,
             friction=tools.friction,
+            friction_factor=body.friction_field.factor(body.x_rest),
             radius=float(body.radius),
             restitution=float(body.restitution),
             apart=APART * float(body.spacing) if body.self_contact else 0.0,

@@ -72,6 +72,8 @@ class ParameterArrays(NamedTuple):
     shape: Floats
     reach: Floats
     friction: Floats
+    friction_factor: Floats
+    """on that of every tool (n,) [1]"""
     radius: float
     """[m]"""
     restitution: float

@@ -149,7 +149,7 @@ def _contacts(s, row, tools, first_node, first_pair, points, kind, shape, flags,
             _load(row, BEFORE, s, node + LANES * OLD, 3)
             _load(row, ROW_FORCE, s, pair + LANES * FORCE, 3)
             _load(row, ROW_STEADY, s, pair + LANES * STEADY, 2)
-            _load(row, ROW_GIVE, s, pair + LANES * GIVE, 2)
+            _load(row, ROW_GIVE, s, pair + LANES * GIVE, 3)  # and friction
             if kind[tool] == BOX:
                 _load(row, ROW_FACED, s, pair + LANES * FACED, 3)
                 solve_pair(row, 0, box_gap_of(row, 0, a, b, c), hh, newer_box)

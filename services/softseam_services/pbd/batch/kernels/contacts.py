@@ -172,7 +172,7 @@ def solve_contacts(s, row, layout, points, kind, shape, active, hh, softens):
             load_rows(row, BEFORE, s, node + OLD, 3)
             load_rows(row, ROW_FORCE, s, pair + FORCE, 3)
             load_rows(row, ROW_STEADY, s, pair + STEADY, 2)
-            load_rows(row, ROW_GIVE, s, pair + GIVE, 2)
+            load_rows(row, ROW_GIVE, s, pair + GIVE, 3)  # and friction
             if kind[tool] == BOX:
                 load_rows(row, ROW_FACED, s, pair + FACED, 3)
                 for lane in range(LANES):

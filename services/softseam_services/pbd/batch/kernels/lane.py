@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.pbd.batch.layout import FRICTION, OLD, POSITION, SOFTNESS, STAR, TURN, WAY, WEIGHTS, A, V, W, X
+from softseam_services.pbd.batch.layout import OLD, POSITION, SOFTNESS, STAR, TURN, WAY, WEIGHTS, A, V, W, X
 from softseam_services.pbd.kernels.block import LAM, MU, bending_energy, read_row, shape, spread
 from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
 from softseam_services.pbd.kernels.contact import MEMORY, _face_side, _faced_gap, _solve
@@ -184,9 +184,8 @@ def solve_pair(row, own, found, hh, newer):
     """Contact at this gap and normal, with a tool that moves without a turn."""
     gap, nx, ny, nz = found
     a = own + EIGHT * (TOOL + WAY)
-    mu = row[own + EIGHT * (TOOL + FRICTION)]
     motion = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, row[a], row[a + EIGHT], row[a + 2 * EIGHT])
-    _solve(row, own, gap, nx, ny, nz, mu, motion, hh, newer)
+    _solve(row, own, gap, nx, ny, nz, motion, hh, newer)
 
 
 @lane_kernel

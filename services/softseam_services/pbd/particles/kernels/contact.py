@@ -45,6 +45,7 @@ def project_contacts(parameters, contacts, xw, x_prev, count, then):
     xw (n + 8, 4) updated in place; x_prev (n, 3) at the start of the substep; push (candidates, N_PUSH) in place
     """
     kind, shape, friction, radius = parameters.kind, parameters.shape, parameters.friction, parameters.radius
+    factor = parameters.friction_factor
     particle, tool, push, motion = contacts.particle, contacts.tool, contacts.push, contacts.motion
     position, orientation = contacts.position[then], contacts.orientation[then]
     for c in range(count):
@@ -60,7 +61,7 @@ def project_contacts(parameters, contacts, xw, x_prev, count, then):
         xw[i, 0] += change * nx
         xw[i, 1] += change * ny
         xw[i, 2] += change * nz
-        mu = friction[t]
+        mu = friction[t] * factor[i]
         if mu == 0.0:
             continue
         m = twelve(motion, 0, t)
