@@ -17,8 +17,8 @@ X, W, SOFT, OLD, V, A, STAR, HOLDS, N_OF_NODE = 0, 3, 4, 5, 8, 11, 14, 17, 18
 # Of a block: stress as in `kernels.block`, inverse masses of its nodes, 8 times the largest that counts.
 STRESS, WEIGHTS, SOFTNESS, N_OF_BLOCK = 0, 21, 29, 30
 # Of a pair, as in `kernels.pairs`: force, pressure with a memory and debt, side faced, slip in the substep and since it
-# touches, mean force, hold, compliance and its inverse, friction.
-FORCE, STEADY, FACED, SLIPPED, SINCE, MEAN, HOLD, GIVE, FRICTION, N_OF_PAIR = 0, 3, 5, 8, 11, 14, 17, 18, 20, 21
+# touches, mean force, friction, compliance and its inverse.
+FORCE, STEADY, FACED, SLIPPED, SINCE, MEAN, FRICTION, GIVE, N_OF_PAIR = 0, 3, 5, 8, 11, 14, 17, 18, 20
 # What comes out, of a lane: middle, largest von Mises stress squared, strain energy, least J, slip; then of each tool
 # force on it and points that touch.
 MIDDLE, STRESS2, STRAIN, LEAST_J, SLIP, N_OUT, N_OUT_OF_TOOL = 0, 3, 4, 5, 6, 7, 4

@@ -8,8 +8,8 @@ W           1  inverse mass, where the point is a node [1/kg]
 BEFORE      4  X and W at the start of the substep
 FORCE       3  force of the tool on the point [N], carried from substep to substep
 ALLOWED     1  gap that a point which was handed over inside a tool may keep in this substep, <= 0 [m]
-GIVE        2  compliance of the point h^2 sum w_i N_i^2 [m/N], and its inverse; 0 where nothing can move
 FRICTION    1  Coulomb coefficient of the tool at the point [1]
+GIVE        2  compliance of the point h^2 sum w_i N_i^2 [m/N], and its inverse; 0 where nothing can move
 SLIPPED     3  slip in this substep [m]
 SLIP_SINCE  3  slip since the point began to touch [m]
 MEAN        3  force [N], mean over the step so far
@@ -41,7 +41,7 @@ from .lanes import LANES, four, three, transpose_four
 EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
-X, W, BEFORE, FORCE, ALLOWED, GIVE, FRICTION, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 14, 15, 18, 21, 24
+X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
 WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED = 27, 28, 29, 33, 36, 37, 38, 41, 43
 N_COLUMNS = 46
 WIDTH = N_COLUMNS * EIGHT

@@ -18,6 +18,7 @@ from softseam_services.pbd.batch.layout import (
     CONSTANTS,
     FACED,
     FORCE,
+    FRICTION,
     GIVE,
     HOLDS,
     LEAST_J,
@@ -54,7 +55,7 @@ from softseam_services.pbd.kernels.pairs import ALLOWED as ROW_ALLOWED
 from softseam_services.pbd.kernels.pairs import BEFORE
 from softseam_services.pbd.kernels.pairs import FACED as ROW_FACED
 from softseam_services.pbd.kernels.pairs import FORCE as ROW_FORCE
-from softseam_services.pbd.kernels.pairs import GIVE as ROW_GIVE
+from softseam_services.pbd.kernels.pairs import FRICTION as ROW_FRICTION
 from softseam_services.pbd.kernels.pairs import HOLD as ROW_HOLD
 from softseam_services.pbd.kernels.pairs import SLIPPED as ROW_SLIPPED
 from softseam_services.pbd.kernels.pairs import STEADY as ROW_STEADY
@@ -149,7 +150,7 @@ def _contacts(s, row, tools, first_node, first_pair, points, kind, shape, flags,
             _load(row, BEFORE, s, node + LANES * OLD, 3)
             _load(row, ROW_FORCE, s, pair + LANES * FORCE, 3)
             _load(row, ROW_STEADY, s, pair + LANES * STEADY, 2)
-            _load(row, ROW_GIVE, s, pair + LANES * GIVE, 3)  # and friction
+            _load(row, ROW_FRICTION, s, pair + LANES * FRICTION, 3)  # and compliance
             if kind[tool] == BOX:
                 _load(row, ROW_FACED, s, pair + LANES * FACED, 3)
                 solve_pair(row, 0, box_gap_of(row, 0, a, b, c), hh, newer_box)

@@ -7,6 +7,7 @@ import numpy as np
 from softseam_services.pbd.batch.layout import (
     FACED,
     FORCE,
+    FRICTION,
     GIVE,
     HOLDS,
     MEAN,
@@ -29,6 +30,7 @@ from softseam_services.pbd.kernels.lanes import LANES, batch_kernel
 from softseam_services.pbd.kernels.pairs import BEFORE, EIGHT
 from softseam_services.pbd.kernels.pairs import FACED as ROW_FACED
 from softseam_services.pbd.kernels.pairs import FORCE as ROW_FORCE
+from softseam_services.pbd.kernels.pairs import FRICTION as ROW_FRICTION
 from softseam_services.pbd.kernels.pairs import GIVE as ROW_GIVE
 from softseam_services.pbd.kernels.pairs import HOLD as ROW_HOLD
 from softseam_services.pbd.kernels.pairs import SLIPPED as ROW_SLIPPED
@@ -172,7 +174,7 @@ def solve_contacts(s, row, layout, points, kind, shape, active, hh, softens):
             load_rows(row, BEFORE, s, node + OLD, 3)
             load_rows(row, ROW_FORCE, s, pair + FORCE, 3)
             load_rows(row, ROW_STEADY, s, pair + STEADY, 2)
-            load_rows(row, ROW_GIVE, s, pair + GIVE, 3)  # and friction
+            load_rows(row, ROW_FRICTION, s, pair + FRICTION, 3)  # and compliance
             if kind[tool] == BOX:
                 load_rows(row, ROW_FACED, s, pair + FACED, 3)
                 for lane in range(LANES):
