@@ -75,7 +75,7 @@ def point_position(x, model, parameters, point, out):
         out[2] += weight * x[node, 2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def coefficient(parameters, point, tool):
     """mu of eq. (1) of a tool at a surface point [1]."""
     return parameters.friction[tool] * parameters.friction_factor[point]
