@@ -99,7 +99,8 @@ def test_parts_let_a_ball_come_on_by_half_its_radius(way: list[float], before: f
     command[tools.names.index("ball"), :3] = np.array(way) / built.step
     motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
     x = np.array([[0.0, 0.1, 0.05], [0.0, 0.102, 0.05]]) + np.array([before, 0.0, 0.0])
-    assert parts_needed(tools, motion, x, np.tile([0.0, flies, 0.0], (2, 1))) == parts
+    v = np.tile([0.0, flies, 0.0], (2, 1)) / built.step
+    assert parts_needed(tools, motion, x, v, built.step) == parts
 
 
 def test_boxes_and_planes_need_no_parts() -> None:
@@ -109,7 +110,7 @@ def test_boxes_and_planes_need_no_parts() -> None:
     command = np.zeros((4, 6))
     command[tools.names.index("plate"), 0] = command[tools.names.index("ground"), 2] = 5.0
     motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
-    assert parts_needed(tools, motion, np.array([[0.0, 0.0, 0.01]]), np.zeros((1, 3))) == 1
+    assert parts_needed(tools, motion, np.array([[0.0, 0.0, 0.01]]), np.zeros((1, 3)), built.step) == 1
 
 
 def test_a_rod_that_turns_needs_parts() -> None:
@@ -117,7 +118,7 @@ def test_a_rod_that_turns_needs_parts() -> None:
     built = Scene.model_validate(scene(0.1).model_dump() | {"tools": tools, "motion": [{"hold": 0.1}]})
     set_ = build_tools(built, build_body(built, {}), {})
     motion = tool_motion(set_, set_.position, set_.orientation, np.array([[0, 0, 0, 0, 40.0, 0]]), built.step)
-    assert parts_needed(set_, motion, np.array([[0.3, 0.0, 0.1]]), np.zeros((1, 3))) == 8
+    assert parts_needed(set_, motion, np.array([[0.3, 0.0, 0.1]]), np.zeros((1, 3)), built.step) == 8
 
 
 def test_a_plate_that_jumps_is_an_event_told_once() -> None:

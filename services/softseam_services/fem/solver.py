@@ -170,7 +170,8 @@ class FemSolver:
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
-        inputs = StepInputs.of(request, tools, parts_needed(self._tool_set, request.tools, now.x, request.dt * now.v))
+        parts = parts_needed(self._tool_set, request.tools, now.x, now.v, request.dt)
+        inputs = StepInputs.of(request, tools, parts)
         end, self._result = stepper.step(self._model, self._parameters, now, inputs, request.dt, end)
         status = self._result.status
         if status == CONVERGED and request.compliance and not stepper.by_error:

@@ -22,31 +22,30 @@ _SHARE = 0.5
 _ROUNDING = 1e-9
 
 
-def parts_needed(tools: ToolSet, motion: ToolMotion, x: Floats, way: Floats) -> int:
+def parts_needed(tools: ToolSet, motion: ToolMotion, x: Floats, v: Floats, dt: float) -> int:
     """In how many equal parts to take a step, so that no round tool comes on by half its radius in one: a power of 2.
 
     1 as a rule: where tools stand, move with what they touch, or come near nothing; FINEST at most. Seen from the nodes
     that the ball about a tool meets on its way.
-    x, way (n, 3)  nodes of a body as the step begins, and how far each would fly in it [m]
+    x, v (n, 3)  nodes of a body as the step begins [m], and their velocities [m/s]
+    dt           of the step [s]
     """
-    farthest = max((_comes_on(tools, motion, tool, x, way) for tool in tools.round), default=0.0)
+    farthest = max((_comes_on(tools, motion, tool, x, v, dt) for tool in tools.round), default=0.0)
     parts = 1
     while parts < FINEST and farthest > _SHARE * parts:
         parts *= 2
     return parts
 
 
-def _comes_on(tools: ToolSet, motion: ToolMotion, tool: int, x: Floats, way: Floats) -> float:
+def _comes_on(tools: ToolSet, motion: ToolMotion, tool: int, x: Floats, v: Floats, dt: float) -> float:
     """How far a round tool that moves comes on in a step towards any node near its way, or past it, in its radii."""
-    begin, end = motion.position[tool], motion.position_next[tool]
-    before, after = motion.orientation[tool].tolist(), motion.orientation_next[tool].tolist()
-    moved, reach = math.dist(begin, end) + 2.0 * math.dist(before, after) * tools.reach[tool], tools.reach[tool]
-    if moved == 0.0:
+    begin, end, reach = motion.position[tool], motion.position_next[tool], tools.reach[tool]
+    turned = 2.0 * reach * math.dist(motion.orientation[tool], motion.orientation_next[tool])
+    if turned == 0.0 and (begin == end).all():
         return 0.0
-    low, high = np.minimum(begin, end) - reach, np.maximum(begin, end) + reach
+    low, high, way = np.minimum(begin, end) - reach, np.maximum(begin, end) + reach, dt * v
     near = ((np.maximum(x, x + way) >= low) & (np.minimum(x, x + way) <= high)).all(axis=1)
-    seen = np.linalg.norm(way[near] - (end - begin), axis=1).max(initial=0.0)
-    return float(seen + moved - math.dist(begin, end)) / tools.thin[tool]
+    return float(np.linalg.norm(way[near] - (end - begin), axis=1).max(initial=0.0) + turned) / tools.thin[tool]
 
 
 def beyond_middle(tools: ToolSet, motion: ToolMotion) -> list[str]:

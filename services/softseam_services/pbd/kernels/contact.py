@@ -7,9 +7,9 @@ x_i += h^2 w_i N_i (df),  df = (p - p_old) n + (t - t_old)                      
 While p > 0, P = max(p_mean, p - debt), p_mean being p with a memory of 20 ms: points of a body that rings are unloaded
 one by one, and what let go of what it holds whenever p is small would creep. What a point that slips feels beyond mu p
 is its debt, paid back where p is above its mean, so that the mean friction of what slides is mu times the mean load; it
-fades where the point sticks. So it is
-on planes, and on any tool that has the body alone. Where several may touch it, or what is beyond a seam, P is p on all
-but planes, and where contact has a compliance: what is squeezed would gain energy by what is lent.
+fades where the point sticks. So it is on planes, and on any tool that has the body alone. Where several may touch it,
+or what is beyond a seam, P is p on all but planes, and where contact has a compliance: what is squeezed would gain
+energy by what is lent.
 A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
 fast is followed on its way to any other tool (`swept_gap`): neither passes to the far side.
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
