@@ -197,3 +197,27 @@ def test_bundled_scenes_name_their_models() -> None:
     for path in sorted(SCENES.glob("*.yaml")):
         loaded = load_scene(path).scene
         assert loaded.regions.default is not None or loaded.body.kind in ("sheet", "rope", "tet_mesh"), path.name
+
+
+# ---- FEM's element, where a scene names none
+
+
+@pytest.mark.parametrize(("body", "element"), [(block(3), "hex27"), (DUMPLING, "hex27_reduced"), (OWN, "hex27")])
+def test_cells_that_a_surface_cuts_have_the_softer_element(body: dict[str, Any], element: str) -> None:
+    """Also beside a body of another kind, and after the scene was written out and read again; a named one stays."""
+    given = scene(body, **AT_REST)
+    again = parse_scene(scene_json(given), "again")
+    assert [each.of("body").models.fem.element for each in (given, again)] == [element] * 2
+    assert setup(given).scene.models.fem.element == element
+    two = {"a": body, "b": block(2, position=[0.5, 0.0, 0.0])}
+    beside = {key: value for key, value in given.model_dump(exclude_unset=True).items() if key != "body"}
+    several = Scene.model_validate(beside | {"bodies": two})
+    assert [several.of(name).models.fem.element for name in two] == [element, "hex27"]
+    named = scene(body, **AT_REST, models={"fem": {"element": "hex27"}})
+    assert setup(named).scene.models.fem.element == "hex27"
+
+
+@pytest.mark.parametrize(("body", "means"), [(block(8), "fem costs"), (DUMPLING, "sets models.fem.element")])
+def test_the_element_that_a_body_has_anyhow_means_no_model(body: dict[str, Any], means: str) -> None:
+    """`element: hex27` of a block, as older recordings have it, is as if nothing was said; of a mesh it is a choice."""
+    assert means in setup(scene(body, **AT_REST, models={"fem": {"element": "hex27"}})).why

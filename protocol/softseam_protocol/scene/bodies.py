@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
+from softseam_protocol.scene.kinds import IN_BLOCKS, IN_MESHES, ON_TETRAHEDRA, ElementKind
 from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
 from softseam_protocol.scene.mesh_files import MeshPart
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
@@ -162,6 +163,13 @@ class BodySpec(OwnRegions):
     def tetrahedral(self) -> bool:
         """Whether the cells are tetrahedra of a file."""
         return isinstance(self.shape, MeshShape) and self.shape.cells == "tetrahedra"
+
+    @property
+    def element(self) -> ElementKind:
+        """FEM's, where the scene names none."""
+        if self.tetrahedral:
+            return ON_TETRAHEDRA
+        return IN_MESHES if isinstance(self.shape, MeshShape) and self.shape.cells == "boxes" else IN_BLOCKS
 
     @property
     def materials(self) -> tuple[MaterialSpec, ...]:

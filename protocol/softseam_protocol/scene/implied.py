@@ -20,7 +20,7 @@ def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) ->
         return "fem", "only fem takes tetrahedra of a file for cells"
     if symmetry:
         return "fem", "only fem solves for one side (symmetry)"
-    fem, pbd = _set(models.fem, FemSpec()), _set(models.pbd, PbdSpec())
+    fem, pbd = _set(models.fem.of(body), FemSpec().of(body)), _set(models.pbd, PbdSpec())
     if fem and not pbd:
         return "fem", f"the scene sets models.fem.{fem[0]}, and nothing of models.pbd"
     if pbd and not fem:
@@ -30,4 +30,5 @@ def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) ->
 
 def _set(spec: FemSpec | PbdSpec, default: FemSpec | PbdSpec) -> list[str]:
     """Keys that are not what they are in a scene without them."""
-    return [key for key in type(spec).model_fields if getattr(spec, key) != getattr(default, key)]
+    fields = type(spec).model_fields
+    return [field.alias or name for name, field in fields.items() if getattr(spec, name) != getattr(default, name)]

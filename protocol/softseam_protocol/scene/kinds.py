@@ -49,8 +49,11 @@ ELEMENTS: Table[ElementFacts] = Table(
 )
 """what a scene says of an element; services build it (softseam_services.fem.elements.ELEMENTS)"""
 
+IN_BLOCKS: ElementKind = "hex27"
+IN_MESHES: ElementKind = "hex27_reduced"
 ON_TETRAHEDRA: ElementKind = "tet10"
-"""of a file's tetrahedra, where a scene names no element"""
+"""FEM's element where a scene names none: in a block and a file's own hexahedra, in cells that a mesh's surface cuts,
+which are else too stiff where tools press (docs/decisions/17), and on a file's tetrahedra"""
 _STIFF_THERE: dict[ElementKind, tuple[float, str]] = {
     "tet10": (0.49, "mesh more finely"),
     "tet4": (0.3, "use tet10 or tet4_fbar"),

@@ -6,6 +6,7 @@ from collections.abc import Set
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    ConfigDict,
     Discriminator,
     Field,
     SerializationInfo,
@@ -15,18 +16,22 @@ from pydantic import (
     model_validator,
 )
 
-from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.kinds import ELEMENTS, IN_BLOCKS, INTEGRATORS, ElementKind
 from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, wrong
 
 
 class FemSpec(Spec):
     """Settings of the finite-element participant."""
 
-    element: Annotated[str, RowOf(ELEMENTS)] = Field(
-        default="hex27",
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    named: Annotated[str, RowOf(ELEMENTS)] | None = Field(
+        default=None,
+        alias="element",
         description="hex27: quadratic, one a cell; hex27_reduced: softer, mostly nearer to the truth on coarse cells; "
-        "hex8 and tet4: linear, in its eight octants; on a file's tetrahedra tet10, tet4_fbar or tet4, and tet10 where "
-        "none is named",
+        "hex8 and tet4: linear, in its eight octants; on a file's tetrahedra tet10, tet4_fbar or tet4; default: hex27 "
+        "in a block, hex27_reduced in cells that a mesh's surface cuts, tet10 on a file's tetrahedra",
     )
     integrator: Annotated[str, RowOf(INTEGRATORS)] = Field(
         default="implicit_euler",
@@ -48,6 +53,16 @@ class FemSpec(Spec):
         description="largest error in position that a substep may make in time, relative to a cell edge; substeps are "
         "as long as it allows; default: the step is one [1]",
     )
+
+    @property
+    def element(self) -> ElementKind:
+        """The one that is named, or else a block's: `of` names the body's own."""
+        return self.named or IN_BLOCKS
+
+    def of(self, body: BodySpec) -> FemSpec:
+        """The settings as they are for this body, with an element."""
+        own = body.element if self.named is None or (body.tetrahedral and self.named == IN_BLOCKS) else self.named
+        return self if own == self.named else self.model_copy(update={"named": own})
 
     @model_validator(mode="before")
     @classmethod

@@ -11,8 +11,7 @@ from softseam_protocol.messages.names import ONLY_BODY, prefix
 from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
-from softseam_protocol.scene.kinds import ON_TETRAHEDRA
-from softseam_protocol.scene.models import FemSpec, ModelsSpec
+from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.motion import (
     LARGEST_TURN,
     HoldPhase,
@@ -125,11 +124,10 @@ class Scene(Spec):
         )
 
     def _with_models_of(self, body: AnyBody) -> Scene:
-        """The scene as it is for one of its bodies: FEM has tet10 on a file's tetrahedra where no element is named."""
-        fem = self.models.fem
-        if not isinstance(body, BodySpec) or not body.tetrahedral or fem.element != FemSpec().element:
+        """The scene as it is for one of its bodies: FEM has the body's own element where none is named."""
+        if not isinstance(body, BodySpec):
             return self
-        models = self.models.model_copy(update={"fem": fem.model_copy(update={"element": ON_TETRAHEDRA})})
+        models = self.models.model_copy(update={"fem": self.models.fem.of(body)})
         return self.model_copy(update={"models": models})
 
     @property

@@ -44,7 +44,7 @@ def not_among(message: str, have: list[str], *at: str | int) -> PydanticCustomEr
     return PydanticCustomError("scene", "{message}", {"message": message, "at": at, "have": have})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # tables have no hash, which a union of types asks for
 class RowOf:
     """Of a text: the name of a row that the table has when a scene is read; the schema lists those that it has then."""
 
