@@ -20,7 +20,7 @@ import pytest
 from rich.console import Console
 
 from softseam.claims.beside import Beside, Lost
-from softseam.claims.claim import FACTOR, FACTOR_FINER, claims, difference
+from softseam.claims.claim import ALIKE, BEYOND, FINER, OF_TAKEN, OTHERWISE, Scale, claims, difference
 from softseam.claims.estimate import compared
 from softseam.claims.sibling import NoSibling, Sibling, sibling_of
 from softseam.running import Wishes, run
@@ -169,25 +169,57 @@ def test_a_claim_is_the_norm_of_the_difference_over_time() -> None:
         {"sag": entry(time, np.sin(time)), "slip": entry(time, missing), "lift_height": entry(time, 0.0 * time)},
         {name: entry(coarse, size * np.sin(coarse)) for name, size in (("sag", 1.1), ("slip", 1.0))}
         | {"lift_height": entry(coarse, 0.0 * coarse)},
-        2.0,
+        Scale(alike=True, taken=0.0),
     )
-    norm = 0.1 / np.sqrt(2.0)
-    assert found["sag"]["absolute"] == pytest.approx(2.0 * norm, rel=5e-3)
-    assert found["sag"]["share"] == pytest.approx(0.2, rel=5e-3)
-    assert found["slip"]["absolute"] == pytest.approx(2.0 * norm, rel=0.02)
+    share = ALIKE * (0.05 + BEYOND * 0.05)
+    assert found["sag"]["share"] == pytest.approx(share, rel=5e-3)
+    assert found["sag"]["absolute"] == pytest.approx(share / np.sqrt(2.0), rel=5e-3)
+    assert found["slip"]["share"] == pytest.approx(ALIKE * (0.05 + BEYOND * (0.1 / 1.1 - 0.05)), rel=0.02)
     assert found["lift_height"] == {"absolute": 0.0, "share": None}
 
 
+@pytest.mark.parametrize("taken", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize("off", [0.01, 0.05, 0.8])
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_large_difference_counts_less_and_lost_energy_more(alike: bool, off: float, taken: float) -> None:
+    """What exceeds a twentieth counts BEYOND times; all of it OF_TAKEN times what the steps took."""
+    small = min(off, 0.05)
+    right = (ALIKE if alike else OTHERWISE) * (small + BEYOND * (off - small)) + OF_TAKEN * taken * off
+    assert Scale(alike, taken).claim(3.0 * off, 3.0, 7.0) == pytest.approx(3.0 * right)
+    assert Scale(alike, taken, timed=True).claim(off, 1.0, 0.3) == pytest.approx(right + 0.15)
+    assert Scale(alike, taken, finer=True).claim(off, 1.0, 0.3) == pytest.approx(FINER * off)
+
+
+@pytest.mark.parametrize(
+    ("until", "force", "timed"),
+    [({"compression": 0.1}, None, False), ({"time": 0.1}, 2.0, True), ({"force": 1.0}, None, True)],
+)
+def test_what_a_force_times_is_known_to_half_a_step(until: dict[str, float], force: float | None, timed: bool) -> None:
+    """The phase after it begins at the end of a step, in the sibling, too."""
+    grip = {"tools": ["left", "right"], "close": 0.02, "until": until, **({"force": force} if force else {})}
+    scene = Scene.model_validate(
+        {**json.loads(scene_json(bundle_of("tofu_grasp")[0])), "motion": [grip, {"hold": 0.1}]}
+    )
+    scale = Scale.of(scene, report(), finer=False)
+    assert (scale.alike, scale.timed) == (True, timed) and scale.taken == pytest.approx(0.1)
+    rising = {"grip_force": entry([0.1, 0.2, 0.3], [1.0, 1.2, 1.4])}
+    same = claims(rising, rising, scale)["grip_force"]["absolute"]
+    assert same == pytest.approx(0.1 if timed else 0.0, abs=1e-3)
+
+
 def report(outcome: str = "lifted") -> dict[str, Any]:
+    """A tenth of its energy was lost to its steps."""
     grip = entry([0.1, 0.2, 0.3], [1.0, 1.0, 1.0])
-    return {"verdict": {"outcome": outcome}, "quantities": {"grip_force": grip}, "wall": {"total": 2.0, "cpu": 1.0}}
+    energy = {"damped": 0.3, "balance_error": 0.1, "largest": 2.0}
+    lasted = {"wall": {"total": 2.0, "cpu": 1.0}, "energy": energy, "model": "fem"}
+    return {"verdict": {"outcome": outcome}, "quantities": {"grip_force": grip}, **lasted}
 
 
 def test_nothing_is_claimed_of_what_a_run_says_of_its_own_errors() -> None:
     """A residual is this run's alone; the sag beside it is claimed."""
     here, there = ({"time": [0.1, 0.2], "values": values} for values in ([1.0, 2.0], [1.1, 2.1]))
     run, sibling = ({"sag": entry, "constraint_residual": entry} for entry in (here, there))
-    assert set(claims(run, sibling, 2.0)) == {"sag"}
+    assert set(claims(run, sibling, Scale(alike=True, taken=0.0))) == {"sag"}
 
 
 def test_outcomes_that_differ_are_not_settled(block: str) -> None:
@@ -228,9 +260,10 @@ def test_a_run_claims(block: str) -> None:
     """By a process beside it: what two runs one after the other claim, bit for bit."""
     first, said = ran(block)
     claimed = first["claims"]
-    assert claimed["settled"] and claimed["factor"] == FACTOR
+    scale = Scale.of(bundle_of(block)[0], first, finer=False)
+    assert claimed["settled"] and claimed["factor"] == scale.factor > ALIKE
     longer, _ = ran(block, *claimed["sibling"]["settings"], estimate=False)
-    assert claimed["quantities"] == claims(first["quantities"], longer["quantities"], FACTOR)
+    assert claimed["quantities"] == claims(first["quantities"], longer["quantities"], scale)
     force = value(first)["absolute"]
     assert force > 0.0 and f"± {force:.2g} N" in said and claimed["text"] in said
     assert value(first, "compression")["share"] < 1e-3
@@ -283,7 +316,7 @@ def test_a_sibling_that_costs_much_is_run_where_it_is_asked_for(block: str) -> N
     found, said = ran(block, "body.cell=0.04")
     assert found["claims"]["sibling"] is None and "--estimate" in said
     asked, _ = ran(block, "body.cell=0.04", estimate=True)
-    assert asked["claims"]["factor"] == FACTOR_FINER and value(asked)["absolute"] > 0.0
+    assert asked["claims"]["factor"] == FINER and value(asked)["absolute"] > 0.0
 
 
 def test_a_sibling_that_dies_harms_nothing(block: str, monkeypatch: pytest.MonkeyPatch) -> None:

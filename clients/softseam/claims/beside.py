@@ -109,8 +109,8 @@ class Beside:
         self._answer = first + self.process.stdout.read()
 
 
-def followed(session: Session) -> dict[str, Any]:
-    """Run a session that was just reset to its end: `outcome`, `quantities` as in a report, `seconds` of its steps."""
+def reported(session: Session) -> dict[str, Any]:
+    """Run a session that was just reset to its end: its report."""
     builder = ReportBuilder(session.bundle)
 
     def step(observation: Observation) -> None:
@@ -119,7 +119,12 @@ def followed(session: Session) -> dict[str, Any]:
         builder.add(observation.report)
 
     session.run(step)
-    report = builder.build()
+    return builder.build()
+
+
+def followed(session: Session) -> dict[str, Any]:
+    """Of the same, `outcome`, `quantities` as in a report, and `seconds` of its steps."""
+    report = reported(session)
     found = {"outcome": report["verdict"]["outcome"], "quantities": report["quantities"]}
     return found | {"seconds": report["wall"]["total"]}
 

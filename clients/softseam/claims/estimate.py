@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from softseam.claims.beside import Beside, Lost, followed
-from softseam.claims.claim import FACTOR, FACTOR_FINER, claims, growing
+from softseam.claims.claim import Scale, claims, growing
 from softseam.claims.sibling import LARGEST_SHARE, NoSibling, Sibling, sibling_of
 from softseam.errors import SoftseamError
 from softseam.session import Session
@@ -118,16 +118,17 @@ class Estimate:
 def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibling) -> dict[str, Any]:
     """What both reports claim; over a bus, where nobody knows the services' processor time, wall times are compared."""
     seconds = report["wall"]["total"] if report["wall"]["cpu"] is None else report["wall"]["cpu"]
-    factor = FACTOR_FINER if sibling.finer else FACTOR
+    scale = Scale.of(sibling.scene, report, sibling.finer)
     share = other["seconds"] / seconds if seconds > 0.0 else None
     longer = f"{'half' if sibling.finer else 'twice'} as long"
     cost = "" if share is None else f" ({100.0 * share:.0f} % of this run's time)"
     settled = other["outcome"] == report["verdict"]["outcome"]
     both = report["quantities"], other["quantities"]
-    claimed, grow = (claims(*both, factor), growing(*both, sibling.finer)) if settled else ({}, {})
+    claimed, grow = (claims(*both, scale), growing(*both, sibling.finer)) if settled else ({}, {})
     if settled:
         text = (
-            f"± is {factor:g} times the difference, L2 over time, to a run by FEM with cells and steps {longer}{cost}"
+            f"± is {scale.factor:.2g} times the difference, less of a large one, to a run by FEM with cells and steps "
+            f"{longer}{cost}"
         )
     else:
         text = (
@@ -137,7 +138,7 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
     return {
         "settled": settled,
         "text": text,
-        "factor": factor,
+        "factor": scale.factor,
         "sibling": {
             "settings": list(sibling.settings),
             "outcome": other["outcome"],

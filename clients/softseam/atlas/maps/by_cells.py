@@ -10,7 +10,7 @@ from softseam.atlas.maps.grid import Cell, Map, Panel
 from softseam.atlas.scenes import MODELS, Model
 from softseam.atlas.trace import Trace
 from softseam.atlas.verdicts import Verdict, judge, percent
-from softseam.claims.claim import FACTOR
+from softseam.claims.claim import Scale
 
 PAIR: tuple[Model, ...] = ("fem", "pbd")
 BOUND = 0.1
@@ -23,9 +23,7 @@ MATERIAL: dict[str, str | float] = {
     "retardation_time": 5e-3,
 }
 """of every body; some viscosity lets it come to rest within a short hold"""
-CLAIM_HOLDS = (
-    f"A claim is accurate where {FACTOR:g} times the difference to cells twice as long is no less than the error."
-)
+CLAIM_HOLDS = "A claim, by the difference to cells twice as long, is accurate where it is no less than the error."
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,9 @@ class ByCells:
         sibling = 2.0 * edge if edge < self.edges[0] else 0.5 * edge
         here, there = (self.force("fem", column, each) for each in (edge, sibling))
         right = self.truth(column)
-        claimed, error = FACTOR * abs(here.value - there.value) / right, abs(here.value - right) / right
+        scale = Scale(alike=True, taken=0.0, finer=sibling < edge)
+        claimed = scale.claim(abs(here.value - there.value), right, 0.0) / right
+        error = abs(here.value - right) / right
         why = f"the force is off by {percent(error)}, and {percent(claimed)} is claimed"
         return Verdict("accurate" if claimed >= error else "inaccurate", why, error, told=here.told)
 
