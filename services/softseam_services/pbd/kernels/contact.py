@@ -153,13 +153,19 @@ def _faced_gap(row, lane, a, b, c, x, y, z):
 
 @lane_kernel
 def _face_side(row, lane, a, b, c, x, y, z, fx, fy, fz):
-    """FACED of one point at x, y, z with the force f, both in the frame of a box of half edges a, b, c."""
+    """FACED of one point at x, y, z with the force f, both in the frame of a box of half edges a, b, c.
+
+    A point inside is pushed by the side where its force is largest beside its way out there: that of friction alone may
+    be larger than what presses, where it is lent or its coefficient is above 1, but the way along a side is long.
+    """
     u, v, w = abs(x) - a, abs(y) - b, abs(z) - c
     inside = u < 0.0 and v < 0.0 and w < 0.0
     pushed = inside and fx * fx + fy * fy + fz * fz > 0.0
-    x, y, z = fx if pushed else x, fy if pushed else y, fz if pushed else z
     beyond = (1.0 if u > 0.0 else 0.0) + (1.0 if v > 0.0 else 0.0) + (1.0 if w > 0.0 else 0.0)
-    u, v, w = abs(fx) if pushed else u, abs(fy) if pushed else v, abs(fz) if pushed else w
+    u = abs(fx) / (a - (x if fx > 0.0 else -x)) if pushed else u
+    v = abs(fy) / (b - (y if fy > 0.0 else -y)) if pushed else v
+    w = abs(fz) / (c - (z if fz > 0.0 else -z)) if pushed else w
+    x, y, z = fx if pushed else x, fy if pushed else y, fz if pushed else z
     one = 1.0 if beyond <= 1.0 else 0.0
     first = u >= v and u >= w
     second = not first and v >= w
