@@ -275,12 +275,11 @@ def test_a_run_without_an_end_is_refused() -> None:
     assert parse_scene(text + "duration: 1.0\n").duration == 1.0
 
 
-def test_a_thin_plate_with_default_cells_is_refused() -> None:
-    text = GOOD.replace("size: [0.05, 0.05, 0.05]", "size: [1, 1, 0.001]").replace(
-        "  cell: [0.0125, 0.025, 0.025]\n", ""
-    )
-    with pytest.raises(SceneError, match=r"body\.shape: .* cells, more than 200,000"):
-        parse_scene(text)
+def test_a_thin_plate_is_refused_with_cells_as_long_as_it_is_thick_and_has_longer_ones_by_default() -> None:
+    thin = GOOD.replace("size: [0.05, 0.05, 0.05]", "size: [1, 1, 0.001]")
+    parse_scene(thin.replace("  cell: [0.0125, 0.025, 0.025]\n", ""))
+    with pytest.raises(SceneError, match=r"body\.cell: .* in 1,000,000 cells, more than 200,000"):
+        parse_scene(thin.replace("cell: [0.0125, 0.025, 0.025]", "cell: 0.001"))
 
 
 def test_newmark_may_not_meet_tools_nor_others_a_seam() -> None:

@@ -83,7 +83,7 @@ MESHES = {"brick.obj": obj(*box((0.06, 0.05, 0.03))), "ball.obj": obj(*sphere(0.
 
 
 def paths(file: str, friction: float, speed: float) -> tuple[Any, Any]:
-    """Where a mesh's nodes are in .15 s of a fall on a plane, and on a box that ends there, at each step (30, n, 3) [m]."""
+    """Where a mesh's nodes are in .15 s of a fall on a plane, and on a box that ends there (30 steps, n, 3) [m]."""
     found = []
     for ground in (GROUND, TABLE):
         scene = block_scene(

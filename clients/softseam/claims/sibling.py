@@ -100,7 +100,7 @@ def cell_edges(body: BodySpec, frame: Frame) -> Floats:
     """Edges of a body's cells along x, y and z (3,) [m]. Raises NoSibling where they have none of their own."""
     if isinstance(body.shape, BlockShape):
         size = np.array(body.shape.size)
-        wanted = np.full(3, size.min() / 3.0) if body.cell is None else np.broadcast_to(body.cell, 3)
+        wanted = np.broadcast_to(body.shape.default_edge if body.cell is None else body.cell, 3)
         return np.asarray(size / np.maximum(1, np.rint(size / wanted)))
     if body.shape.cells != "boxes":
         raise NoSibling("the mesh brings its own cells: body.shape.cells: boxes lets its solid lie in longer ones")

@@ -27,6 +27,8 @@ from softseam_protocol.scene.tools import ToolName
 BodyName = ToolName
 
 MOST_CELLS = 200_000
+_MOST_BY_DEFAULT = 3_000
+"""cells of a block whose scene leaves them open: a step of some seconds by FEM, and of some tenths by XPBD"""
 
 
 Grading = Annotated[float, Field(ge=1.0, le=20.0)]
@@ -34,6 +36,12 @@ Grading = Annotated[float, Field(ge=1.0, le=20.0)]
 
 def _grading_tag(value: Any) -> str:
     return "three numbers" if isinstance(value, list | tuple) else "one number"
+
+
+def cells_along(size: tuple[float, float, float], edges: tuple[float, float, float]) -> tuple[int, int, int]:
+    """How many cells of about these edges [m] fill a block of this size [m] along x, y, z."""
+    x, y, z = (max(1, round(length / edge)) for length, edge in zip(size, edges, strict=True))
+    return x, y, z
 
 
 class BlockShape(Spec):
@@ -71,6 +79,15 @@ class BlockShape(Spec):
     def graded(self) -> bool:
         """Whether cells may be of more than one size."""
         return self.gradings != (1.0, 1.0, 1.0) or bool(self.towards) or self.borders != "even"
+
+    @property
+    def default_edge(self) -> float:
+        """Of cells where the scene leaves them open [m]: a third of the least extent, but longer where that were
+        thousands, of which a step takes seconds: thin plates and long sticks have fewer through their thickness."""
+        edge = min(self.size) / 3.0
+        while math.prod(cells_along(self.size, (edge, edge, edge))) > _MOST_BY_DEFAULT:
+            edge *= 1.05
+        return edge
 
     @model_validator(mode="after")
     def _plausible(self) -> BlockShape:
@@ -115,7 +132,8 @@ class BodySpec(OwnRegions):
         | None
     ) = Field(
         default=None,
-        description="cell edge, or edges along x, y, z [m]; default: a third of the least extent, or by a mesh's walls",
+        description="cell edge, or edges along x, y, z [m]; default: a third of the least extent, longer where "
+        f"that were more than {_MOST_BY_DEFAULT:,} cells, or by a mesh's walls",
     )
     material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(
@@ -179,14 +197,13 @@ class BodySpec(OwnRegions):
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:
         if isinstance(self.shape, BlockShape):
-            cell = min(self.shape.size) / 3.0 if self.cell is None else self.cell
-            edges = cell if isinstance(cell, tuple) else (cell,) * 3
-            n_cells = math.prod(max(1, round(size / edge)) for size, edge in zip(self.shape.size, edges, strict=True))
+            cell = self.shape.default_edge if self.cell is None else self.cell
+            edges = cell if isinstance(cell, tuple) else (cell, cell, cell)
+            n_cells = math.prod(cells_along(self.shape.size, edges))
             if n_cells > MOST_CELLS:
-                at = "cell" if self.cell is not None else "shape"
                 size = " x ".join(f"{edge:g}" for edge in self.shape.size)
                 what = f"{size} m in {n_cells:,} cells, more than {MOST_CELLS:,}"
-                raise wrong(f"{what}: give a longer cell edge, and all lengths in metres", at)
+                raise wrong(f"{what}: give a longer cell edge, and all lengths in metres", "cell")
         return self
 
 

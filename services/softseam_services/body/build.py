@@ -66,14 +66,14 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     if isinstance(spec.shape, BlockShape):
         if spec.shape.graded:
             return _graded(scene, spec, spec.shape)
-        return _block(scene, spec, spec.shape, cell_edges(spec))
+        return _block(scene, spec, spec.shape, _block_edges(spec, spec.shape))
     if spec.shape.path not in files:
         raise MeshError(f"{spec.shape.path}: the file is missing; give its path relative to the scene file")
     build = {"own": _own, "tetrahedra": _tetrahedra, "boxes": _embedded}[spec.shape.cells]
     return build(scene, spec, spec.shape, files[spec.shape.path])
 
 
-def _block(scene: Scene, spec: BodySpec, shape: BlockShape, cell: Floats | None) -> Body:
+def _block(scene: Scene, spec: BodySpec, shape: BlockShape, cell: Floats) -> Body:
     size = np.array(shape.size)
     counts, edges = divide(size, cell)
     cell_grid, cell_nodes, node_grid = number_nodes(np.ones(counts, dtype=np.bool_))
@@ -95,7 +95,7 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape, cell: Floats | None)
 
 
 def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
-    counts, wanted = divide(np.array(shape.size), cell_edges(spec))
+    counts, wanted = divide(np.array(shape.size), _block_edges(spec, shape))
     ball = inner_ball(shape.size, spec.position, spec.inclusions) if shape.borders == "materials" else None
     if shape.towards or shape.borders == "materials":
         borders = _borders(scene, spec, shape, ball)
@@ -203,6 +203,12 @@ def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Bo
 def _densities(spec: BodySpec) -> Floats:
     """Of each material [kg/m^3] (m,)."""
     return np.array([material.density for material in spec.materials])
+
+
+def _block_edges(spec: BodySpec, shape: BlockShape) -> Floats:
+    """Wanted cell edges of a block (3,) [m]."""
+    wanted = cell_edges(spec)
+    return np.full(3, shape.default_edge) if wanted is None else wanted
 
 
 def cell_edges(spec: BodySpec) -> Floats | None:

@@ -25,13 +25,9 @@ SIMPSON = np.array([np.prod([(1.0, 4.0, 1.0)[c] / 6.0 for c in offset]) for offs
 """integral of each hex27 shape function over a cell of unit volume (27,); all positive, sum 1"""
 
 
-def divide(size: Floats, cell: Floats | None) -> tuple[Ints, Floats]:
-    """Cells per axis and edges (3,) that fit `size` (3,) [m] exactly, close to `cell` (3,) [m].
-
-    cell: where it is None, a third of the least extent
-    """
-    wanted = np.full(3, size.min() / 3.0) if cell is None else cell
-    counts = np.maximum(1, np.rint(size / wanted)).astype(np.int32)
+def divide(size: Floats, cell: Floats) -> tuple[Ints, Floats]:
+    """Cells per axis and edges (3,) that fit `size` (3,) [m] exactly, close to `cell` (3,) [m]."""
+    counts = np.maximum(1, np.rint(size / cell)).astype(np.int32)
     return counts, size / counts
 
 
